@@ -33,8 +33,8 @@ from pwscont.curve.predictor import Predictor
 from pwscont.curve.pseudo_arclength import accepted, land_on, land_on_end, land_on_zero
 from pwscont.curve.semismooth import semismooth_newton
 from pwscont.curve.stepper import CurvedSegment, Segment, Stepper, StraightSegment
-from pwscont.graph.branch_graph import Proof
 from pwscont.graph.exports import DUST, number
+from pwscont.graph.proved import Proof
 from pwscont.graph.records import FEW_DIGITS, Piece, Solution, SpecialPoint, attempted
 from pwscont.linear.bordered import BorderedFactor, Interior, row_scale
 from pwscont.linear.factor import Factor, ScaledFactor, power_of_two

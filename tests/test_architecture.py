@@ -26,6 +26,7 @@ PACKAGES = sorted(path.parent.name for path in PROBLEMS.glob("*/__init__.py"))
 #: The rooms, ground floor first.
 ROOMS = [
     "basics",
+    "intervals",
     "system",
     "linear",
     "notation",
@@ -35,6 +36,7 @@ ROOMS = [
     "graph",
     "search",
     "proof",
+    "exact",
     "continuation",
     "scenes",
     "view",
@@ -55,16 +57,18 @@ LONGEST_FILE = 500
 #: becomes smaller, its budget becomes smaller.
 BUDGET = {
     "basics": (10, 1170),
+    "intervals": (3, 380),
     "system": (11, 2980),
     "linear": (12, 1830),
     "notation": (13, 2910),
     "curve": (17, 3450),
     "enumeration": (11, 2980),
     "transitions": (18, 4420),
-    "graph": (9, 2790),
+    "graph": (10, 3110),
     "search": (11, 2210),
     "continuation": (9, 3350),
-    "proof": (15, 2420),
+    "proof": (13, 1920),
+    "exact": (5, 820),
     "scenes": (14, 2660),
     "view": (6, 950),
     "evolution": (21, 3010),

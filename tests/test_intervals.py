@@ -7,9 +7,9 @@ import pytest
 from high_precision import exact
 from sweeps import swept
 
-from pwscont.proof.functions import ELEMENTARY
+from pwscont.intervals.functions import ELEMENTARY
+from pwscont.intervals.interval import FUNCTION_ULPS, Interval, above, below
 from pwscont.proof.hull_consistency import INVERSES
-from pwscont.proof.interval import FUNCTION_ULPS, Interval, above, below
 
 QUICK, WHOLE = 2_000, 200_000
 SIZES = swept([QUICK], [WHOLE])
@@ -201,6 +201,29 @@ def test_slopes_hold_differences(name):
         chord = (getattr(np, name)(y) - getattr(np, name)(x)) / (y - x)
         slack = 1e-6 * (1.0 + np.abs(chord))
         assert not ((chord < slope.lo - slack) | (chord > slope.hi + slack)).any()
+
+
+def bad_second_slopes(name, second):
+    """Return how many chords of the slope lie outside of the second derivative."""
+    rng = np.random.default_rng(8)
+    box, _ = arguments(name, 400)
+    box = box[(box.hi - box.lo > 1e-3) & (np.abs(box.hi) < 20.0) & (np.abs(box.lo) < 20.0)]
+    x, y = np.sort(box.lo + (box.hi - box.lo) * rng.uniform(size=(2, len(box.lo))), axis=0)
+    with np.errstate(all="ignore"):
+        function = ELEMENTARY[name]
+        known = second(box, function.values(box), function.slope(box, function.values(box)))
+        points = [Interval.point(each) for each in (x, y)]
+        slopes = [function.slope(each, function.values(each)).middle() for each in points]
+        chord = (slopes[1] - slopes[0]) / (y - x)
+        slack = 1e-6 * (1.0 + np.abs(chord)) + 1e-12 * np.abs(slopes[1]) / (y - x)
+        return int(((chord < known.lo - slack) | (chord > known.hi + slack)).sum())
+
+
+@pytest.mark.parametrize("name", ELEMENTARY)
+def test_second_derivatives_hold_differences_of_slopes(name):
+    second = ELEMENTARY[name].second
+    assert bad_second_slopes(name, second) == 0
+    assert bad_second_slopes(name, lambda x, y, d: -second(x, y, d)) > 0
 
 
 OF_TWO = {

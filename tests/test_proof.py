@@ -1,23 +1,23 @@
 """Counts that a theorem stands behind: right or not said, whatever the system."""
 
-import subprocess
-import sys
 from fractions import Fraction
 
 import numpy as np
 import pytest
-from pages import blocks, check_answers
-from proof_families import Mixed, PiecewisePolynomial, proved
+from proof_families import Mixed, PiecewisePolynomial, cover_of, proved
 from sweeps import swept
 
+import pwscont.proof.clusters
 import pwscont.proof.cover
 import pwscont.proof.evaluate
+import pwscont.proof.everywhere
 import pwscont.proof.proof
 import pwscont.proof.tubes
-from pwscont import LCP, Complementarity, Everywhere, InvalidInputError, Switched, explore, trace
+from pwscont import (
+    Switched,
+)
+from pwscont.intervals.interval import Interval
 from pwscont.proof.cover import MOST_BOXES
-from pwscont.proof.interval import Interval
-from pwscont.proof.tape import traced
 
 pytestmark = pytest.mark.sweep(2)  # the others take too long for the README's command
 
@@ -94,7 +94,7 @@ def bad_certificates(seeds):
     bad = total = 0
     for seed in seeds:
         f = PiecewisePolynomial(np.random.default_rng(seed))
-        tubes = proved(f, 1, (-3.0, 3.0), (-1.0, 1.0))._tubes
+        tubes = cover_of(f, 1, (-3.0, 3.0), (-1.0, 1.0)).tubes
         for i in range(0, len(tubes.first), 7):
             for alpha in (tubes.first[i], tubes.middle[i], tubes.last[i]):
                 bad += not _is_certified(f, tubes, i, Fraction(alpha))
@@ -162,8 +162,8 @@ def leaving(z, t, sw):
 def test_a_curve_that_leaves_the_box_makes_windows():
     proof = proved(leaving, 1, (-1.0, 1.0), (0.0, 1.0))
     assert [proof.count(t) for t in (0.1, 0.5, 0.9)] == [1, 0, 1]
-    assert len(proof.windows) == 2
-    assert proof.holds
+    assert len(proof.folds) == 2
+    assert proof.words == "complete in the box, proved"
 
 
 def test_no_check_at_the_boundary_is_caught(monkeypatch):
@@ -233,102 +233,65 @@ def test_loops_of_all_sizes_are_never_denied(exponent, is_smooth):
     assert proof.count(0.2) == 2 or exponent > 6
 
 
-# -- graphs ----------------------------------------------------------------------------------------
+# -- folds ----------------------------------------------------------------------------------------
 
 
-def test_a_graph_says_what_is_proved():
-    graph = explore(ARCH, (-0.5, 1.0), search=Everywhere())
-    words = "complete in the box, proved, except in 2 windows of alpha of width up to "
-    assert graph.guarantee.startswith(words)
-    assert "(around folds)" in graph.guarantee
-    assert [graph.proof.count(t) for t in (-0.2, 0.2, 0.7)] == [1, 3, 1]
-    assert graph.proof.count(0.0) is None
-    assert "[-1000, 1000]" in graph.proof.statements[1]
-    assert "IEEE 754" in graph.proof.statements[2]
-    with pytest.raises(InvalidInputError, match="outside"):
-        graph.proof.count(2.0)
+def turns(f, lo, hi):
+    """Return the signs of the local extrema of alpha(z) with alpha in a range: 1 for a minimum."""
+    z = np.linspace(-3.0, 3.0, 200_001)
+    alpha = -f([z], 0.0, np)[0] / f.b
+    inner, rise = alpha[1:-1], np.sign(np.diff(alpha))
+    near = (inner > lo - 1e-5) & (inner < hi + 1e-5)
+    return (rise[1:] - rise[:-1])[near & (rise[1:] != rise[:-1])] / 2.0
 
 
-def test_a_graph_with_a_branch_dropped_says_so():
-    whole = explore(ARCH, (-0.5, 1.0), search=Everywhere())
-    two = Switched(1, lambda z, t, sw: (z - 2 + t) * (z + 2 - t))
-    proof = explore(two, (-1.0, 1.0), search=Everywhere()).proof
-    part = trace(two, ([2.0], 0.0), (-1.0, 1.0))
-    part.proof = proof
-    assert "2 solutions proved in the box at alpha = 0, but 1 of them found" in part.guarantee
-    assert "but" not in whole.guarantee
+def wrong_folds(seeds):
+    """Return in how many ranges that are called folds alpha turns both ways, and the ranges."""
+    wrong = total = 0
+    for seed in seeds:
+        f = PiecewisePolynomial(np.random.default_rng(seed))
+        f.e = 0.0
+        proof = proved(f, 1, (-3.0, 3.0), (-1.0, 1.0))
+        for lo, hi in proof.folds:
+            before, after = proof.count(lo - 1e-7), proof.count(hi + 1e-7)
+            if None not in (before, after) and abs(after - before) > 1:  # else an end of the box
+                wrong += (turns(f, lo, hi) != np.sign(after - before)).any()
+                total += 1
+    return wrong, total
 
 
-def test_a_graph_on_another_curve_says_so():
-    """As many solutions as proved, but others: a branch that jumped."""
-    one, other = (Switched(1, lambda z, t, sw, c=c: z - t - c) for c in (0.0, 1e-3))
-    graph = explore(one, (-1.0, 1.0), search=Everywhere())
-    wrong = explore(other, (-1.0, 1.0))
-    wrong.proof = graph.proof
-    assert graph.guarantee.startswith("complete in the box, proved; ")
-    assert "1 solutions proved" in wrong.guarantee
+@pytest.mark.parametrize("seeds", swept([range(15)], [range(15, 300)]))
+def test_alpha_turns_one_way_in_what_is_called_folds(seeds):
+    wrong, total = wrong_folds(seeds)
+    assert wrong == 0
+    assert total > len(seeds) // 3
 
 
-def test_everywhere_finds_a_loop_that_other_searches_miss():
-    loop = Switched(1, lambda z, t, sw: sw.abs(z - 300) + 100 * (t - 0.123) ** 2 - 1e-4)
-    graph = explore(loop, (-1.0, 1.0), search=Everywhere())
-    assert graph.count(0.123) == graph.proof.count(0.123) == 2
-
-
-def test_complementarity_is_traced():
-    problem = Complementarity(lambda z, t: t + 1 - z**2, lower=0.0, upper=2.0, n=1)
-    proof = explore(problem, (-0.5, 5.0), search=Everywhere(box=(-1.0, 5.0))).proof
-    assert proof.holds
-    assert [proof.count(t) for t in (0.0, 4.0)] == [3, 1]
-
-
-REFUSED = {
-    "a plain number": (lambda z, t, sw: z - float(t), "plain number"),
-    "complex numbers": (lambda z, t, sw: ((z + 1j) * (t + 1j)).imag, "no real number"),
-    "a function it does not know": (lambda z, t, sw: np.cbrt(z) - t, "cbrt"),
+TWO_TURNS = {
+    "smooth": lambda z, t, sw: z**3 - 1e-9 * z - t,
+    "kinks": lambda z, t, sw: z - 2.0 * sw.relu(z) + 2.0 * sw.relu(z - 1e-9) - t,
+    "a kink and a smooth fold": lambda z, t, sw: sw.max(-z, 1e-5 * z - z**2) - t,
 }
 
 
-@pytest.mark.parametrize("name", REFUSED)
-def test_what_cannot_be_traced_is_refused_in_words(name):
-    f, words = REFUSED[name]
-    with pytest.raises(InvalidInputError, match=words):
-        traced(f, 1)
+@pytest.mark.parametrize("name", TWO_TURNS)
+def test_two_folds_that_are_too_close_are_no_fold(name):
+    """There are one, three and one solutions, within 1e-9 of alpha or less."""
+    proof = proved(TWO_TURNS[name], 1, (-0.4, 0.4), (-0.1, 0.1))
+    assert [fold for fold in proof.folds if fold[0] < 1e-8 and fold[1] > -1e-8] == []
+    assert proof.count(0.0) is None
+    assert proof.words != "complete in the box, proved"
 
 
-def test_a_decision_hidden_from_the_tape_is_seen():
-    def sly(z, t, sw):
-        return z - t if z.dtype.kind == "O" else z - t + 1e-3
-
-    with pytest.raises(InvalidInputError, match="decides by something"):
-        explore(Switched(1, sly), (-1.0, 1.0), search=Everywhere())
-
-
-def test_systems_without_a_formula_are_refused():
-    with pytest.raises(InvalidInputError, match="hands over no formula"):
-        explore(LCP([[2.0]], [0.0], [-1.0]), (-1.0, 1.0), search=Everywhere())
+def test_second_derivatives_are_needed_to_call_a_fold_a_fold(monkeypatch):
+    always = lambda self, along: np.ones(along.lo.shape[1])  # noqa: E731
+    monkeypatch.setattr(pwscont.proof.clusters._Passage, "_of_folds", always)
+    with pytest.raises(AssertionError):
+        test_two_folds_that_are_too_close_are_no_fold("smooth")
 
 
-@pytest.mark.parametrize("box", [3.0, (1.0, 0.0), ([0.0, 0.0], [1.0, 1.0, 1.0]), (0.0, np.inf)])
-def test_a_box_that_makes_no_sense_is_refused(box):
-    with pytest.raises(InvalidInputError, match="box"):
-        Everywhere(box=box)
-
-
-def test_nothing_is_imported_unless_asked_for():
-    code = "import sys\nfrom pwscont import explore\nprint('pwscont.proof' in sys.modules)"
-    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert run.stdout.split() == ["False"]
-
-
-def test_seconds_must_be_positive():
-    with pytest.raises(InvalidInputError, match="seconds"):
-        Everywhere(seconds=0.0)
-
-
-def test_the_page_of_the_manual_says_what_is_true():
-    names, answers = {}, 0
-    for code in blocks("proofs.rst"):
-        exec(compile(code, "proofs.rst", "exec"), names)
-        answers += check_answers(code, names)
-    assert answers == 5
+def test_a_kink_where_alpha_turns_is_a_fold_of_a_sign():
+    for sign in (1.0, -1.0):
+        proof = proved(lambda z, t, sw, s=sign: sw.abs(z) - s * t, 1, (-2.0, 2.0), (-1.0, 1.0))
+        assert [turn for *_, turn in proof.turns] == [sign]
+        assert proof.words == "complete in the box, proved"

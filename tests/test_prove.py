@@ -1,27 +1,35 @@
 """Counts of linear pieces at one alpha, with a certificate for every cell."""
 
 import math
+from dataclasses import replace
 from fractions import Fraction
 
 import numpy as np
 import pytest
 import random_bodies
 import reference_enumeration
-from pwscont_coulomb import AffineLoad, CoulombLoad
+from pwscont.graph.place import Track
+from pwscont_coulomb import AffineLoad, ContactBody, CoulombLoad, LoadHistory, QuasiStaticCoulomb
 from pwscont_coulomb.scenes import example3, fig7
 from rational import integer_family, number_of_solutions
 from sweeps import swept
 
-import pwscont.proof.cells
+import pwscont.exact.cells
 from pwscont import (
     LCP,
+    BranchGraph,
     InvalidInputError,
     Switched,
     enumerate_solutions,
+    evolve,
     explore,
     prove,
+    trace,
 )
-from pwscont.proof.cells import proved_cells
+from pwscont.exact.cells import proved_cells
+from pwscont.exact.pieces import PiecesProof
+from pwscont.exact.rates import is_positive_definite
+from pwscont.extending import ExactMode
 from pwscont.search.enumeration import Solutions
 
 GAME = LCP([[1, 2], [2, 1]], q=[-1, -1], d=[1, 0])
@@ -112,8 +120,8 @@ def bad_boxes(count):
         system = CoulombLoad(random_bodies.contact_body(body), AffineLoad(load, load), 2.0)
         common, parts = system.exact_rows(0.0)
         for choice, (x, r) in proved_cells(common, parts, 0.0).boxes.items():
-            exact = pwscont.proof.cells.ProvedCells()
-            pwscont.proof.cells._in_rationals(common, parts, 0.0, choice, exact)
+            exact = pwscont.exact.cells.ProvedCells()
+            pwscont.exact.cells._in_rationals(common, parts, 0.0, choice, exact)
             (point,) = exact.points
             pairs = zip(point, x, r, strict=True)
             bad += any(abs(v - Fraction(float(a))) > Fraction(float(b)) for v, a, b in pairs)
@@ -125,14 +133,110 @@ def test_enclosures_hold_the_rational_solutions():
 
 
 def test_enclosures_that_are_too_narrow_are_caught(monkeypatch):
-    solved = pwscont.proof.cells._solved
+    solved = pwscont.exact.cells.solved
 
     def narrow(*args):
         x, radius = solved(*args)
         return x, 1e-6 * radius
 
-    monkeypatch.setattr(pwscont.proof.cells, "_solved", narrow)
+    monkeypatch.setattr(pwscont.exact.cells, "solved", narrow)
     assert bad_boxes(12) > 0
+
+
+# -- pieces and transitions ------------------------------------------------------------------------
+
+
+def test_the_pieces_of_the_paper_are_proved():
+    proof = prove(explore(fig7().system, (-2.0, 2.0)))
+    assert proof.holds
+    assert proof.is_complete
+    assert proof.statements[0] == "complete, proved: 4 pieces and 3 transitions"
+    assert prove(explore(GAME, (-1.0, 2.0))).statements[0].startswith("complete, proved: 3 pieces")
+
+
+def random_graph(p, seed, scale=1.0):
+    body = random_bodies.random_body(p, seed, gap=seed % 2 == 1)
+    load = random_bodies.load_with_several_solutions(body, 4.0, seed)
+    slope = np.random.default_rng(seed).normal(size=len(load))
+    system = CoulombLoad(random_bodies.contact_body(body), AffineLoad(load, scale * slope), 4.0)
+    return explore(system, (-1.0, 1.0))
+
+
+@pytest.mark.parametrize(
+    ("p", "seeds"),
+    swept([(1, range(6)), (2, range(6)), (3, range(3))], [(3, range(3, 40)), (4, range(12))]),
+)
+def test_random_paths_are_proved_complete(p, seeds):
+    for seed in seeds:
+        graph = random_graph(p, seed)
+        assert prove(graph).is_complete
+        for lo, hi, count in graph.multiplicity():
+            assert prove(graph, 0.5 * (lo + hi)).count == count
+
+
+def test_many_pieces_are_proved_without_a_word_on_other_solutions():
+    body = random_bodies.random_body(14, 1)
+    loads = [random_bodies.random_vector(body.n, seed) for seed in (1, 2)]
+    system = CoulombLoad(random_bodies.contact_body(body), AffineLoad(*loads), 0.5)
+    graph = trace(system, (np.zeros(system.size), 0.0), (-3.0, 3.0))
+    proof = prove(graph)
+    n = len(graph.pieces)
+    assert proof.statements[0] == (
+        f"{n} pieces and {n - 1} transitions, proved; of other solutions nothing is proved: "
+        "too many cells"
+    )
+    assert not proof.is_complete
+
+
+def test_a_graph_with_a_branch_dropped_is_not_complete():
+    """Seed 1 has two branches: each is proved, and is not all."""
+    graph = random_graph(1, 1)
+    first = graph.components()[0]
+    point = first[0].points[1]
+    part = trace(graph.system, (point[:-1], point[-1]), graph.interval)
+    assert 0 < len(part.pieces) < len(graph.pieces)
+    proof = prove(part)
+    assert proof.holds
+    assert not proof.is_complete
+    assert proof.statements[0].endswith(" undecided")
+
+
+def moved(graph, index, part):
+    """Return a graph with the special point at the end of a piece moved along alpha."""
+    pieces = list(graph.pieces)
+    points = pieces[index].points.copy()
+    points[-1] += part * (points[-1] - points[0])
+    pieces[index] = replace(pieces[index], track=Track.of(points))
+    return BranchGraph(graph.special_points(), pieces, graph.interval, system=graph.system)
+
+
+def test_a_piece_that_ends_at_a_wrong_place_is_not_proved():
+    graph = explore(fig7().system, (-2.0, 2.0))
+    for part in (-1e-4, 1e-4):
+        proof = prove(moved(graph, 1, part))
+        assert not proof.holds
+        assert proof.open
+
+
+def test_a_corner_and_a_vertical_piece_are_not_proved():
+    flat = Switched(1, lambda z, t, sw: sw.relu(z) - t, linear=True)
+    assert not prove(explore(flat, (-1.0, 1.0))).holds
+    corner = LCP(np.eye(2), np.zeros(2), [-1.0, -1.0])
+    proof = prove(explore(corner, (-1.0, 1.0)))
+    assert not proof.holds
+    assert "special point" in proof.open[0]
+
+
+def test_transitions_that_only_look_alike_are_not_joined(monkeypatch):
+    """The rows of a neighbour moved by 1e-12: the pieces no longer end in one point."""
+    graph = explore(fig7().system, (-2.0, 2.0))
+    common, parts = graph.system.exact_lines()
+    slip = parts[0][3]
+    rows = slip.equations.copy()
+    rows[0, -1] += 1e-12
+    wrong = [[*parts[0][:3], ExactMode(rows, slip.sides)]]
+    assert PiecesProof(graph, (common, parts)).holds
+    assert not PiecesProof(graph, (common, wrong)).holds
 
 
 def test_what_prove_refuses():
@@ -140,9 +244,51 @@ def test_what_prove_refuses():
     with pytest.raises(InvalidInputError, match="no exact data"):
         prove(explore(curved, (0.5, 1.0)), 0.7)
     with pytest.raises(InvalidInputError, match="needs the alpha"):
-        prove(explore(GAME, (-1.0, 1.0)))
+        prove(explore(example3().system, (0.0, 5.0)))
     with pytest.raises(InvalidInputError, match="prove takes"):
         prove([1, 2])
     wide = LCP(np.eye(20), np.ones(20), np.ones(20))
     with pytest.raises(InvalidInputError, match="too many"):
         prove(enumerate_solutions(wide, 0.0))
+
+
+# -- evolutions ------------------------------------------------------------------------------------
+
+
+def evolution(F, A=((2.0, -1.0), (-1.0, 2.0))):
+    body = ContactBody(A, [[1.0, 0.0]], [[0.0, 1.0]])
+    loads = [[0.0, 0.0], [1.0, 3.0], [1.0, -3.0], [0.5, 2.0]]
+    return evolve(QuasiStaticCoulomb(body, LoadHistory(loads), F), (0.0, 3.0))
+
+
+def least_eigenvalue(F):
+    """Return the least eigenvalue of the forms of one node: F couples N A w and T w."""
+    A, row = np.array([[2.0, -1.0], [-1.0, 2.0]]), np.array([2.0, -1.0])
+    forms = [A - 0.5 * s * F * (np.outer([0, 1], row) + np.outer(row, [0, 1])) for s in (-1, 1)]
+    return min(np.linalg.eigvalsh(form).min() for form in forms)
+
+
+@pytest.mark.parametrize("F", [0.0, 0.3, 0.9, 1.4, 4.0])
+def test_one_evolution_is_proved_where_forms_are_positive_definite(F):
+    found = evolution(F)
+    proof = prove(found)
+    assert proof.holds == (least_eigenvalue(F) > 0.0 and len(found.paths()) == 1)
+    assert proof.statements[0].startswith("exactly one evolution" if proof.holds else "not proved")
+
+
+def test_positive_definite_matrices_are_told_to_rounding():
+    """A matrix with an eigenvalue of 1e-9, -1e-9 or zero: only the first is proved."""
+    rng = np.random.default_rng(3)
+    for _ in range(50):
+        q = np.linalg.qr(rng.normal(size=(6, 6)))[0]
+        for least in (1e-9, -1e-9, 0.0):
+            values = np.array([least, *rng.uniform(0.5, 2.0, 5)])
+            matrix = (q * values) @ q.T
+            error = 1e-14 * np.ones((6, 6))
+            assert is_positive_definite(0.5 * (matrix + matrix.T), error) == (least > 0.0)
+
+
+def test_an_error_of_the_matrix_counts():
+    error = np.full((3, 3), 0.4)
+    assert is_positive_definite(np.eye(3), 0.1 * error)
+    assert not is_positive_definite(np.eye(3), error)  # ones of 0.4 off the diagonal, -0.4 on it

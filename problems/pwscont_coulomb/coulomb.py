@@ -152,7 +152,8 @@ class Coulomb(Fixed, SlicewiseLinearSystem, Reducible, BringsSearches, DecidesCo
 
         A, N, T, gap, and f and F at alpha, count as exact.
         """
-        return exact_rows(self.body, self.load_at(alpha), self.friction_at(alpha))
+        load = self.load_at(alpha)
+        return exact_rows(self.body, load, np.zeros_like(load), self.friction_at(alpha))
 
     def test_functions(self, z: Array, alpha: float) -> Array:
         """Return (kappa1, kappa2, kappa3) of node 1, of node 2, ..., shape (3 p,)."""

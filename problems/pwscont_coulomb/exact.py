@@ -11,15 +11,16 @@ from pwscont_coulomb.body import ContactBody
 
 
 def exact_rows(
-    body: ContactBody, load: Array, friction: Array
+    body: ContactBody, load: Array, slope: Array, friction: Array
 ) -> tuple[Array, list[list[ExactMode]]]:
     """Return equilibrium, shape (n, n + 2 p + 2), and the modes of every node.
 
-    Columns are (u, lam_nu, lam_t, alpha, 1). No coefficient is rounded: r is left out.
+    Columns are (u, lam_nu, lam_t, alpha, 1), and the load is load + alpha slope. No coefficient is
+    rounded: r is left out.
     """
     n, p = body.n, body.p
     A, N, T = dense(body.A), dense(body.N), dense(body.T)
-    common = np.column_stack([A, -N.T, -T.T, np.zeros(n), -load])
+    common = np.column_stack([A, -N.T, -T.T, -slope, -load])
     return common, [_modes(N[i], T[i], body, float(friction[i]), i, n, p) for i in range(p)]
 
 

@@ -11,9 +11,10 @@ import numpy as np
 from scipy.linalg.blas import dasum
 
 from pwscont import Character, InvalidInputError, PiecewiseLinearSystem, Search
-from pwscont.extending import Array, Indices, Matrix
+from pwscont.extending import Array, ExactMode, Indices, Matrix
 from pwscont_coulomb.body import ContactBody
 from pwscont_coulomb.coulomb import MOST_CELLS, Coulomb
+from pwscont_coulomb.exact import exact_rows
 from pwscont_coulomb.fixed import protected
 from pwscont_coulomb.friction import CoulombFriction
 from pwscont_coulomb.frictionless import FromFrictionless
@@ -197,6 +198,11 @@ class CoulombLoad(Coulomb):
 @final
 class AffineCoulombLoad(CoulombLoad, PiecewiseLinearSystem):
     """Coulomb friction with an affine load path: all pieces are straight."""
+
+    def exact_lines(self) -> tuple[Array, list[list[ExactMode]]]:
+        """Return equilibrium and the modes of every node; A, N, T, gap, f0, f1 and F are exact."""
+        load, slope = self.load_at(0.0), self._load_rate(0.0)
+        return exact_rows(self.body, load, slope, self.friction)
 
     def _linear_terms(self, z: Array, alpha: float, character: Character) -> Array:
         """Return the linear terms, row by row: a straight path asks too seldom to pay for a matrix.

@@ -427,7 +427,7 @@ def explore(
         guess = np.zeros(system.size)
         plan = prepared(system, (guess, lo), (lo, hi), stepper, watched)
         around = [plan.reduced(z)[: shown_size(plan.followed)] for z, _ in given]
-        chosen = search or default_search(plan.followed, (lo, hi), around)
+        chosen = search or _default_search(plan, around)
         searched = _searched(given, scope_of(chosen, plan.followed))
 
         def follow(plan: Plan, found: Iterator[Found]) -> BranchGraph:
@@ -439,6 +439,16 @@ def explore(
     if not graph.pieces and not budget.spent:
         refuse_undefined(plan.system, plan.interval)
     return graph
+
+
+def _default_search(plan: Plan, around: list[Array]) -> Search:
+    """Return the default search; of a formula, all solutions are proved where that is quick."""
+    search = default_search(plan.followed, plan.interval, around)
+    if not hasattr(plan.followed, "formula"):
+        return search
+    from pwscont.proof.everywhere import AlsoProved  # noqa: PLC0415  for formulas only
+
+    return AlsoProved(search)
 
 
 def _found(plan: Plan, given: tuple[Start, ...], search: Search) -> Iterator[Found]:

@@ -5,26 +5,20 @@ from __future__ import annotations
 from collections.abc import Mapping
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol, final
+from typing import TYPE_CHECKING, Any, final
 
 from pwscont.basics.errors import InvalidSystemError
 from pwscont.basics.outcome import Guarantee
 from pwscont.basics.quantities import Function
 from pwscont.graph import balance, exports, queries, storage
 from pwscont.graph.balance import WORDS, verdict
+from pwscont.graph.proved import BoxProof
 from pwscont.graph.records import Solution, Stretch
 from pwscont.graph.structure import Structure
 from pwscont.system.system import PiecewiseSystem
 
 if TYPE_CHECKING:
     import networkx as nx
-
-
-class Proof(Protocol):
-    """What is proved of the solutions of a graph, see ``graph.proof``."""
-
-    def judged(self, graph: BranchGraph, words: str) -> str:
-        """Return the guarantee of a graph with what is proved, from the guarantee without."""
 
 
 @final
@@ -72,8 +66,7 @@ class BranchGraph(Structure):
     3
     """
 
-    #: What a search proved, for :class:`pwscont.Everywhere`; None where nothing was proved. Files
-    #: do not keep the proof.
+    #: What is proved of the solutions, see :class:`pwscont.Everywhere`; None for nothing.
     proof: Any = None
 
     def count(self, alpha: float) -> int | float:
@@ -190,13 +183,14 @@ class BranchGraph(Structure):
         the number of solutions found is not the number proved.
         """
         words = verdict(self)
-        return words if self.proof is None else self.proof.judged(self, words)
+        return words if self.proof is None else str(self.proof.judged(self, words))
 
     @property
     def is_complete(self) -> bool:
         """Whether nothing can be missing, no closed loop either; else counts are least numbers."""
-        words = self.guarantee.split(";")[0]
-        return words in (WORDS[Guarantee.EVERYTHING], WORDS[Guarantee.UNIQUE])
+        words = verdict(self).split(";")[0]
+        promised = words in (WORDS[Guarantee.EVERYTHING], WORDS[Guarantee.UNIQUE])
+        return promised and not self.guarantee.startswith("not ")
 
     def save(self, path: str | Path) -> None:
         """Write the graph to one portable file (a zip of arrays and JSON; no pickle).
@@ -217,6 +211,7 @@ class BranchGraph(Structure):
                 self.searched,
                 self._names_to_keep(),
                 self.infinite,
+                self.proof if isinstance(self.proof, BoxProof) else None,
             ),
         )
 
@@ -257,7 +252,7 @@ class BranchGraph(Structure):
         """
         file = storage.read(path)
         own = system and storage.adopted(path, file.pieces, file.points, file.interval, system)
-        return cls(
+        graph = cls(
             file.points,
             file.pieces,
             file.interval,
@@ -269,6 +264,8 @@ class BranchGraph(Structure):
             names=None if system else file.names,
             infinite=file.infinite,
         )
+        graph.proof = file.proof
+        return graph
 
     def to_dataframe(self, rows: str) -> Any:
         """Return a pandas data frame.
@@ -302,10 +299,10 @@ class BranchGraph(Structure):
 
     def to_dict(self) -> dict[str, Any]:
         """Return the graph as plain lists and numbers."""
-        return exports.as_dict(self)
+        return exports.as_dict(self, self.guarantee)
 
     def __repr__(self) -> str:
-        return exports.as_text(self)
+        return exports.as_text(self, self.guarantee)
 
     def _repr_html_(self) -> str:
-        return exports.as_html(self)
+        return exports.as_html(self, self.guarantee)

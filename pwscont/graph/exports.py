@@ -22,7 +22,7 @@ import numpy as np
 from pwscont.basics.arrays import Array
 from pwscont.basics.errors import InvalidInputError, MissingPackageError
 from pwscont.basics.looks import apart, counted
-from pwscont.graph.balance import balance_values, verdict
+from pwscont.graph.balance import balance_values
 from pwscont.graph.queries import count_at, multiplicity
 from pwscont.graph.records import Piece, SpecialPoint, Stretch, attempted
 from pwscont.graph.structure import Structure
@@ -184,7 +184,7 @@ def number(value: float) -> str:
     return f"{value:.8g}"
 
 
-def as_text(graph: Structure) -> str:
+def as_text(graph: Structure, guarantee: str) -> str:
     """Return a short summary."""
     name = graph.parameter
     lines = [
@@ -196,11 +196,11 @@ def as_text(graph: Structure) -> str:
         f"  {counted(stretch[2], 'solution')} for {name} in {stretch.ends}"
         for stretch in multiplicity(graph)
     ]
-    lines.append(f"  {verdict(graph)}")
+    lines.append(f"  {guarantee}")
     return "\n".join(lines)
 
 
-def as_html(graph: Structure) -> str:
+def as_html(graph: Structure, guarantee: str) -> str:
     """Return the summary and the pieces as an HTML table."""
     rows = "".join(
         f"<tr><td>{piece.id}</td><td>{escape(piece.label)}</td>"
@@ -209,10 +209,10 @@ def as_html(graph: Structure) -> str:
         for piece in graph.pieces
     )
     head = f"<tr><th>piece</th><th>mode</th><th>{escape(graph.parameter)}</th><th>det</th></tr>"
-    return f"<pre>{escape(as_text(graph))}</pre><table>{head}{rows}</table>"
+    return f"<pre>{escape(as_text(graph, guarantee))}</pre><table>{head}{rows}</table>"
 
 
-def as_dict(graph: Structure) -> dict[str, Any]:
+def as_dict(graph: Structure, guarantee: str) -> dict[str, Any]:
     """Return nodes, pieces, multiplicity and balance as lists and numbers.
 
     ``parameter`` has the name of alpha, and the interval. The ``name`` of a node is that of an
@@ -255,7 +255,7 @@ def as_dict(graph: Structure) -> dict[str, Any]:
         },
         "searched": graph.searched.what,
         "unseen": graph.searched.unseen,
-        "guarantee": verdict(graph),
+        "guarantee": guarantee,
         **not_recorded(attempts),
     }
 

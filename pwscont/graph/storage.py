@@ -31,6 +31,7 @@ from pwscont.graph.archive import (
     write_archive,
 )
 from pwscont.graph.balance import check_places, check_references
+from pwscont.graph.proved import BoxProof
 from pwscont.graph.queries import read_stretches, rows_of
 from pwscont.graph.records import (
     Messages,
@@ -69,6 +70,7 @@ class Contents:
     searched: SearchScope
     names: tuple[str, ...] | None
     infinite: tuple[Stretch, ...] = ()
+    proof: BoxProof | None = None
 
 
 def write(path: str | Path, contents: Contents) -> None:
@@ -104,7 +106,9 @@ def _header(contents: Contents) -> dict[str, Any]:
         "pieces": [_piece_header(piece) for piece in contents.pieces],
         "infinite": rows_of(contents.infinite),
     }
-    return header if contents.names is None else header | {"names": contents.names}
+    names = {} if contents.names is None else {"names": contents.names}
+    proof = {"proof": contents.proof.plain()} if contents.proof is not None else {}
+    return header | names | proof
 
 
 def _node_header(point: SpecialPoint) -> dict[str, Any]:
@@ -173,7 +177,18 @@ def _contents(header: Fields, arrays: dict[str, Any]) -> Contents:
     check_places(points, pieces, interval)
     searched = _searched(header)
     parameter, infinite = header.text("parameter"), read_stretches(header, interval)
-    return Contents(points, pieces, starts, interval, parameter, searched, names, infinite)
+    proof = _proof(header)
+    return Contents(points, pieces, starts, interval, parameter, searched, names, infinite, proof)
+
+
+def _proof(header: Fields) -> BoxProof | None:
+    """Return what was proved, which files of graphs without proof lack."""
+    if not header.has("proof"):
+        return None
+    try:
+        return BoxProof.read(header.entry("proof"))
+    except (KeyError, TypeError, ValueError) as error:
+        raise DamagedError(f"the proof makes no sense: {error}") from error
 
 
 def _names(header: Fields, rows: _StoredRows) -> tuple[str, ...] | None:

@@ -294,6 +294,10 @@ class SwitchedLinearSystem(Notated, PiecewiseLinearSystem, ExactData):
             parts.append(modes)
         return dense[0][self._rows.owner < 0], parts
 
+    def exact_lines(self) -> tuple[Array, list[list[ExactMode]]]:
+        """Return the rows, which hold at every alpha."""
+        return self.exact_rows(0.0)
+
     def necessary(self, alpha: float) -> tuple[Matrix, Array]:
         """Return inequalities that hold in every mode, such as max(a, b) >= a."""
         A, b = self._necessary

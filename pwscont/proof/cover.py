@@ -19,20 +19,22 @@ import numpy as np
 
 from pwscont.basics.arrays import Array, Signs
 from pwscont.basics.budget import check_budget
+from pwscont.intervals.interval import Interval
 from pwscont.proof.evaluate import values_of
 from pwscont.proof.hull_consistency import contracted
-from pwscont.proof.interval import Interval
 from pwscont.proof.newton import eliminated, inverse, newton, times, with_slopes
 from pwscont.proof.tape import Tape
 from pwscont.proof.tubes import Tubes, around
 
 #: No coordinate is halved below this part of its magnitude; the magnitude of alpha is the interval.
 FINEST = 2.0**-24
-#: A box is left open if alpha is as narrow as this part of the interval, whatever the unknowns.
-FINEST_ALPHA = 2.0**-40
+#: A box is left open if alpha is as narrow as this part of the interval, and the unknowns are as
+#: narrow as this part of their magnitudes.
+FINEST_ALPHA, THIN = 2.0**-40, 2.0**-12
 #: Boxes that are worked on at once: their numbers fit into the cache of a processor.
 TOGETHER = 2048
-#: Most boxes in all: then a double root or an area of solutions ends the search.
+#: Most boxes in all for up to three unknowns; for n unknowns (n - 2)**2 times as many. Then a
+#: double root or an area of solutions ends the search.
 MOST_BOXES = 300_000
 #: The least radius of a tube, relative to typical magnitudes.
 LEAST = 2.0**-44
@@ -63,20 +65,25 @@ class Cover:
     boxes: int
 
 
-def covered(tape: Tape, box: Interval, scale: Array, seconds: float) -> Cover:
+def covered(
+    tape: Tape, box: Interval, scale: Array, seconds: float, most: int | None = None
+) -> Cover:
     """Return the cover of all zeros of a formula in a box (n + 1,), for so many seconds at most.
 
-    ``scale`` are the typical magnitudes of (z, alpha), shape (n + 1,).
+    ``scale`` are the typical magnitudes of (z, alpha), shape (n + 1,). A generation with which more
+    than ``most`` boxes would be looked at is not begun.
     """
     finest = FINEST * scale
     whole = box[:, np.newaxis]
     waiting, tubes, left, boxes = whole, [], [], 0
     end = perf_counter() + seconds
+    most = most or MOST_BOXES * max(tape.size - 2, 1) ** 2
     while waiting.lo.shape[1]:
         following = []
+        is_last = boxes + waiting.lo.shape[1] > most
         for some in _portions(waiting):
             check_budget()
-            if boxes >= MOST_BOXES or perf_counter() > end:
+            if is_last or perf_counter() > end:
                 left.append(some)
                 continue
             boxes += some.lo.shape[1]
@@ -116,7 +123,8 @@ def _looked_at(
     boxes, slopes = boxes[:, ~is_proved], slopes[:, :, ~is_proved]
     width = boxes.width()
     is_small = (width <= finest[:, np.newaxis]).all(axis=0)
-    is_small |= width[-1] <= FINEST_ALPHA * scale[-1]
+    is_thin = (width[:-1] <= THIN * scale[:-1, np.newaxis]).all(axis=0)
+    is_small |= is_thin & (width[-1] <= FINEST_ALPHA * scale[-1])
     rest = _halved(boxes[:, ~is_small], slopes[:, :, ~is_small], scale, finest)
     return tubes, rest, boxes[:, is_small]
 

@@ -1,4 +1,4 @@
-"""A search that finds all solutions of a formula in a box, and proves that there are no others."""
+"""Searches that prove that all solutions of a formula in a box are found."""
 
 from __future__ import annotations
 
@@ -8,30 +8,36 @@ from typing import Any, final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, finite_array, generic
+from pwscont.basics.arrays import Array, finite_array
+from pwscont.basics.budget import current_budget
 from pwscont.basics.errors import InvalidInputError
 from pwscont.basics.outcome import Failure, Guarantee, SearchScope
 from pwscont.curve.error_samples import Found
 from pwscont.curve.metric import Metric
 from pwscont.curve.semismooth import semismooth_newton
-from pwscont.notation.curved import SwitchedSystem
+from pwscont.graph.proved import BoxProof, CountedStretch
+from pwscont.intervals.interval import Interval
 from pwscont.proof.cover import covered
-from pwscont.proof.interval import Interval
-from pwscont.proof.newton import formula
-from pwscont.proof.proof import BoxProof
-from pwscont.proof.tape import Tape, traced
+from pwscont.proof.formulas import check_tape, tape_of
+from pwscont.proof.proof import counted_proof
 from pwscont.search.default_search import default_search
-from pwscont.search.search import KnownBranches, NothingKnown, Search, starts_of
-from pwscont.system.abilities import completed
+from pwscont.search.search import KnownBranches, NothingKnown, Search, scope_of, starts_of
+from pwscont.system.abilities import completed, shown_size
 from pwscont.system.box import Box
 from pwscont.system.system import PiecewiseSystem
 from pwscont.transitions.departures import settled
 
 #: The default box reaches so many typical magnitudes from zero, where there are no bounds.
 FAR = 1e3
-#: At how many points the tape is compared with the formula, and how much they may differ, relative
-#: to the values and to the bound on rounding.
-COMPARED, ALIKE, ROUNDINGS = 40, 1e-9, 100.0
+#: Most unknowns of a formula that is tried.
+MANY_UNKNOWNS = 3
+#: Most work: boxes, times operations and derivatives of each box. Then the answer is the same on
+#: every machine, and comes within about a second.
+MOST_WORK = 3_000_000
+#: Operations that every box needs besides those of the formula.
+BESIDES = 10
+#: The last limit, on a machine that is very slow.
+SECONDS = 5.0
 
 
 @final
@@ -40,10 +46,11 @@ class Everywhere(Search):
     """All solutions of a formula in a box of the unknowns, proved by interval arithmetic.
 
     For systems written as formulas with switches (:func:`pwscont.Switched`,
-    :func:`pwscont.Complementarity`). Boxes of (z, alpha) are excluded, contracted, proved to hold
+    :func:`pwscont.Complementarity`), and for classes whose
+    methods do arithmetic only. Boxes of (z, alpha) are excluded, contracted, proved to hold
     one solution at every alpha, or halved. Starts are the proved solutions between the windows of
     alpha around folds; where something is not proved, the default search goes on. ``graph.proof``
-    says what was proved, see :class:`~pwscont.proof.proof.BoxProof`.
+    says what was proved, see :class:`~pwscont.graph.proved.BoxProof`.
 
     Attributes
     ----------
@@ -95,16 +102,22 @@ class Everywhere(Search):
     ) -> Iterator[Found]:
         """Yield the proved solutions, then what the default search finds if something is open."""
         proof = self.prove(system, metric, interval)
-        for z, alpha in _places(proof):
-            yield from _corrected(system, metric, z, alpha)
+        yield from proved_starts(proof, system, metric, known)
         if not proof.holds:
             search = default_search(system, interval)
             yield from starts_of(search, system, metric, interval, known)
 
     def prove(
-        self, system: PiecewiseSystem, metric: Metric, interval: tuple[float, float]
+        self,
+        system: PiecewiseSystem,
+        metric: Metric,
+        interval: tuple[float, float],
+        most: int | None = None,
     ) -> BoxProof:
-        """Return the proof for a system, made once for the same formula, interval and box."""
+        """Return the proof for a system, made once for the same formula, interval and box.
+
+        At most ``most`` boxes are looked at; default a number that grows with the unknowns.
+        """
         tape = tape_of(system)
         size = tape.size
         lower, upper = self._limits(system, metric.scale[:size], size)
@@ -116,9 +129,9 @@ class Everywhere(Search):
             return known
         check_tape(tape, system, box)
         with np.errstate(all="ignore"):
-            proof = BoxProof(tape, box, scale, covered(tape, box, scale, self.seconds))
-            _ = proof.stretches
-        formula = getattr(system, "formula", None)
+            cover = covered(tape, box, scale, self.seconds, most)
+            proof = counted_proof(tape, box, scale, cover)
+        formula = getattr(system, "formula", system)
         self._last.update(formula=formula, interval=interval, key=key, proof=proof)
         return proof
 
@@ -138,7 +151,7 @@ class Everywhere(Search):
 
     def proved(self, system: PiecewiseSystem, interval: tuple[float, float]) -> BoxProof | None:
         """Return the proof of the last run, if the run was of this formula and interval."""
-        formula = getattr(system, "formula", None)
+        formula = getattr(system, "formula", system)
         is_last = self._last.get("formula") is formula and self._last.get("interval") == interval
         return self._last["proof"] if is_last else None
 
@@ -171,58 +184,78 @@ def _plain(end: Array) -> Any:
     return tuple(end.tolist()) if end.ndim else end.item()
 
 
-def tape_of(system: PiecewiseSystem) -> Tape:
-    """Return the tape of a system.
-
-    Raises
-    ------
-    InvalidInputError
-        If the system is no curved formula with switches, or cannot be traced.
-    """
-    if not isinstance(system, SwitchedSystem):
-        raise InvalidInputError(
-            "Everywhere proves formulas with switches, as Switched and Complementarity take them "
-            f"without linear=True; {type(system).__name__} hands over no formula. Of "
-            "piecewise-linear systems AllTransitions finds everything"
-        )
-    return traced(system.formula, system.shown)
-
-
-def check_tape(tape: Tape, system: Any, box: Interval) -> None:
-    """Refuse a tape that says something else than the formula at some point of a box.
-
-    Raises
-    ------
-    InvalidInputError
-    """
-    size = tape.size + 1
-    for i in range(COMPARED):
-        part = 0.5 + 0.5 * generic(size, i) * 2.0 ** -(i % 10)
-        x = box.lo + (box.hi - box.lo) * part
-        with np.errstate(all="ignore"):
-            value = system.formula_at(x[:-1], float(x[-1]))
-            known = formula(tape, Interval.point(x[:, np.newaxis]))[:, 0]
-            slack = ALIKE * np.abs(value) + ROUNDINGS * known.width()
-            differs = (value < known.lo - slack) | (value > known.hi + slack)
-        if differs.any():
-            raise InvalidInputError(
-                f"the formula is not what its operations say, at {x}: it decides by something that "
-                "cannot be traced, so that nothing can be proved"
-            )
-
-
-def _places(proof: BoxProof) -> Iterator[tuple[Array, float]]:
-    """Yield the proved solutions, one set for each stretch between windows."""
+def proved_starts(
+    proof: BoxProof, system: PiecewiseSystem, metric: Metric, known: KnownBranches
+) -> Iterator[Found]:
+    """Yield the proved solutions as Newton leaves them, of each stretch that is not known."""
     for stretch in proof.stretches:
-        for least, largest in proof.solutions(stretch.alpha) or ():
-            yield 0.5 * (least + largest), stretch.alpha
+        for least, largest in () if _is_known(proof, stretch, known) else stretch.solutions or ():
+            guess = completed(system, 0.5 * (least + largest), stretch.alpha)
+            found = semismooth_newton(system, metric, guess, stretch.alpha)
+            on_curve = None if isinstance(found, Failure) else settled(system, metric, found)
+            if on_curve:
+                yield on_curve
 
 
-def _corrected(system: PiecewiseSystem, metric: Metric, z: Array, alpha: float) -> Iterator[Found]:
-    """Yield the solution near a proved one as Newton leaves it."""
-    guess = completed(system, z, alpha)
-    found = semismooth_newton(system, metric, guess, alpha)
-    if not isinstance(found, Failure):
-        on_curve = settled(system, metric, found)
-        if on_curve:
-            yield on_curve
+def _is_known(proof: BoxProof, stretch: CountedStretch, known: KnownBranches) -> bool:
+    """Tell whether each proved solution of a stretch has a known point nearest of its own."""
+    size, (lower, upper) = len(proof.box[0]), proof.box
+    points = [x[:size] for x in known.at(stretch.alpha)]
+    points = [z for z in points if ((z >= lower) & (z <= upper)).all()]
+    if stretch.solutions is None or len(points) != len(stretch.solutions):
+        return False
+    middles = [0.5 * (least + largest) for least, largest in stretch.solutions]
+    nearest = {int(np.argmin([np.abs(z - x).max() for z in points])) for x in middles}
+    return len(nearest) == len(points)
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class AlsoProved(Search):
+    """What another search finds, and then the solutions that are quickly proved, if all are.
+
+    Nothing is proved in a run with limits. Where something stays open, the answer is that of the
+    other search, and says nothing of proofs.
+
+    Attributes
+    ----------
+    search : Search
+    """
+
+    search: Search
+    _everywhere: Everywhere = field(default_factory=lambda: Everywhere(seconds=SECONDS), repr=False)
+
+    def starts(
+        self, system: PiecewiseSystem, metric: Metric, interval: tuple[float, float]
+    ) -> Iterator[Found]:
+        """Yield what the search finds, then what is proved."""
+        return self.starts_beside(system, metric, interval, NothingKnown())
+
+    def starts_beside(
+        self,
+        system: PiecewiseSystem,
+        metric: Metric,
+        interval: tuple[float, float],
+        known: KnownBranches,
+    ) -> Iterator[Found]:
+        """Yield what the search finds, then what is proved."""
+        yield from starts_of(self.search, system, metric, interval, known)
+        if shown_size(system) > MANY_UNKNOWNS or current_budget().is_limited:
+            return
+        try:
+            tape = tape_of(system)
+            most = MOST_WORK // ((len(tape.steps) + BESIDES) * (tape.size + 2))
+            proof = self._everywhere.prove(system, metric, interval, most)
+        except InvalidInputError:  # no formula that can be traced
+            return
+        if proof.holds:
+            yield from proved_starts(proof, system, metric, known)
+
+    def searched(self, system: PiecewiseSystem) -> SearchScope:
+        """Return the scope of the search."""
+        return scope_of(self.search, system)
+
+    def proved(self, system: PiecewiseSystem, interval: tuple[float, float]) -> BoxProof | None:
+        """Return what the last run proved if everything is proved, else nothing."""
+        proof = self._everywhere.proved(system, interval)
+        return proof if proof is not None and proof.holds else None

@@ -12,8 +12,8 @@ from functools import partial
 import numpy as np
 
 from pwscont.basics.arrays import Signs
-from pwscont.proof.functions import ELEMENTARY
-from pwscont.proof.interval import Interval, chosen
+from pwscont.intervals.functions import ELEMENTARY
+from pwscont.intervals.interval import Interval, chosen
 from pwscont.proof.newton import stacked
 from pwscont.proof.tape import Step, Tape
 

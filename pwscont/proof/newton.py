@@ -12,8 +12,8 @@ from __future__ import annotations
 import numpy as np
 
 from pwscont.basics.arrays import Array, Indices, Signs
+from pwscont.intervals.interval import Interval
 from pwscont.proof.evaluate import slopes_of, values_of
-from pwscont.proof.interval import Interval
 from pwscont.proof.tape import Tape
 
 
@@ -24,15 +24,19 @@ def stacked(intervals: list[Interval]) -> Interval:
 
 def formula(tape: Tape, box: Interval) -> Interval:
     """Return the n entries of the formula on boxes (n + 1, B), shape (n, B)."""
-    values = values_of(tape, box)
-    return stacked([values[place] for place in tape.outputs])
+    return picked(tape, values_of(tape, box))
 
 
 def with_slopes(tape: Tape, box: Interval) -> tuple[Interval, Interval]:
     """Return the formula and the derivatives by (z, alpha), shapes (n, B) and (n, n + 1, B)."""
     values = values_of(tape, box)
     slopes = slopes_of(tape, values, box)
-    return stacked([values[place] for place in tape.outputs]), stacked(slopes)
+    return picked(tape, values), picked(tape, slopes)
+
+
+def picked(tape: Tape, found: list[Interval]) -> Interval:
+    """Return of what is known of all steps what is known of the outputs."""
+    return stacked([found[place] for place in tape.outputs])
 
 
 def times(matrix: Array, right: Interval) -> Interval:

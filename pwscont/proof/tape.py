@@ -18,12 +18,14 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from math import isfinite, isinf
 from numbers import Real
-from typing import Any, NoReturn, final
+from typing import Any, final
 
 import numpy as np
+from numpy.lib.mixins import NDArrayOperatorsMixin
 
 from pwscont.basics.errors import InvalidInputError
-from pwscont.proof.functions import ELEMENTARY
+from pwscont.intervals.functions import ELEMENTARY
+from pwscont.notation.arithmetic import KINKED
 
 #: Largest whole number that is taken as a power by repeated multiplication.
 LARGEST_POWER = 64
@@ -91,6 +93,10 @@ class Tape:
             if step.name == "variable" and step.number == number
         )
 
+    def has(self, name: str) -> bool:
+        """Tell whether an operation stands on the tape."""
+        return any(step.name == name for step in self.steps)
+
     def place_of(self, thing: Any) -> int:
         """Return the place of a node or of a constant."""
         if isinstance(thing, Traced):
@@ -105,137 +111,136 @@ def _exact(thing: Any) -> float:
     return float(thing)
 
 
-def _refuse(what: str, better: str) -> Callable[..., NoReturn]:
-    def refuse(*args: Any) -> NoReturn:
-        raise NotTracedError(
-            f"the formula takes {what} something that depends on (z, alpha){better}"
-        )
-
-    return refuse
-
-
-ADVICE = ": write the decision with the switches of sw"
-
-
 @final
-class Traced:
-    """A number on a tape, with the arithmetic of numbers."""
+class Traced(NDArrayOperatorsMixin):
+    """A number on a tape; numpy's functions of the number write operations on the tape."""
 
     __slots__ = ("place", "tape")
 
     def __init__(self, tape: Tape, place: int) -> None:
         self.tape, self.place = tape, place
 
-    @property
-    def step(self) -> Step:
-        """The operation that makes the number."""
-        return self.tape.steps[self.place]
+    def __array_ufunc__(self, ufunc: np.ufunc, method: str, *args: Any, **options: Any) -> Any:
+        """Write an operation down; of arrays, the operation of every entry."""
+        if method != "__call__" or options:
+            raise NotTracedError(f"the formula calls {ufunc.__name__}.{method} with options")
+        if any(isinstance(each, np.ndarray) and each.ndim for each in args):
+            return ufunc(*(_as_array(each) for each in args))
+        return self._of(ufunc.__name__, *(_as_entry(each) for each in args))
 
-    def _with(self, name: str, *args: Any) -> Any:
-        """Write an operation down; an array does the operation for every entry."""
-        if any(isinstance(each, np.ndarray) for each in args):
-            return NotImplemented
-        return self.tape.node(name, *args)
+    def __getattr__(self, name: str) -> Any:
+        """Return a function by its name, as numpy asks the entries of arrays."""
+        if name not in ELEMENTARY and name not in DERIVED:
+            raise AttributeError(f"{name} is not known to the tape")
+        return lambda *args: self._of(name, self, *args)
 
-    def __neg__(self) -> Any:
-        return self.tape.node("negative", self)
+    def _of(self, name: str, *args: Any) -> Any:
+        """Write an operation on this number and others down, or refuse the operation in words."""
+        if name in DERIVED:
+            return DERIVED[name](*args)
+        simple = SIMPLER[name](*args) if name in SIMPLER and _are_known(args) else None
+        if simple is not None:
+            return simple
+        if name in ELEMENTARY or name in ("negative", "add", "subtract", "multiply", "divide"):
+            return self.tape.node(name, *args)
+        if name == "power":
+            return self._power(*args)
+        better = KINKED.get(name)
+        if better is None:
+            raise NotTracedError(f"the formula takes {name}, which is not known to the tape")
+        raise NotTracedError(
+            f"the formula takes {name} of something that depends on (z, alpha), a decision by a "
+            f"value: {f'write {better}' if better else 'write it with the switches of sw'}"
+        )
 
-    def __pos__(self) -> Traced:
-        return self
-
-    def __add__(self, other: Any) -> Any:
-        if _is_number(other) and (other == 0.0 or isinf(other)):
-            return other if other else self
-        return self._with("add", self, other)
-
-    __radd__ = __add__
-
-    def __sub__(self, other: Any) -> Any:
-        if _is_number(other) and (other == 0.0 or isinf(other)):
-            return -other if other else self
-        return self._with("subtract", self, other)
-
-    def __rsub__(self, other: Any) -> Any:
-        if _is_number(other) and (other == 0.0 or isinf(other)):
-            return other if other else -self
-        return self._with("subtract", other, self)
-
-    def __mul__(self, other: Any) -> Any:
-        if _is_number(other) and other == 1.0:
-            return self
-        if _is_number(other) and other == 0.0 and self.step.name == "variable":
-            return 0.0
-        if isinstance(other, Traced) and other.place == self.place:
-            return self.tape.node("power", self, number=2.0)
-        return self._with("multiply", self, other)
-
-    __rmul__ = __mul__
-
-    def __truediv__(self, other: Any) -> Any:
-        return self._with("divide", self, other)
-
-    def __rtruediv__(self, other: Any) -> Any:
-        return self._with("divide", other, self)
-
-    def __pow__(self, power: Any) -> Any:
-        if isinstance(power, np.ndarray):
-            return NotImplemented
+    def _power(self, base: Any, power: Any) -> Any:
         if not _is_number(power):
-            return (power * self.log()).exp()
+            log = self.tape.node("log", base)
+            return self.tape.node("exp", power * log)
         if float(power).is_integer() and abs(power) <= LARGEST_POWER:
-            return self.tape.node("power", self, number=float(power))
-        return self.sqrt() if power == 0.5 else (_exact(power) * self.log()).exp()
-
-    def __rpow__(self, base: Any) -> Any:
-        if isinstance(base, np.ndarray):
-            return NotImplemented
-        return (self * self.tape.node("log", base)).exp()
-
-    def square(self) -> Any:
-        """Return the square, as numpy asks for it."""
-        return self * self
-
-    def hypot(self, other: Any) -> Any:
-        """Return the root of the sum of two squares."""
-        return (self * self + other * other).sqrt()
-
-    def log2(self) -> Any:
-        """Return the logarithm to base 2."""
-        return self.log() / self.tape.node("log", 2.0)
-
-    def log10(self) -> Any:
-        """Return the logarithm to base 10."""
-        return self.log() / self.tape.node("log", 10.0)
-
-    def exp2(self) -> Any:
-        """Return the power of 2."""
-        return 2.0**self
-
-    def conjugate(self) -> Traced:
-        """Return the number itself, which is real."""
-        return self
+            return self.tape.node("power", base, number=float(power))
+        return base.sqrt() if power == 0.5 else (_exact(power) * base.log()).exp()
 
     def copy(self) -> Traced:
         """Return the number itself, which never changes."""
         return self
 
-    def __getattr__(self, name: str) -> Any:
-        """Return an elementary function, as numpy asks for it by its name."""
-        if name not in ELEMENTARY:
-            raise AttributeError(f"{name} is not known to the tape")
-        return lambda: self.tape.node(name, self)
+    def _refuse(self, *args: Any) -> Any:
+        raise NotTracedError(
+            "the formula takes the plain number of, or a decision by, something that depends on "
+            "(z, alpha): write decisions with the switches of sw"
+        )
 
     __hash__ = None  # type: ignore[assignment]
-    __bool__ = __lt__ = __le__ = __gt__ = __ge__ = _refuse("a decision by", ADVICE)
-    __eq__ = __ne__ = _refuse("a decision by", ADVICE)
-    __abs__ = _refuse("the magnitude of", ": write sw.abs")
-    __float__ = __int__ = __index__ = __complex__ = _refuse("the plain number of", "")
-    __floor__ = __ceil__ = __trunc__ = __round__ = _refuse("the whole part of", "")
-    __mod__ = __rmod__ = __floordiv__ = __rfloordiv__ = _refuse("a remainder of", "")
+    __bool__ = __float__ = __int__ = __index__ = __complex__ = _refuse
+    __floor__ = __ceil__ = __trunc__ = __round__ = _refuse
+
+
+def _as_array(thing: Any) -> Any:
+    """Return a traced number as an array without axes, which numpy takes apart itself."""
+    if not isinstance(thing, Traced):
+        return thing
+    array = np.empty((), dtype=object)
+    array[()] = thing
+    return array
+
+
+def _as_entry(thing: Any) -> Any:
+    return thing.item() if isinstance(thing, np.ndarray) else thing
 
 
 def _is_number(thing: Any) -> bool:
     return isinstance(thing, Real)
+
+
+def _are_known(args: tuple[Any, ...]) -> bool:
+    return all(_is_number(each) or isinstance(each, Traced) for each in args)
+
+
+def _product(x: Any, y: Any) -> Any:
+    """Return a square, or a product with one or with zero, None for other products."""
+    number, other = (x, y) if _is_number(x) else (y, x)
+    if not _is_number(number):
+        return x.tape.node("power", x, number=2.0) if x.place == y.place else None
+    if number == 0.0 and other.tape.steps[other.place].name == "variable":
+        return 0.0
+    return other if number == 1.0 else None
+
+
+def _sum(x: Any, y: Any) -> Any:
+    """Return a sum with zero or with an infinite number, None for other sums."""
+    number, other = (x, y) if _is_number(x) else (y, x)
+    if not _is_number(number):
+        return None
+    return other if number == 0.0 else number if isinf(number) else None
+
+
+def _difference(x: Any, y: Any) -> Any:
+    if _is_number(y):
+        return _sum(x, -y)
+    if not _is_number(x):
+        return None
+    return -y if x == 0.0 else x if isinf(x) else None
+
+
+#: Operations that need not be written down, or are simpler than they look.
+SIMPLER: dict[str, Callable[..., Any]] = {
+    "add": _sum,
+    "subtract": _difference,
+    "multiply": _product,
+}
+#: Operations that are written down as others.
+DERIVED: dict[str, Callable[..., Any]] = {
+    "positive": lambda x: x,
+    "conjugate": lambda x: x,
+    "square": lambda x: x**2,
+    "reciprocal": lambda x: 1.0 / x,
+    "hypot": lambda x, y: (x * x + y * y).sqrt(),
+    "log2": lambda x: x.log() / x.tape.node("log", 2.0),
+    "log10": lambda x: x.log() / x.tape.node("log", 10.0),
+    "exp2": lambda x: 2.0**x,
+    "float_power": lambda x, y: x**y,
+}
 
 
 @final
@@ -246,7 +251,7 @@ class TracedSwitches:
         self._tape = tape
 
     def _each(self, function: Callable[..., Any], *arguments: Any) -> Any:
-        return np.frompyfunc(function, len(arguments), 1)(*arguments)
+        return np.frompyfunc(function, len(arguments), 1)(*map(_as_array, arguments))
 
     def max(self, a: Any, b: Any) -> Any:
         """Return the larger of two quantities."""
@@ -267,6 +272,14 @@ class TracedSwitches:
     def where(self, s: Any, a: Any, b: Any) -> Any:
         """Return ``a`` where ``s >= 0``, and ``b`` elsewhere; across a kink nothing is proved."""
         return self._each(lambda x, y, z: self._tape.node("where", x, y, z), s, a, b)
+
+    def select(self, s: Any, a: Any, b: Any) -> Any:
+        """Return ``a`` where ``s >= 0``, and ``b`` elsewhere, promised to agree where s is 0."""
+        return self._each(self._select, s, a, b)
+
+    def _select(self, s: Any, a: Any, b: Any) -> Any:
+        is_same = self._tape.place_of(a) == self._tape.place_of(b)
+        return a if is_same else self._tape.node("select", s, a, b)
 
     def clip(self, a: Any, lower: Any, upper: Any) -> Any:
         """Return a quantity between bounds."""

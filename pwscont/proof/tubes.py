@@ -16,7 +16,7 @@ from typing import final
 import numpy as np
 
 from pwscont.basics.arrays import Array, Indices, Signs
-from pwscont.proof.interval import ULP, Interval, above
+from pwscont.intervals.interval import ULP, Interval, above
 from pwscont.proof.newton import formula, inverse, times, total, with_slopes
 from pwscont.proof.tape import Tape
 

@@ -16,7 +16,7 @@ from pwscont.basics.outcome import Guarantee, SearchScope
 from pwscont.basics.rounding import SAME_ALPHA
 from pwscont.curve.error_samples import Found
 from pwscont.curve.metric import Metric
-from pwscont.graph.branch_graph import Proof
+from pwscont.graph.proved import Proof
 from pwscont.system.selection import unexplained
 from pwscont.system.system import PiecewiseSystem, SlicewiseLinearSystem
 

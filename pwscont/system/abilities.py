@@ -181,6 +181,10 @@ class ExactData(ABC):
         inequalities of at least one mode. All numbers count as exact.
         """
 
+    def exact_lines(self) -> tuple[Array, Sequence[Sequence[ExactMode]]] | None:
+        """Return rows that hold at every alpha, None where rows are not affine in alpha."""
+        return None
+
 
 class Reducible(ABC):
     """A system that may know a smaller system with the same solutions."""

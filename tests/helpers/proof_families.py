@@ -6,12 +6,23 @@ import numpy as np
 
 from pwscont import Everywhere, Switched
 from pwscont.curve.metric import Metric
+from pwscont.intervals.interval import Interval
+from pwscont.proof.cover import covered
+from pwscont.proof.tape import traced
 
 
 def proved(f, n, box, interval, seconds=20.0):
     """Return the proof for a formula whose unknowns are of the order of one."""
     metric = Metric(np.append(np.ones(n), interval[1] - interval[0]), interval)
     return Everywhere(box=box, seconds=seconds).prove(Switched(n, f), metric, interval)
+
+
+def cover_of(f, n, box, interval):
+    """Return the cover of all solutions of a formula whose unknowns are of the order of one."""
+    lo, hi = (np.append(np.full(n, end), alpha) for end, alpha in zip(box, interval, strict=True))
+    scale = np.append(np.ones(n), interval[1] - interval[0])
+    with np.errstate(all="ignore"):
+        return covered(traced(f, n), Interval(lo, hi), scale, 20.0)
 
 
 class PiecewisePolynomial:

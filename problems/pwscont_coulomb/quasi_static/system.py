@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, final
 import numpy as np
 
 from pwscont import InvalidInputError, LoadHistory, SystemWithMemory
-from pwscont.extending import Array
+from pwscont.extending import Array, dense
 from pwscont_coulomb.body import ContactBody
 from pwscont_coulomb.fixed import Fixed
 from pwscont_coulomb.per_node import not_negative, per_node
@@ -89,6 +89,11 @@ class QuasiStaticCoulomb(Fixed, SystemWithMemory):
         """Return u_t, shape (p,)."""
         memory: Array = self.body.T @ z[: self.body.n]
         return memory
+
+    def exact_rates(self) -> tuple[Array, Array, Array, Array]:
+        """Return A, N, T and F as exact numbers, for :func:`pwscont.prove`."""
+        body = self.body
+        return dense(body.A), dense(body.N), dense(body.T), self.friction.copy()
 
     def remembering(self, memory: Array) -> RestatedCoulomb:
         """Return the static law of displacements that count from u_t."""

@@ -18,12 +18,13 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
 from itertools import islice, product
+from math import prod
 from typing import Any, final
 
 import numpy as np
 
 from pwscont.basics.arrays import Array, Signs
-from pwscont.proof.interval import SMALLEST, ULP
+from pwscont.intervals.interval import SMALLEST, ULP
 from pwscont.system.abilities import ExactMode
 
 #: Most cells that are tried.
@@ -71,7 +72,13 @@ def proved_cells(common: Array, parts: Sequence[Sequence[ExactMode]], alpha: flo
     return found
 
 
-def _rows(parts: Sequence[Sequence[ExactMode]], choice: Choice, name: str) -> list[Any]:
+def number_of_cells(parts: Sequence[Sequence[ExactMode]]) -> int:
+    """Return the number of choices of modes."""
+    return prod(len(modes) for modes in parts)
+
+
+def rows_of(parts: Sequence[Sequence[ExactMode]], choice: Choice, name: str) -> list[Any]:
+    """Return the rows of the modes of a choice."""
     return [getattr(modes[k], name) for modes, k in zip(parts, choice, strict=True)]
 
 
@@ -83,19 +90,19 @@ def _in_doubles(
     found: ProvedCells,
 ) -> list[Choice]:
     """Exclude cells, or note the solutions of cells; return the cells that are not decided."""
-    systems = [np.concatenate([common, *_rows(parts, each, "equations")]) for each in choices]
+    systems = [np.concatenate([common, *rows_of(parts, each, "equations")]) for each in choices]
     square = [len(rows) == common.shape[1] - 2 for rows in systems]
     if not all(square):
         return choices
     equations = np.array(systems)
     with np.errstate(all="ignore"):
-        centre, radius = _solved(equations, alpha)
+        (centre,), (radius,) = solved(equations, np.array([alpha]))
     known: Signs = np.all(np.isfinite(radius), axis=1)
     left = [choice for choice, is_known in zip(choices, known, strict=True) if not is_known]
     for i in np.flatnonzero(known):
-        sides = np.concatenate(_rows(parts, choices[i], "sides"))
-        value, error = _value(sides, alpha, centre[i])
-        error = _above(error + np.abs(sides[:, :-2]) @ radius[i], len(radius[i]))
+        sides = np.concatenate(rows_of(parts, choices[i], "sides"))
+        value, error = value_of(sides, alpha, centre[i])
+        error = upper(error + np.abs(sides[:, :-2]) @ radius[i], len(radius[i]))
         if (value > error).all():
             found.boxes[choices[i]] = centre[i], radius[i]
         elif not (value < -error).any():
@@ -103,23 +110,25 @@ def _in_doubles(
     return left
 
 
-def _above(x: Array, terms: int) -> Array:
+def upper(x: Array, terms: int) -> Array:
     """Return upper bounds of rounded sums of products that are not negative."""
-    upper: Array = x * (1.0 + 4.0 * (terms + 4) * ULP) + (terms + 4) * SMALLEST
-    return upper
+    bound: Array = x * (1.0 + 4.0 * (terms + 4) * ULP) + (terms + 4) * SMALLEST
+    return bound
 
 
-def _value(rows: Array, alpha: float, x: Array) -> tuple[Array, Array]:
+def value_of(rows: Array, alpha: float | Array, x: Array) -> tuple[Array, Array]:
     """Return rows times (x, alpha, 1), rounded, and a bound of the error; shapes (..., k)."""
     sizes = (np.abs(rows[..., :-2]) @ np.abs(x)[..., np.newaxis])[..., 0]
     sizes = sizes + np.abs(rows[..., -2] * alpha) + np.abs(rows[..., -1])
     value = (rows[..., :-2] @ x[..., np.newaxis])[..., 0] + (rows[..., -2] * alpha + rows[..., -1])
     terms = rows.shape[-1]
-    return value, _above((terms + 2) * ULP * sizes, terms) + terms * SMALLEST
+    return value, upper((terms + 2) * ULP * sizes, terms) + terms * SMALLEST
 
 
-def _solved(equations: Array, alpha: float) -> tuple[Array, Array]:
-    """Return solutions of square systems and bounds of their errors, infinite where not known.
+def solved(equations: Array, alphas: Array) -> tuple[Array, Array]:
+    """Return solutions of B systems (B, n, n + 2) at k alphas, and bounds of the errors.
+
+    Both of shape (k, B, n); a bound is infinite where the solution is not known.
 
     With R about the inverse of K, the error e of x solves e = (I - R K) e - R (K x + k): a radius v
     with |R (K x + k)| + |I - R K| v < v bounds the error, and K is regular.
@@ -127,20 +136,21 @@ def _solved(equations: Array, alpha: float) -> tuple[Array, Array]:
     matrix, size = equations[..., :-2], equations.shape[-1] - 2
     regular = np.linalg.slogdet(matrix)[0] != 0.0
     inverse = np.linalg.inv(np.where(regular[:, np.newaxis, np.newaxis], matrix, np.eye(size)))
+    alpha = alphas[:, np.newaxis, np.newaxis]
     rest = equations[..., -2] * alpha + equations[..., -1]
     x = -(inverse @ rest[..., np.newaxis])[..., 0]
     for _ in range(2):
-        x = x - (inverse @ _value(equations, alpha, x)[0][..., np.newaxis])[..., 0]
-    value, error = _value(equations, alpha, x)
+        x = x - (inverse @ value_of(equations, alpha, x)[0][..., np.newaxis])[..., 0]
+    value, error = value_of(equations, alpha, x)
     sizes = np.abs(inverse)
-    start = _above((sizes @ (np.abs(value) + error)[..., np.newaxis])[..., 0], size)
-    product = (size + 2) * ULP * (sizes @ np.abs(matrix) + 1.0)
-    off = _above(np.abs(np.eye(size) - inverse @ matrix) + product, size)
+    start = upper((sizes @ (np.abs(value) + error)[..., np.newaxis])[..., 0], size)
+    terms = (size + 2) * ULP * (sizes @ np.abs(matrix) + 1.0)
+    off = upper(np.abs(np.eye(size) - inverse @ matrix) + terms, size)
     more = (off @ (2.0 * start)[..., np.newaxis])[..., 0]
     radius = 2.0 * (start + more) + LEAST
-    image = _above(start + (off @ radius[..., np.newaxis])[..., 0], size)
+    image = upper(start + (off @ radius[..., np.newaxis])[..., 0], size)
     holds = regular & (image < radius).all(axis=-1)
-    return x, np.where(holds[:, np.newaxis], radius, np.inf)
+    return x, np.where(holds[..., np.newaxis], radius, np.inf)
 
 
 def _meeting(found: ProvedCells) -> Iterator[Choice]:
@@ -155,7 +165,7 @@ def _meeting(found: ProvedCells) -> Iterator[Choice]:
 
 def _may_meet(x: Array, r: Array, y: Array, s: Array | None) -> bool:
     s = 4.0 * ULP * np.abs(y) + SMALLEST if s is None else s
-    slack = _above(r + s, 2) + 4.0 * ULP * (np.abs(x) + np.abs(y))
+    slack = upper(r + s, 2) + 4.0 * ULP * (np.abs(x) + np.abs(y))
     return bool((np.abs(x - y) <= slack).all())
 
 
@@ -170,29 +180,30 @@ def _in_rationals(
     found: ProvedCells,
 ) -> None:
     """Decide a cell: note the solution, or that the cell stays open."""
-    rows = np.concatenate([common, *_rows(parts, choice, "equations")])
-    solution = _eliminated(_exact(rows, alpha))
+    rows = np.concatenate([common, *rows_of(parts, choice, "equations")])
+    solution = eliminated(exact(rows, alpha))
     if solution is None:
         return
     if not solution:
         found.open.append(choice)
         return
-    sides = _exact(np.concatenate(_rows(parts, choice, "sides")), alpha)
-    if all(_at(side, solution) >= 0 for side in sides):
+    sides = exact(np.concatenate(rows_of(parts, choice, "sides")), alpha)
+    if all(at(side, solution) >= 0 for side in sides):
         found.points.add(solution)
 
 
-def _exact(rows: Array, alpha: float) -> list[list[Fraction]]:
+def exact(rows: Array, alpha: float) -> list[list[Fraction]]:
     """Return rows (z, constant) in rational numbers, alpha put in."""
     exact = [[Fraction(float(value)) for value in row] for row in rows]
     return [[*row[:-2], row[-2] * Fraction(alpha) + row[-1]] for row in exact]
 
 
-def _at(row: list[Fraction], x: Point) -> Fraction:
+def at(row: list[Fraction], x: Point) -> Fraction:
+    """Return the value of a row (z, constant) at a point."""
     return sum((a * b for a, b in zip(row, x, strict=False) if a and b), row[-1])
 
 
-def _eliminated(rows: list[list[Fraction]]) -> Point | None:
+def eliminated(rows: list[list[Fraction]]) -> Point | None:
     """Return the solution of equations; None where there is none, () where there are several."""
     left, size = [list(row) for row in rows], len(rows[0]) - 1
     done: list[tuple[list[Fraction], int]] = []
@@ -202,8 +213,8 @@ def _eliminated(rows: list[list[Fraction]]) -> Point | None:
             continue
         left.remove(pivot)
         pivot = [value / pivot[column] for value in pivot]
-        left = [_without(row, pivot, column) for row in left]
-        done = [(_without(row, pivot, column), place) for row, place in done]
+        left = [without(row, pivot, column) for row in left]
+        done = [(without(row, pivot, column), place) for row, place in done]
         done.append((pivot, column))
     if any(row[-1] for row in left):
         return None
@@ -212,7 +223,8 @@ def _eliminated(rows: list[list[Fraction]]) -> Point | None:
     return tuple(-row[-1] for row, _ in sorted(done, key=lambda each: each[1]))
 
 
-def _without(row: list[Fraction], pivot: list[Fraction], column: int) -> list[Fraction]:
+def without(row: list[Fraction], pivot: list[Fraction], column: int) -> list[Fraction]:
+    """Return a row without a column, by a row that has 1 there."""
     factor = row[column]
     if not factor:
         return row

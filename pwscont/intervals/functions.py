@@ -13,7 +13,7 @@ from typing import final
 import numpy as np
 
 from pwscont.basics.arrays import Array, Signs
-from pwscont.proof.interval import FUNCTION_ULPS, Interval
+from pwscont.intervals.interval import FUNCTION_ULPS, Interval
 
 #: Arguments of sine and cosine from here on say nothing but [-1, 1].
 FAR = 1e6
@@ -108,33 +108,73 @@ class Elementary:
         Interval x -> interval that holds the function of every number in x.
     slope : callable
         Intervals x, y = values(x) -> interval that holds the derivative at every number in x.
+    second : callable
+        Intervals x, y, slope(x, y) -> interval that holds the second derivative.
     inverse : callable, optional
         Interval y -> interval that holds every x with a value in y.
     """
 
     values: Map
     slope: Callable[[Interval, Interval], Interval]
+    second: Callable[[Interval, Interval, Interval], Interval]
     inverse: Map | None = None
+
+
+def _cubed(x: Interval) -> Interval:
+    return x.power(3)
 
 
 ELEMENTARY: dict[str, Elementary] = {
     "sqrt": Elementary(
         Interval.sqrt,
         lambda x, y: _constant(x, 0.5) / y,
+        lambda x, y, d: -(_constant(x, 0.5) * d / x),
         lambda y: Interval(np.maximum(y.lo, 0.0), y.hi).power_of_magnitude(2),
     ),
-    "exp": Elementary(exp, lambda x, y: y, lambda y: log(Interval(np.maximum(y.lo, 0.0), y.hi))),
-    "expm1": Elementary(expm1, lambda x, y: exp(x)),
-    "log": Elementary(log, lambda x, y: _one(x) / x, exp),
-    "log1p": Elementary(log1p, lambda x, y: _one(x) / (_one(x) + x), expm1),
-    "sin": Elementary(sine, lambda x, y: cosine(x)),
-    "cos": Elementary(cosine, lambda x, y: -sine(x)),
-    "tan": Elementary(tangent, lambda x, y: _one(x) + y.square()),
-    "arcsin": Elementary(arcsin, lambda x, y: _one(x) / (_one(x) - x.square()).sqrt()),
-    "arctan": Elementary(arctan, lambda x, y: _one(x) / (_one(x) + x.square())),
-    "sinh": Elementary(sinh, lambda x, y: cosh(x), arcsinh),
-    "cosh": Elementary(cosh, lambda x, y: sinh(x)),
-    "tanh": Elementary(tanh, lambda x, y: _one(x) - y.square(), _arctanh_of),
-    "arcsinh": Elementary(arcsinh, lambda x, y: _one(x) / (_one(x) + x.square()).sqrt(), sinh),
-    "arctanh": Elementary(arctanh, lambda x, y: _one(x) / (_one(x) - x.square()), tanh),
+    "exp": Elementary(
+        exp,
+        lambda x, y: y,
+        lambda x, y, d: y,
+        lambda y: log(Interval(np.maximum(y.lo, 0.0), y.hi)),
+    ),
+    "expm1": Elementary(expm1, lambda x, y: exp(x), lambda x, y, d: d),
+    "log": Elementary(log, lambda x, y: _one(x) / x, lambda x, y, d: -d.square(), exp),
+    "log1p": Elementary(
+        log1p, lambda x, y: _one(x) / (_one(x) + x), lambda x, y, d: -d.square(), expm1
+    ),
+    "sin": Elementary(sine, lambda x, y: cosine(x), lambda x, y, d: -y),
+    "cos": Elementary(cosine, lambda x, y: -sine(x), lambda x, y, d: -y),
+    "tan": Elementary(
+        tangent, lambda x, y: _one(x) + y.square(), lambda x, y, d: _constant(x, 2.0) * y * d
+    ),
+    "arcsin": Elementary(
+        arcsin,
+        lambda x, y: _one(x) / (_one(x) - x.square()).sqrt(),
+        lambda x, y, d: x * _cubed(d),
+    ),
+    "arctan": Elementary(
+        arctan,
+        lambda x, y: _one(x) / (_one(x) + x.square()),
+        lambda x, y, d: _constant(x, -2.0) * x * d.square(),
+    ),
+    "sinh": Elementary(sinh, lambda x, y: cosh(x), lambda x, y, d: y, arcsinh),
+    "cosh": Elementary(cosh, lambda x, y: sinh(x), lambda x, y, d: y),
+    "tanh": Elementary(
+        tanh,
+        lambda x, y: _one(x) - y.square(),
+        lambda x, y, d: _constant(x, -2.0) * y * d,
+        _arctanh_of,
+    ),
+    "arcsinh": Elementary(
+        arcsinh,
+        lambda x, y: _one(x) / (_one(x) + x.square()).sqrt(),
+        lambda x, y, d: -(x * _cubed(d)),
+        sinh,
+    ),
+    "arctanh": Elementary(
+        arctanh,
+        lambda x, y: _one(x) / (_one(x) - x.square()),
+        lambda x, y, d: _constant(x, 2.0) * x * d.square(),
+        tanh,
+    ),
 }

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import prod
 from typing import Any, cast, final
 
 import numpy as np
@@ -12,9 +11,11 @@ from pwscont.basics.arrays import Array, finite_array
 from pwscont.basics.errors import InvalidInputError
 from pwscont.basics.looks import counted
 from pwscont.basics.rounding import CONFIDENCE
+from pwscont.exact.cells import MOST_CELLS, number_of_cells, proved_cells
+from pwscont.exact.pieces import PiecesProof
+from pwscont.exact.rates import RatesProof
 from pwscont.graph.branch_graph import BranchGraph
 from pwscont.graph.records import Solution
-from pwscont.proof.cells import MOST_CELLS, proved_cells
 from pwscont.search.enumeration import Solutions
 from pwscont.system.abilities import ExactData, shown_size
 from pwscont.system.system import PiecewiseSystem
@@ -61,47 +62,62 @@ class CountProof:
 ASSUMED = "assumed: arithmetic of IEEE 754 to nearest; the data count as the doubles that they are"
 
 
-def prove(given: BranchGraph | Solutions, alpha: float | None = None) -> CountProof:
-    """Prove how many solutions a system of linear pieces has at one alpha.
+def prove(given: Any, alpha: float | None = None) -> CountProof | PiecesProof | RatesProof:
+    """Prove how many solutions a system of linear pieces has at one alpha, or all of a graph.
+
+    Of an evolution of ``QuasiStaticCoulomb``, that there is no other evolution.
 
     Every cell gets a certificate: floating point with bounds of all rounding, or rational numbers
     where the bounds decide nothing. The data of the system count as exact (docs/proofs).
 
     Parameters
     ----------
-    given : BranchGraph or Solutions
+    given : BranchGraph, Solutions or EvolutionGraph
         The answer to be proved: a graph, or what :func:`pwscont.enumerate_solutions` returned. The
         system must be a :class:`~pwscont.extending.ExactData`: contact with Coulomb friction, and
         formulas with ``linear=True`` such as :func:`pwscont.LCP`.
     alpha : float, optional
-        Where solutions of a graph are counted.
+        Where solutions of a graph are counted. Without alpha every piece and transition of the
+        graph is proved, and where cells are few, that there are no other solutions.
 
     Returns
     -------
-    CountProof
-        With ``holds``, ``count``, ``statements`` and ``open``.
+    CountProof, PiecesProof or RatesProof
+        With ``holds``, ``statements`` and ``open``, and ``count`` or ``is_complete``.
 
     Raises
     ------
     InvalidInputError
-        If ``given`` is something else, alpha is missing, the system hands over no exact data, or
+        If ``given`` is something else, the system hands over no exact data, or
         has too many cells.
 
     Examples
     --------
-    >>> from pwscont import LCP, enumerate_solutions, prove
+    >>> from pwscont import LCP, enumerate_solutions, explore, prove
     >>> problem = LCP([[1, 2], [2, 1]], q=[-1, -1], d=[0, 0])
     >>> prove(enumerate_solutions(problem, 0.0)).statements[0]
     'exactly 3 solutions at alpha = 0, proved'
+    >>> prove(explore(LCP([[1, 2], [2, 1]], q=[-1, -1], d=[1, 0]), (-1.0, 2.0))).statements[0]
+    'complete, proved: 3 pieces and 2 transitions'
     """
+    if hasattr(getattr(given, "system", None), "exact_rates"):
+        return RatesProof(given)
     system, alpha, known = _given(given, alpha)
     if not isinstance(system, ExactData):
         raise InvalidInputError(
             f"{type(system).__name__} hands over no exact data: prove takes contact problems and "
             "formulas with linear=True; formulas of curved systems are proved by Everywhere"
         )
+    if alpha is None:
+        rows = system.exact_lines()
+        if rows is None:
+            raise InvalidInputError(
+                f"the data of {type(system).__name__} are not affine in alpha: "
+                "prove(graph, alpha) needs the alpha at which to count"
+            )
+        return PiecesProof(given, rows)
     common, parts = system.exact_rows(alpha)
-    cells = prod(len(modes) for modes in parts)
+    cells = number_of_cells(parts)
     if cells > MOST_CELLS:
         raise InvalidInputError(f"{cells} cells are too many: at most {MOST_CELLS} are proved")
     found = proved_cells(common, parts, alpha)
@@ -111,11 +127,11 @@ def prove(given: BranchGraph | Solutions, alpha: float | None = None) -> CountPr
     return CountProof(alpha, len(known), centres, _are_matched(centres, known), found.open)
 
 
-def _given(given: Any, alpha: float | None) -> tuple[Any, float, Sequence[Solution]]:
+def _given(given: Any, alpha: float | None) -> tuple[Any, float | None, Sequence[Solution]]:
     """Return the system, alpha and the solutions to be proved."""
     if isinstance(given, BranchGraph):
         if alpha is None:
-            raise InvalidInputError("prove(graph, alpha) needs the alpha at which to count")
+            return given.system, None, []
         alpha = float(finite_array("alpha", alpha, ()))
         return given.system, alpha, given.solutions(alpha)
     if not isinstance(given, Solutions) or given.alpha is None:

@@ -1,0 +1,1 @@
+"""Systems of linear pieces with exact data: counts, pieces and transitions, proved."""

@@ -1,0 +1,104 @@
+"""Evolutions of contact with friction: at most one rate and one state, proved from exact data.
+
+For the differences w of displacement rates and dr of force rates of two solutions,
+A w = N' dr_nu + T' dr_t. Normal rates give dr_nu . w_nu <= 0, and friction gives
+dr_t,i w_t,i <= F_i |dr_nu,i w_t,i|.
+Where the rows of N and T are unit vectors, dr_nu = N A w, so that w = 0 if the form
+
+    w . A w - sum over i of s_i F_i (N A w)_i (T w)_i
+
+is positive definite for all signs s_i: then rates are unique at every state, under every load, and
+so are states (docs/theory, F17). The form is affine in s: the signs are enough.
+"""
+
+from __future__ import annotations
+
+from itertools import product
+from typing import Any, final
+
+import numpy as np
+
+from pwscont.basics.arrays import Array
+from pwscont.basics.looks import counted
+from pwscont.intervals.interval import ULP
+
+#: Most nodes with friction, whose signs are all tried.
+MOST_NODES = 10
+ASSUMED = "assumed: arithmetic of IEEE 754 to nearest; A, N, T and F count as the doubles they are"
+
+
+@final
+class RatesProof:
+    """What is proved of an evolution; made by :func:`pwscont.prove`.
+
+    Attributes
+    ----------
+    holds : bool
+        Whether it is proved that there is exactly one evolution with finitely many events.
+    statements : tuple of str
+        What is proved, and of which data, a sentence each.
+    open : list of str
+        What stands in the way.
+    """
+
+    def __init__(self, evolution: Any) -> None:
+        self.open = list(_doubts(evolution))
+        self.holds = not self.open
+        words = "exactly one evolution with finitely many events, proved: rates are unique"
+        self.statements = (
+            f"{words} at every state" if self.holds else f"not proved: {'; '.join(self.open)}",
+            ASSUMED,
+        )
+
+    def __repr__(self) -> str:
+        return f"RatesProof({self.statements[0]})"
+
+
+def _doubts(evolution: Any) -> list[str]:
+    """Return what stands in the way of a proof."""
+    paths, losses = len(evolution.paths()), len(evolution.losses())
+    if paths != 1 or losses or not evolution.is_complete:
+        return [f"{counted(paths, 'evolution')} found: {evolution.guarantee}"]
+    A, N, T, F = evolution.system.exact_rates()
+    rubs = np.flatnonzero(F > 0.0)
+    rows = np.vstack([N, T[rubs]])
+    is_unit = (np.abs(rows).sum(axis=1) == 1.0) & ((rows != 0.0).sum(axis=1) == 1)
+    if not is_unit.all() or (np.abs(rows).sum(axis=0) > 1.0).any():
+        return ["the rows of N and T are no unit vectors of unknowns of their own"]
+    if len(rubs) > MOST_NODES:
+        return [f"{len(rubs)} nodes with friction are more than {MOST_NODES}"]
+    for signs in product((-1.0, 1.0), repeat=len(rubs)):
+        if not _is_unique(A, N[rubs], T[rubs], np.array(signs) * F[rubs]):
+            return ["rates may not be unique at some state: a form is not positive definite"]
+    return []
+
+
+def _is_unique(A: Array, N: Array, T: Array, friction: Array) -> bool:
+    """Tell whether the form is certainly positive definite for signed friction."""
+    coupled = T.T @ (friction[:, np.newaxis] * (N @ A))
+    form = 0.5 * (A + A.T) - 0.5 * (coupled + coupled.T)
+    sizes = np.abs(A) + np.abs(T.T) @ (np.abs(friction)[:, np.newaxis] * (np.abs(N) @ np.abs(A)))
+    error = (2 * len(friction) + 8) * ULP * (sizes + sizes.T)
+    return is_positive_definite(form, error)
+
+
+def is_positive_definite(matrix: Array, error: Array) -> bool:
+    """Tell whether all symmetric matrices within an error of a matrix are positive definite.
+
+    If the Cholesky factorisation of matrix - c I ends in floating point, with c above the trace
+    times (n + 1) roundoffs, the matrix is positive definite (Rump, Verification of positive
+    definiteness, *BIT* 46 (2006) 433-452). Rows and columns are scaled by powers of two before.
+    """
+    diagonal = np.diag(matrix)
+    if not (np.isfinite(matrix).all() and (diagonal > 0.0).all()):
+        return False
+    scale = 2.0 ** -np.round(0.5 * np.log2(diagonal))
+    scaled = scale[:, np.newaxis] * matrix * scale
+    far = (scale[:, np.newaxis] * error * scale).sum(axis=1).max()
+    size = len(scaled)
+    shift = (2 * size + 8) * ULP * np.trace(scaled) + 2.0 * far
+    try:
+        np.linalg.cholesky(scaled - shift * np.eye(size))
+    except np.linalg.LinAlgError:
+        return False
+    return bool(shift < 1.0)

@@ -1,0 +1,306 @@
+"""What is proved of the solutions in a box: plain numbers, which the file of a graph keeps.
+
+The theorem stands on the page "Proofs" of the manual; the room ``proof`` makes the records.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+from typing import Any, Protocol, final
+
+import numpy as np
+
+from pwscont.basics.arrays import Array, finite_array
+from pwscont.basics.errors import InvalidInputError, SystemNeededError
+from pwscont.basics.looks import counted
+from pwscont.basics.rounding import CONFIDENCE
+from pwscont.graph.queries import solutions_at
+from pwscont.graph.structure import Structure
+from pwscont.system.box import Box
+
+#: A solution of the graph is a proved solution if closer than this part of a typical magnitude, or
+#: of the solution, or closer than the errors.
+CLOSE = 1e-6
+Range = tuple[float, float]
+Corners = tuple[Array, Array]
+
+
+class Proof(Protocol):
+    """What is proved of the solutions of a graph, see ``graph.proof``."""
+
+    def judged(self, graph: Structure, words: str) -> str:
+        """Return the guarantee of a graph with what is proved, from the guarantee without."""
+
+
+@final
+@dataclass(frozen=True, slots=True, eq=False)
+class CountedStretch:
+    """A stretch of alpha between folds, ends excluded but for those of the interval.
+
+    Attributes
+    ----------
+    lo, hi : float
+    alpha : float
+        Where solutions were counted.
+    solutions : list of tuple of ndarray, shape (n,), or None
+        The least and largest unknowns of each solution at alpha; None where the count is not
+        certain.
+    """
+
+    lo: float
+    hi: float
+    alpha: float
+    solutions: list[Corners] | None
+
+    @property
+    def count(self) -> int | None:
+        """The proved number of solutions in the box; None where the count is not certain."""
+        return None if self.solutions is None else len(self.solutions)
+
+
+@final
+@dataclass(frozen=True, eq=False, repr=False)
+class BoxProof:
+    """All solutions of a formula in a box of (z, alpha), as far as proved: ``graph.proof``.
+
+    Attributes
+    ----------
+    box : tuple of ndarray, shape (n,)
+        The least and largest unknowns; nothing is said of solutions outside.
+    interval : tuple of float
+        The values of alpha.
+    stretches : list of CountedStretch
+        The stretches of alpha between folds, windows and open boxes.
+    turns : list of tuple of float
+        The narrow ranges (lo, hi, turn) of alpha between stretches. The number of solutions only
+        grows in the range (turn 1), only falls (-1), or stays (0); not a number: not known.
+    open : list of tuple of ndarray, shape (n + 1,)
+        Boxes (least, largest) of (z, alpha) that are not decided.
+    boxes : int
+        How many boxes were looked at.
+    assumed : str
+        What the proof assumes.
+
+    Examples
+    --------
+    >>> from pwscont import Everywhere, Switched, explore
+    >>> arch = Switched(1, lambda z, t, sw: z * (z - 1) * (z - 2) + 5 * sw.relu(z - 1) - t)
+    >>> proof = explore(arch, (-0.5, 1.0), search=Everywhere()).proof
+    >>> proof.words, proof.count(0.2), len(proof.folds)
+    ('complete in the box, proved', 3, 2)
+    """
+
+    box: Corners
+    interval: Range
+    stretches: list[CountedStretch]
+    turns: list[tuple[float, float, float]]
+    open: list[Corners]
+    boxes: int
+    assumed: str
+
+    @cached_property
+    def folds(self) -> list[Range]:
+        """Narrow ranges (lo, hi) of alpha with folds that all turn the same way.
+
+        Folds, or places where curves leave the box: the number of solutions is proved to go from
+        the number before to the number after without turning.
+        """
+        before = {each.hi: each.count for each in self.stretches}
+        after = {each.lo: each.count for each in self.stretches}
+        return [
+            (lo, hi)
+            for lo, hi, turn in self.turns
+            if _are_explained(before.get(lo), after.get(hi), turn)
+        ]
+
+    @cached_property
+    def windows(self) -> list[Range]:
+        """Ranges (lo, hi) of alpha, off folds and open boxes, in which the count is not said."""
+        others = [(lo, hi) for lo, hi, _ in self.turns if (lo, hi) not in self.folds]
+        return [(lo, hi) for lo, hi in others if not self._is_open(lo, hi)]
+
+    def _is_open(self, lo: float, hi: float) -> bool:
+        return any(least[-1] <= hi and largest[-1] >= lo for least, largest in self.open)
+
+    def count(self, alpha: float) -> int | None:
+        """Return the proved number of solutions in the box; None where undecided, and at folds.
+
+        Raises
+        ------
+        InvalidInputError
+            If alpha lies outside the interval.
+        """
+        first, last = self.interval
+        if not first <= alpha <= last:
+            raise InvalidInputError(f"alpha = {alpha} lies outside the interval ({first}, {last})")
+        if any(lo <= alpha <= hi for lo, hi, _ in self.turns):
+            return None
+        return next((each.count for each in self.stretches if each.lo <= alpha <= each.hi), None)
+
+    # -- words ---------------------------------------------------------------------------------
+
+    @property
+    def holds(self) -> bool:
+        """Whether the number of solutions is proved at every alpha but at folds and in windows."""
+        return not self.open and all(each.count is not None for each in self.stretches)
+
+    @property
+    def words(self) -> str:
+        """What is proved, in a few words."""
+        if not self.holds:
+            vague = [each for each in self.stretches if each.count is None]
+            parts = [several(len(self.open), "box")] if self.open else []
+            parts += [several(len(vague), "stretch")] if vague else []
+            return f"not proved in {' and in '.join(parts)}"
+        if not self.windows:
+            return "complete in the box, proved"
+        return (
+            f"complete in the box, proved, except in {counted(len(self.windows), 'window')} of "
+            f"alpha of width up to {_widest(self.windows):.1g}"
+        )
+
+    @property
+    def statements(self) -> tuple[str, ...]:
+        """What is proved, of which box, and what is assumed, a sentence each."""
+        ranges = ", ".join(f"[{lo:.8g}, {hi:.8g}]" for lo, hi in zip(*self.box, strict=True))
+        where = f"the box: {ranges}; nothing is said of solutions outside"
+        if not self.folds:
+            return (self.words, where, self.assumed)
+        folds = (
+            f"folds in {counted(len(self.folds), 'range')} of alpha of width up to "
+            f"{_widest(self.folds):.1g}: there the number of solutions goes from the number before "
+            "to the number after without turning"
+        )
+        return (self.words, folds, where, self.assumed)
+
+    def judged(self, graph: Structure, words: str) -> str:
+        """Return the guarantee of a graph with what is proved, from the guarantee without."""
+        try:
+            with np.errstate(all="ignore"):
+                wrong = next(self.disagreements(graph), None)
+        except SystemNeededError:  # of a graph that was loaded without the system
+            wrong = None
+        if wrong is not None:
+            alpha, count, found = wrong
+            return (
+                f"not complete: {counted(count, 'solution')} proved in the box at "
+                f"{graph.parameter} = {alpha:.8g}, but {found} of them found; {words}"
+            )
+        return f"{self.words}; {words}" if self.holds else f"{words}; {self.words}"
+
+    def __repr__(self) -> str:
+        return f"BoxProof({self.words}; {several(self.boxes, 'box')})"
+
+    # -- comparison with a graph ---------------------------------------------------------------
+
+    def disagreements(self, graph: Structure) -> Iterator[tuple[float, int, int]]:
+        """Yield where a graph has not the proved solutions: alpha, and how many are proved, found.
+
+        Solutions are compared where the solutions were counted, and numbers between special points.
+        """
+        known = {each.alpha: each.solutions for each in self.stretches}
+        between = [pair for pair in pairwise(graph.breaks()) if not _holds_one(pair, known)]
+        middles = [0.5 * (lo + hi) for lo, hi in between]
+        for alpha in [*known, *middles]:
+            count = self.count(alpha)
+            if count is None:
+                continue
+            found = self._inside(graph, alpha)
+            proved = known.get(alpha) or ()
+            if len(found) != count or not all(_is_found(each, found) for each in proved):
+                yield alpha, count, len(found)
+
+    def _inside(self, graph: Structure, alpha: float) -> list[Corners]:
+        """Return the solutions of a graph in the box, with their errors."""
+        lower, upper = self.box
+        own = Box.of(graph.system) if graph.system is not None else None
+        found = []
+        for solution in solutions_at(graph, alpha):
+            z, error = solution.z, solution.error[: len(solution.z)]
+            if own is not None and own.is_periodic:
+                z = own.wrapped(np.append(z, np.zeros(len(own.period) - len(z))))[: len(z)]
+            if ((z >= lower) & (z <= upper)).all():
+                found.append((z, error if len(error) else np.zeros_like(z)))
+        return found
+
+    # -- file ----------------------------------------------------------------------------------
+
+    def plain(self) -> dict[str, Any]:
+        """Return the proof as lists and numbers, for a file."""
+        stretches = [
+            [each.lo, each.hi, each.alpha, _lists(each.solutions)] for each in self.stretches
+        ]
+        return {
+            "box": _lists([self.box])[0],
+            "interval": self.interval,
+            "stretches": stretches,
+            "turns": [[lo, hi, None if np.isnan(turn) else turn] for lo, hi, turn in self.turns],
+            "open": _lists(self.open),
+            "boxes": self.boxes,
+            "assumed": self.assumed,
+        }
+
+    @classmethod
+    def read(cls, plain: Mapping[str, Any]) -> BoxProof:
+        """Return the proof that :meth:`plain` wrote down.
+
+        Raises
+        ------
+        KeyError, TypeError, ValueError
+            If the entries make no sense.
+        """
+        lo, hi = (float(end) for end in plain["interval"])
+        stretches = [
+            CountedStretch(float(a), float(b), float(at), _corners(found))
+            for a, b, at, found in plain["stretches"]
+        ]
+        turns = [
+            (float(a), float(b), np.nan if turn is None else float(turn))
+            for a, b, turn in plain["turns"]
+        ]
+        box, left = _corners([plain["box"]]) or [], _corners(plain["open"]) or []
+        boxes, assumed = int(plain["boxes"]), str(plain["assumed"])
+        return cls(box[0], (lo, hi), stretches, turns, left, boxes, assumed)
+
+
+def several(number: int, noun: str) -> str:
+    """Return a number with a noun whose plural ends with es."""
+    return f"{number} {noun}{'' if number == 1 else 'es'}"
+
+
+def _widest(ranges: list[Range]) -> float:
+    return max(hi - lo for lo, hi in ranges)
+
+
+def _are_explained(before: int | None, after: int | None, turn: float) -> bool:
+    """Tell whether counts before and after folds are those of folds that turn one way."""
+    if before is None or after is None or np.isnan(turn):
+        return False
+    return bool(np.sign(after - before) in (0.0, turn))
+
+
+def _holds_one(ends: Range, alphas: Iterable[float]) -> bool:
+    return any(ends[0] < alpha < ends[1] for alpha in alphas)
+
+
+def _is_found(proved: Corners, found: list[Corners]) -> bool:
+    """Tell whether a solution between two corners may be one of the solutions found."""
+    lo, hi = proved
+    for z, error in found:
+        slack = (hi - lo) + CONFIDENCE * error + CLOSE * (1.0 + np.abs(z))
+        if (np.abs(z - 0.5 * (lo + hi)) <= slack).all():
+            return True
+    return False
+
+
+def _lists(pairs: list[Corners] | None) -> Any:
+    return None if pairs is None else [[lo.tolist(), hi.tolist()] for lo, hi in pairs]
+
+
+def _corners(lists: Any) -> list[Corners] | None:
+    if lists is None:
+        return None
+    return [(finite_array("least", lo), finite_array("largest", hi)) for lo, hi in lists]

@@ -1,0 +1,1 @@
+"""Arithmetic of intervals with outward rounding, thousands at a time; imported when asked for."""

@@ -1,0 +1,231 @@
+"""Graphs that a proof stands behind: classes, the default, files, and what is refused."""
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from pages import blocks, check_answers
+
+import pwscont.proof.clusters
+import pwscont.proof.cover
+import pwscont.proof.evaluate
+import pwscont.proof.everywhere
+import pwscont.proof.proof
+import pwscont.proof.tubes
+from pwscont import (
+    LCP,
+    BranchGraph,
+    Complementarity,
+    Everywhere,
+    InvalidInputError,
+    Limits,
+    PiecewiseSystem,
+    Switched,
+    explore,
+    trace,
+)
+from pwscont.curve.metric import Metric
+from pwscont.proof.tape import traced
+
+pytestmark = pytest.mark.sweep(2)  # the others take too long for the README's command
+
+ARCH = Switched(1, lambda z, t, sw: z * (z - 1) * (z - 2) + 5 * sw.relu(z - 1) - t)
+
+
+# -- classes --------------------------------------------------------------------------------------
+
+
+class Arch(PiecewiseSystem):
+    """The README's system."""
+
+    size = 1
+    jump = 0.0
+
+    def test_functions(self, z, alpha):
+        return z - 1.0
+
+    def residual(self, z, alpha, character):
+        stop = 5.0 * (z - 1.0) + self.jump if character.signs[0] else 0.0
+        return z * (z - 1.0) * (z - 2.0) + stop - alpha
+
+
+def test_a_class_is_proved_across_its_kinks():
+    graph = explore(Arch(), (-0.5, 1.0), search=Everywhere())
+    assert graph.guarantee == "complete in the box, proved; balanced"
+    assert [graph.proof.count(t) for t in (-0.2, 0.2, 0.7)] == [1, 3, 1]
+    assert "agree where tests vanish" in graph.proof.statements[-1]
+
+
+def test_a_class_whose_selections_differ_is_refused():
+    system = Arch()
+    system.jump = 1e-3
+    metric = Metric(np.array([1.0, 1.5]), (-0.5, 1.0))
+    with pytest.raises(InvalidInputError, match="differ where a test vanishes"):
+        Everywhere(box=(-5.0, 5.0)).prove(system, metric, (-0.5, 1.0))
+
+
+def test_a_class_that_asks_for_numbers_is_refused_in_words():
+    class Plain(Arch):
+        def residual(self, z, alpha, character):
+            return super().residual(z, float(alpha), character)
+
+    with pytest.raises(InvalidInputError, match="plain number"):
+        explore(Plain(), (-0.5, 1.0), search=Everywhere())
+
+
+# -- by default -----------------------------------------------------------------------------------
+
+
+def test_explore_proves_small_formulas_by_default():
+    graph = explore(ARCH, (-0.5, 1.0))
+    assert graph.guarantee == "complete in the box, proved; balanced"
+    assert graph.proof.boxes < 1000
+    assert "proved" in repr(graph)
+    assert graph.to_dict()["guarantee"] == graph.guarantee
+
+
+def test_by_default_what_is_not_proved_is_not_mentioned():
+    graph = explore(Switched(1, lambda z, t, sw: (z - t) ** 2 * (z - 3)), (-1.0, 1.0))
+    assert graph.proof is None
+    assert "prove" not in graph.guarantee
+
+
+def test_nothing_is_proved_by_default_where_limits_are_set():
+    graph = explore(ARCH, (-0.5, 1.0), limits=Limits(seconds=600.0))
+    assert (graph.proof, graph.guarantee) == (None, "balanced")
+
+
+def test_the_default_proof_finds_what_the_default_search_misses(monkeypatch):
+    loop = Switched(1, lambda z, t, sw: (sw.abs(z - 30) + 100 * (t - 0.123) ** 2 - 1e-3) * (z + 1))
+    with monkeypatch.context() as without:
+        without.setattr(pwscont.proof.everywhere, "MANY_UNKNOWNS", 0)
+        assert explore(loop, (-1.0, 1.0)).count(0.123) == 1
+    graph = explore(loop, (-1.0, 1.0))
+    assert graph.count(0.123) == graph.proof.count(0.123) == 3
+    assert graph.guarantee.startswith("complete in the box, proved; ")
+
+
+def test_a_saved_graph_keeps_the_proof(tmp_path):
+    graph = explore(ARCH, (-0.5, 1.0), search=Everywhere())
+    graph.save(tmp_path / "arch")
+    for again in (
+        BranchGraph.load(tmp_path / "arch"),
+        BranchGraph.load(tmp_path / "arch", system=ARCH),
+    ):
+        assert again.guarantee == graph.guarantee
+        assert again.proof.statements == graph.proof.statements
+        assert again.proof.folds == graph.proof.folds
+        assert [again.proof.count(t) for t in (-0.2, 0.2, 0.7)] == [1, 3, 1]
+
+
+def test_an_open_proof_is_kept_as_such(tmp_path):
+    pitchfork = Switched(1, lambda z, t, sw: z**3 - t * z)
+    graph = explore(pitchfork, (-1.0, 1.0), search=Everywhere(box=(-3.0, 3.0)))
+    graph.save(tmp_path / "pitchfork")
+    again = BranchGraph.load(tmp_path / "pitchfork", system=pitchfork)
+    assert again.proof.words == graph.proof.words == "not proved in 1 box"
+    assert [again.proof.count(t) for t in (-0.5, 0.0, 0.5)] == [1, None, 3]
+
+
+# -- graphs ----------------------------------------------------------------------------------------
+
+
+def test_a_graph_says_what_is_proved():
+    graph = explore(ARCH, (-0.5, 1.0), search=Everywhere())
+    assert graph.guarantee.startswith("complete in the box, proved; ")
+    assert [graph.proof.count(t) for t in (-0.2, 0.2, 0.7)] == [1, 3, 1]
+    assert graph.proof.count(0.0) is None
+    assert graph.proof.statements[1].startswith("folds in 2 ranges of alpha of width up to ")
+    assert "[-1000, 1000]" in graph.proof.statements[2]
+    assert "IEEE 754" in graph.proof.statements[3]
+    with pytest.raises(InvalidInputError, match="outside"):
+        graph.proof.count(2.0)
+
+
+def test_a_graph_with_a_branch_dropped_says_so():
+    whole = explore(ARCH, (-0.5, 1.0), search=Everywhere())
+    two = Switched(1, lambda z, t, sw: (z - 2 + t) * (z + 2 - t))
+    proof = explore(two, (-1.0, 1.0), search=Everywhere()).proof
+    part = trace(two, ([2.0], 0.0), (-1.0, 1.0))
+    part.proof = proof
+    assert "2 solutions proved in the box at alpha = 0, but 1 of them found" in part.guarantee
+    assert "but" not in whole.guarantee
+
+
+def test_a_graph_on_another_curve_says_so():
+    """As many solutions as proved, but others: a branch that jumped."""
+    one, other = (Switched(1, lambda z, t, sw, c=c: z - t - c) for c in (0.0, 1e-3))
+    graph = explore(one, (-1.0, 1.0), search=Everywhere())
+    wrong = explore(other, (-1.0, 1.0))
+    wrong.proof = graph.proof
+    assert graph.guarantee.startswith("complete in the box, proved; ")
+    assert "1 solution proved in the box at alpha = 0" in wrong.guarantee
+
+
+def test_everywhere_finds_a_loop_that_other_searches_miss():
+    loop = Switched(1, lambda z, t, sw: sw.abs(z - 300) + 100 * (t - 0.123) ** 2 - 1e-4)
+    graph = explore(loop, (-1.0, 1.0), search=Everywhere())
+    assert graph.count(0.123) == graph.proof.count(0.123) == 2
+
+
+def test_complementarity_is_traced():
+    problem = Complementarity(lambda z, t: t + 1 - z**2, lower=0.0, upper=2.0, n=1)
+    proof = explore(problem, (-0.5, 5.0), search=Everywhere(box=(-1.0, 5.0))).proof
+    assert proof.holds
+    assert [proof.count(t) for t in (0.0, 4.0)] == [3, 1]
+
+
+REFUSED = {
+    "a plain number": (lambda z, t, sw: z - float(t), "plain number"),
+    "complex numbers": (lambda z, t, sw: ((z + 1j) * (t + 1j)).imag, "no real number"),
+    "a function it does not know": (lambda z, t, sw: np.cbrt(z) - t, "cbrt"),
+}
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_what_cannot_be_traced_is_refused_in_words(name):
+    f, words = REFUSED[name]
+    with pytest.raises(InvalidInputError, match=words):
+        traced(f, 1)
+
+
+def test_a_decision_hidden_from_the_tape_is_seen():
+    def sly(z, t, sw):
+        return z - t if z.dtype.kind == "O" else z - t + 1e-3
+
+    with pytest.raises(InvalidInputError, match="decides by something"):
+        explore(Switched(1, sly), (-1.0, 1.0), search=Everywhere())
+
+
+def test_systems_without_a_formula_are_refused():
+    with pytest.raises(InvalidInputError, match="hands over no formula"):
+        explore(LCP([[2.0]], [0.0], [-1.0]), (-1.0, 1.0), search=Everywhere())
+
+
+@pytest.mark.parametrize("box", [3.0, (1.0, 0.0), ([0.0, 0.0], [1.0, 1.0, 1.0]), (0.0, np.inf)])
+def test_a_box_that_makes_no_sense_is_refused(box):
+    with pytest.raises(InvalidInputError, match="box"):
+        Everywhere(box=box)
+
+
+def test_nothing_is_imported_unless_asked_for():
+    code = (
+        "import sys\nfrom pwscont import LCP, explore\n"
+        "explore(LCP([[2.0]], [0.0], [-1.0]), (-1.0, 1.0))\nprint('pwscont.proof' in sys.modules)"
+    )
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert run.stdout.split() == ["False"]
+
+
+def test_seconds_must_be_positive():
+    with pytest.raises(InvalidInputError, match="seconds"):
+        Everywhere(seconds=0.0)
+
+
+def test_the_page_of_the_manual_says_what_is_true():
+    names, answers = {}, 0
+    for code in blocks("proofs.rst"):
+        exec(compile(code, "proofs.rst", "exec"), names)
+        answers += check_answers(code, names)
+    assert answers == 6
