@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 import random_bodies
 import reference_enumeration
-from pwscont.graph.place import Track
 from pwscont_coulomb import AffineLoad, ContactBody, CoulombLoad, LoadHistory, QuasiStaticCoulomb
 from pwscont_coulomb.scenes import example3, fig7
 from rational import integer_family, number_of_solutions
@@ -30,6 +29,7 @@ from pwscont.exact.cells import proved_cells
 from pwscont.exact.pieces import PiecesProof
 from pwscont.exact.rates import is_positive_definite
 from pwscont.extending import ExactMode
+from pwscont.graph.records import Track
 from pwscont.search.enumeration import Solutions
 
 GAME = LCP([[1, 2], [2, 1]], q=[-1, -1], d=[1, 0])
