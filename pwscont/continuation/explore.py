@@ -180,13 +180,21 @@ def followed(
         return follow(plan, starts_of(plan))
     with plan.few_threads():
         plan, starts = _measured(plan, guess, starts_of)
+    found: list[Found] = []
     for _ in range(REVISIONS):
         try:
-            return follow(replace(plan, gauge=Gauge(plan.metric)), starts)
+            return follow(replace(plan, gauge=Gauge(plan.metric)), _kept(starts, found))
         except MisjudgedError as wrong:
             plan = _with(plan, wrong.magnitudes)
-            starts = starts_of(plan)
+            starts = chain(tuple(found), starts_of(plan))
     return follow(plan, starts)
+
+
+def _kept(starts: Iterator[Found], found: list[Found]) -> Iterator[Found]:
+    """Yield starts, and keep the starts: other magnitudes may hide what lies far from zero."""
+    for start in starts:
+        found.append(start)
+        yield start
 
 
 def _measured(
@@ -206,7 +214,7 @@ def _measured(
     if are_alike(sizes, plan.metric.scale[:-1]):
         return plan, chain(first, starts)
     plan = _with(plan, sizes)
-    return plan, starts_of(plan)
+    return plan, chain(first, starts_of(plan))
 
 
 def _with(plan: Plan, magnitudes: Array) -> Plan:

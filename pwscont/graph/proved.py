@@ -165,8 +165,7 @@ class BoxProof:
     @property
     def statements(self) -> tuple[str, ...]:
         """What is proved, of which box, and what is assumed, a sentence each."""
-        ranges = ", ".join(f"[{lo:.8g}, {hi:.8g}]" for lo, hi in zip(*self.box, strict=True))
-        where = f"the box: {ranges}; nothing is said of solutions outside"
+        where = f"the box: {self._ranges}; nothing is said of solutions outside"
         if not self.folds:
             return (self.words, where, self.assumed)
         folds = (
@@ -189,7 +188,14 @@ class BoxProof:
                 f"not complete: {counted(count, 'solution')} proved in the box at "
                 f"{graph.parameter} = {alpha:.8g}, but {found} of them found; {words}"
             )
-        return f"{self.words}; {words}" if self.holds else f"{words}; {self.words}"
+        if not self.holds:
+            return f"{words}; {self.words}"
+        where = "" if graph.pieces else f" ({self._ranges})"  # all may lie outside
+        return f"{self.words}{where}; {words}"
+
+    @property
+    def _ranges(self) -> str:
+        return ", ".join(f"[{lo:.8g}, {hi:.8g}]" for lo, hi in zip(*self.box, strict=True))
 
     def __repr__(self) -> str:
         return f"BoxProof({self.words}; {several(self.boxes, 'box')})"

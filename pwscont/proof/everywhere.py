@@ -56,8 +56,8 @@ class Everywhere(Search):
     ----------
     box : tuple of array_like, optional
         The least and largest unknowns, each broadcastable to (n,). Default: the bounds of the
-        system; where there is no bound, a thousand typical magnitudes to both sides of zero; of a
-        periodic unknown, one period. Nothing is proved of solutions outside the box.
+        system; where there is no bound, a thousand typical magnitudes to both sides of zero and of
+        known branches; of a periodic unknown, one period. Nothing is proved of solutions outside.
     seconds : float
         After how many seconds boxes that are not decided are left open.
 
@@ -101,7 +101,7 @@ class Everywhere(Search):
         known: KnownBranches,
     ) -> Iterator[Found]:
         """Yield the proved solutions, then what the default search finds if something is open."""
-        proof = self.prove(system, metric, interval)
+        proof = self.prove(system, metric, interval, known=known)
         yield from proved_starts(proof, system, metric, known)
         if not proof.holds:
             search = default_search(system, interval)
@@ -113,20 +113,22 @@ class Everywhere(Search):
         metric: Metric,
         interval: tuple[float, float],
         most: int | None = None,
+        known: KnownBranches | None = None,
     ) -> BoxProof:
         """Return the proof for a system, made once for the same formula, interval and box.
 
-        At most ``most`` boxes are looked at; default a number that grows with the unknowns.
+        At most ``most`` boxes are looked at; default a number that grows with the unknowns. The
+        default box reaches as far around ``known`` branches as around zero.
         """
         tape = tape_of(system)
         size = tape.size
-        lower, upper = self._limits(system, metric.scale[:size], size)
+        lower, upper = self._limits(system, metric.scale[:size], size, known)
         box = Interval(np.append(lower, interval[0]), np.append(upper, interval[1]))
         scale = np.append(metric.scale[:size], interval[1] - interval[0])
         key = b"".join(each.tobytes() for each in (box.lo, box.hi, scale))
-        known = self.proved(system, interval)
-        if known is not None and self._last["key"] == key:
-            return known
+        last = self.proved(system, interval)
+        if last is not None and self._last["key"] == key:
+            return last
         check_tape(tape, system, box)
         with np.errstate(all="ignore"):
             cover = covered(tape, box, scale, self.seconds, most)
@@ -135,7 +137,9 @@ class Everywhere(Search):
         self._last.update(formula=formula, interval=interval, key=key, proof=proof)
         return proof
 
-    def _limits(self, system: PiecewiseSystem, scale: Array, size: int) -> tuple[Array, Array]:
+    def _limits(
+        self, system: PiecewiseSystem, scale: Array, size: int, known: KnownBranches | None
+    ) -> tuple[Array, Array]:
         """Return the least and largest unknowns."""
         if self.box is not None:
             lower, upper = (finite_array("box", end) for end in self.box)
@@ -144,9 +148,13 @@ class Everywhere(Search):
             return np.broadcast_to(lower, (size,)), np.broadcast_to(upper, (size,))
         own = Box.of(system)
         reach = np.minimum(FAR * scale, 0.5 * own.period[:size])
+        around = np.zeros((1, size))
+        if known is not None and not np.isfinite(own.period[:size]).any():
+            around = np.vstack([around, *(x[:size] for x in known.extremes())])
         lower, upper = own.lower[:size], own.upper[:size]
-        return np.where(np.isfinite(lower), lower, -reach), np.where(
-            np.isfinite(upper), upper, reach
+        return (
+            np.where(np.isfinite(lower), lower, around.min(axis=0) - reach),
+            np.where(np.isfinite(upper), upper, around.max(axis=0) + reach),
         )
 
     def proved(self, system: PiecewiseSystem, interval: tuple[float, float]) -> BoxProof | None:
@@ -245,7 +253,7 @@ class AlsoProved(Search):
         try:
             tape = tape_of(system)
             most = MOST_WORK // ((len(tape.steps) + BESIDES) * (tape.size + 2))
-            proof = self._everywhere.prove(system, metric, interval, most)
+            proof = self._everywhere.prove(system, metric, interval, most, known)
         except InvalidInputError:  # no formula that can be traced
             return
         if proof.holds:
