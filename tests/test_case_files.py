@@ -31,7 +31,8 @@ CONVERSIONS = [
     "%{\nmpc.bus(:, 3) = 0;\n%}\nS = mpc.baseMVA; V = mpc.bus(1, 10);\n"
     "mpc.branch(:, 3:4) = mpc.branch(:, 3:4) * S / V^2;\n"
     "loads = mpc.bus(:, 3) > 0 | mpc.bus(:, 4) ~= 0;\n"
-    "mpc.bus(loads, [3 4]) = -(-mpc.bus(loads, [3 4])) .* [1e-3 1e-3];\nreturn;\n",
+    "mpc.bus(loads, [3 4]) = -(-mpc.bus(loads, [3 4])) .* [1e-3 1e-3];\nreturn;\n"
+    "mpc.bus(:, 3) = 9;\n",
 ]
 
 

@@ -454,3 +454,21 @@ def test_a_jacobian_of_one_row_in_coordinates():
     graph = trace(OneRow(), ([-0.5], -1.0), (-1.0, 3.0))
     assert [point.alpha for point in graph.special_points()] == [-1.0, 0.0, 3.0]
     assert graph.special_points()[-1].z == pytest.approx(1.0, rel=1e-15)
+
+
+def test_a_residual_that_writes_to_its_argument_only_away_from_zero_is_refused():
+    """At the state zero, where a run begins, writing zeros changes nothing."""
+
+    class Writes(PiecewiseSystem):
+        size = 1
+
+        def test_functions(self, z, alpha):
+            return z - 1.0
+
+        def residual(self, z, alpha, character):
+            value = z**3 - z - alpha
+            z[:] = 0.0
+            return value
+
+    with pytest.raises(InvalidSystemError, match="residual writes to its argument z"):
+        explore(Writes(), (-0.5, 1.0))

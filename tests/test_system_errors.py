@@ -330,3 +330,20 @@ def test_slips_that_were_raw_errors_are_named(changes, arguments, error, message
 
     with pytest.raises(error, match=message):
         run(type("Other", (Line,), changes)(), (-1.0, 1.0), **arguments)
+
+
+def test_a_jacobian_that_is_no_number_is_named():
+    class NoNumber(PiecewiseSystem):
+        size = 1
+
+        def test_functions(self, z, alpha):
+            return z - 1.0
+
+        def residual(self, z, alpha, character):
+            return z**3 - z - alpha
+
+        def jacobian(self, z, alpha, character):
+            return np.array([[np.nan, -1.0]])
+
+    with pytest.raises(InvalidSystemError, match=r"NoNumber\.jacobian in .* is wrong in row 0"):
+        explore(NoNumber(), (-0.5, 1.0))

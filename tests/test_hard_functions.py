@@ -1,0 +1,135 @@
+"""Functions with infinite slopes, overflow, ends and endless repetition, against closed forms."""
+
+import numpy as np
+import pytest
+
+from pwscont import Complementarity, Limits, Switched, explore
+
+pytestmark = pytest.mark.filterwarnings("ignore::RuntimeWarning")
+
+
+def largest_residual(graph, f, alphas):
+    """Return the largest |f| at the solutions of a graph."""
+    found = [abs(f(float(s.z[0]), a)) for a in alphas for s in graph.solutions(a)]
+    return max(found, default=0.0)
+
+
+# -- infinite slopes: corrections vanish although H does not ---------------------------------------
+
+
+@pytest.mark.slow
+def test_a_root_of_zero_at_a_bound_makes_no_false_solutions():
+    """z >= 0 and z - sqrt(z) - alpha: z = 0 solves for alpha < 0 only, the root from alpha = 0."""
+    graph = explore(
+        Complementarity(lambda z, a: [z[0] - np.sqrt(z[0]) - a], lower=0.0), (-2.0, 2.0)
+    )
+    assert [graph.count(alpha) for alpha in (-1.0, -0.1, 0.5, 1.5)] == [1, 3, 1, 1]
+    for alpha in (0.5, 1.5):
+        (solution,) = graph.solutions(alpha)
+        assert solution.z[0] == pytest.approx((0.5 + np.sqrt(0.25 + alpha)) ** 2, rel=1e-9)
+
+
+@pytest.mark.parametrize("power", [0.3, 0.5, 0.8])
+@pytest.mark.sweep(3)
+def test_powers_below_one_of_a_switch(power):
+    def f(z, a):
+        return abs(z) ** power + 0.2 * z - a
+
+    graph = explore(Switched(1, lambda z, a, sw: [sw.abs(z[0]) ** power + 0.2 * z[0] - a]), (-2, 2))
+    assert largest_residual(graph, f, np.linspace(-1.9, 1.9, 11)) < 1e-6
+
+
+@pytest.mark.parametrize("at_bound", ["log", "1/z"])
+def test_functions_that_are_infinite_at_a_bound(at_bound):
+    if at_bound == "log":
+        graph = explore(Complementarity(lambda z, a: [np.log(z[0]) - a], lower=0.0), (-2.0, 2.0))
+        truth = np.exp
+    else:
+        graph = explore(Complementarity(lambda z, a: [2 - 1 / z[0] - a], lower=0.0), (-2.0, 1.0))
+
+        def truth(alpha):
+            return 1.0 / (2.0 - alpha)
+
+    for alpha in (-1.0, 0.5):
+        (solution,) = graph.solutions(alpha)
+        assert solution.z[0] == pytest.approx(truth(alpha), rel=1e-9)
+
+
+# -- overflow --------------------------------------------------------------------------------------
+
+
+def test_no_solution_where_an_exponential_overflows():
+    def f(z, a):
+        return np.log(1 + np.exp(300 * z)) / 300 + 0.1 * z - a
+
+    graph = explore(Switched(1, lambda z, a, sw: [f(z[0], a)]), (-3.0, 3.0))
+    assert largest_residual(graph, f, (-2.0, 0.0, 2.0, 2.7, 2.8, 2.9)) < 1e-6
+    assert all(abs(f(float(p.z[0]), p.alpha)) < 1e-6 for p in graph.special_points())
+
+
+def test_derivatives_of_a_steep_sigmoid_are_not_needed_to_be_exact():
+    graph = explore(
+        Switched(1, lambda z, a, sw: [z[0] - 1.5 / (1 + np.exp(-400 * (z[0] - 0.5))) - a]),
+        (-3.0, 3.0),
+    )
+    assert [graph.count(alpha) for alpha in (-2.7, -2.0, -0.7, 1.7)] == [1, 1, 3, 1]
+
+
+# -- far from zero ---------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("offset", "width"), [(300.0, 1e-3), (1e6, 1.0), (1e9, 0.01)])
+def test_fine_structures_far_from_zero(offset, width):
+    """y^3 - y + 0.3 relu(y - 0.2) = alpha for y = (z - offset) / width."""
+
+    def equation(z, alpha, sw):
+        y = (z[0] - offset) / width
+        return [y**3 - y + 0.3 * sw.relu(y - 0.2) - alpha]
+
+    graph = explore(Switched(1, equation), (-2.0, 2.0))
+    counts = [graph.count(alpha) for alpha in (-1.5, 0.01, 0.25, 1.5)]
+    # of z = 1e9 five digits are left, and Newton may stop: then the graph says so
+    assert counts == [1, 3, 3, 1] or (offset == 1e9 and graph.guarantee != "balanced")
+    for solution in graph.solutions(0.01):
+        y = (float(solution.z[0]) - offset) / width
+        assert abs(y**3 - y + 0.3 * max(y - 0.2, 0.0) - 0.01) < 1e-2
+
+
+# -- where the model ends --------------------------------------------------------------------------
+
+ENDS = {
+    "arcsin": (lambda z, a: np.arcsin(z) - a, {-0.5 * np.pi, 0.5 * np.pi}),
+    "root of alpha": (lambda z, a: np.sqrt(a - z) - z, {0.0}),
+    "root of z": (lambda z, a: np.sqrt(z) + 1 - a, {1.0}),
+}
+
+
+@pytest.mark.parametrize("name", ENDS)
+def test_the_end_of_a_model_lies_inside_and_within_the_error(name):
+    f, ends = ENDS[name]
+    graph = explore(Switched(1, lambda z, a, sw: [f(z[0], a)]), (-2.0, 2.0))
+    stopped = graph.special_points("stopped")
+    assert len(stopped) == len(ends)
+    for point in stopped:
+        assert np.isfinite(f(float(point.z[0]), point.alpha))
+        assert min(abs(point.alpha - end) for end in ends) <= max(8.0 * point.error[-1], 1e-12)
+
+
+# -- endless repetition ----------------------------------------------------------------------------
+
+
+def test_a_periodic_equation_without_periods_ends_in_words():
+    graph = explore(Switched(1, lambda z, a, sw: [np.sin(z[0]) - a]), (-2.0, 2.0))
+    assert "repeats itself without end" in graph.guarantee
+    for solution in graph.solutions(0.3):
+        assert np.sin(solution.z[0]) == pytest.approx(0.3, abs=1e-9)
+    assert graph.count(1.5) == 0
+
+
+def test_limits_end_an_equation_with_infinitely_many_branches():
+    graph = explore(
+        Switched(1, lambda z, a, sw: [np.tan(z[0]) - a]), (-2.0, 2.0), limits=Limits(pieces=12)
+    )
+    assert len(graph.pieces) == 12
+    for solution in graph.solutions(0.3):
+        assert np.tan(solution.z[0]) == pytest.approx(0.3, abs=1e-9)
