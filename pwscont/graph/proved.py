@@ -38,7 +38,7 @@ class Proof(Protocol):
 @final
 @dataclass(frozen=True, slots=True, eq=False)
 class CountedStretch:
-    """A stretch of alpha between folds, ends excluded but for those of the interval.
+    """A stretch of alpha between folds, without its ends except for ends of the interval.
 
     Attributes
     ----------
@@ -164,7 +164,7 @@ class BoxProof:
 
     @property
     def statements(self) -> tuple[str, ...]:
-        """What is proved, of which box, and what is assumed, a sentence each."""
+        """Three sentences: what is proved, for which box, and what is assumed."""
         ranges = ", ".join(f"[{lo:.8g}, {hi:.8g}]" for lo, hi in zip(*self.box, strict=True))
         where = f"the box: {ranges}; nothing is said of solutions outside"
         if not self.folds:
