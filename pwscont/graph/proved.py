@@ -164,7 +164,7 @@ class BoxProof:
 
     @property
     def statements(self) -> tuple[str, ...]:
-        """Three sentences: what is proved, for which box, and what is assumed."""
+        """What is proved, of which box, and what is assumed, a sentence each."""
         ranges = ", ".join(f"[{lo:.8g}, {hi:.8g}]" for lo, hi in zip(*self.box, strict=True))
         where = f"the box: {ranges}; nothing is said of solutions outside"
         if not self.folds:
