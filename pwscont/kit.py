@@ -118,7 +118,7 @@ def off_curve(curve: Curve, x: Array, row: Array) -> float:
 
 
 def defect(what: str, x: Array) -> Defect:
-    """Return a broken promise and where it was seen."""
+    """Return a broken promise and the point where the promise was seen to be broken."""
     return Defect(what, x[:-1], float(x[-1]), np.nan)
 
 
@@ -130,7 +130,7 @@ def check_detector(detector: TransitionDetector) -> Report:
     - ``border``, where it returns something, gives the values of ``read``, and gradients that agree
       with its slopes.
     - Where a function falls to zero, on a step or on a ray, ``locate`` returns a point of the
-      curve at which it vanishes, or a Failure.
+      curve at which the function vanishes, or a Failure.
     - ``arrive`` returns a SpecialPointFound whose first ray points back.
     - Along a ray no value is negative at first, and all are what their slopes say, where
       ``is_affine`` promises that.
@@ -350,9 +350,9 @@ def _wrong_starts(search: Search, sample: StateSample) -> Iterator[Defect]:
 
 #: How much longer than allowed a step may be.
 LONGER = 1.5
-#: An end of the interval is reached when it is nearer than this.
+#: An end of the interval is reached when the end is nearer than this.
 AT_THE_END = 1e-9
-#: How far ahead the zero of a function is that is aimed at.
+#: How far ahead a function vanishes whose zero is aimed at.
 AHEAD = 0.01
 
 
@@ -363,7 +363,7 @@ def check_stepper(stepper: Stepper) -> Report:
     - Both ends solve the frozen selection, and tangents go on in the direction of travel.
     - No step is longer than ``longest`` by much, and no end lies outside the interval.
     - The end of the interval is reached.
-    - A step that ``aim`` returns ends where the function vanishes that it was given.
+    - A step that ``aim`` returns ends where the given function vanishes.
 
     Returns
     -------

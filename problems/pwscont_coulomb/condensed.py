@@ -29,9 +29,9 @@ if TYPE_CHECKING:
 
 #: Right-hand sides solved at once.
 BLOCK = 64
-#: A body is condensed from so many displacements on, and so many per contact node.
+#: Fewest displacements, in all and per contact node, of a body that is condensed by itself.
 LARGE, PER_NODE = 1000, 8
-#: Beyond so many displacements times contact nodes, a body is condensed when asked only.
+#: Largest product of displacements and contact nodes of a body that is condensed by itself.
 MOST = 2e7
 
 

@@ -1,8 +1,8 @@
 """Bodies from matrices, condensed by the eliminations of bodies from meshes.
 
-The unknowns in which N or T have an entry are kept, all others are eliminated. Eliminations order
-the unknowns by places in the plane; a body from matrices has none, so the distances in the graph of
-the matrix from two unknowns far apart stand for places.
+Unknowns in which N or T have an entry are kept, all other unknowns are eliminated. Eliminations
+order the unknowns by places in the plane; a body from matrices has no places, so the distances in
+the graph of the matrix from two unknowns far apart stand for places.
 
 Failure modes and answers
 -------------------------

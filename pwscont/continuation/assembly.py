@@ -188,8 +188,8 @@ def _states(
 ) -> list[State]:
     """Return the states at points of a piece.
 
-    At a branch point the Jacobian gives no direction: it is that of the parabola through this and
-    the next point with the direction there.
+    At a branch point the Jacobian gives no direction: the direction is that of the parabola through
+    the branch point and the next point, along the tangent at the next point.
     """
     chords = _chords(curve, points)
     states = [

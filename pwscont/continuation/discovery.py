@@ -51,7 +51,7 @@ from pwscont.transitions.rays import Ray
 class Node:
     """A special point under discovery.
 
-    Of a ray that was followed, or on which a piece arrived, only the key is kept. ``also`` are the
+    Only the key is kept of a ray that was followed, or on which a piece arrived. ``also`` are the
     words of users' detectors that would have marked the point, which is of another kind.
     """
 
@@ -376,7 +376,7 @@ class Discovery:
         return any(starts_on(ray, edge.followed, edge.track) for edge in self.edges)
 
     def _settle(self, edge: Edge, left: KnownRay, ray: Ray) -> None:
-        """Of two pieces that overlap keep the shorter one, which ends where the other passed over.
+        """Keep the shorter of two pieces that overlap: the longer piece passed over an end.
 
         A step may pass over two branch points, or over a thin cell. The rest of the longer piece is
         followed from the other end. A longer piece that comes second is forgotten: another piece

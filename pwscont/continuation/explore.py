@@ -84,7 +84,7 @@ def checked_start(
 def checked_starts(
     system: PiecewiseSystem, starts: Any, interval: tuple[float, float]
 ) -> tuple[Start, ...]:
-    """Return several starts; a bad one is named by its place, as in ``starts[2]``."""
+    """Return several starts; a bad start is named by its place, as in ``starts[2]``."""
     try:
         listed = list(starts)
     except TypeError as error:
@@ -100,7 +100,7 @@ def corrected(plan: Plan, start: Start, name: str = "the start") -> Found:
     Raises
     ------
     StartNotFoundError
-        If there is no solution nearby, or it lies outside the bounds.
+        If there is no solution nearby, or the solution lies outside the bounds.
     """
     z, alpha = start
     found = semismooth_newton(plan.followed, plan.metric, plan.reduced(z), alpha)
@@ -164,15 +164,15 @@ def followed(
     starts_of: Callable[[Plan], Iterator[Found]],
     follow: Callable[[Plan, Iterator[Found]], BranchGraph],
 ) -> BranchGraph:
-    """Return the graph from all starts; where the path shows other magnitudes, it begins again.
+    """Return the graph from all starts; the run begins again if the path shows other magnitudes.
 
     Parameters
     ----------
     plan : Plan
     guess : ndarray, shape (n,)
-        Around which the system is asked for typical magnitudes if it gives none.
+        The state around which magnitudes are measured if the system gives no typical magnitudes.
     starts_of : callable
-        Plan -> its starts, computed as they are taken.
+        Plan -> starts of the plan; a start is computed when it is taken.
     follow : callable
         (plan, starts) -> the graph.
     """
@@ -325,7 +325,7 @@ def trace(
 
 
 def _corrected(plan: Plan, start: Start) -> Iterator[Found]:
-    """Yield the solution near the start, computed when it is taken."""
+    """Yield the solution near the start; the solution is computed when it is taken."""
     yield corrected(plan, start)
 
 
@@ -351,9 +351,9 @@ def explore(
     system : PiecewiseSystem
         What H is; :func:`pwscont.check_system` looks for mistakes in its formulas.
     interval : tuple of float
-        (lo, hi), the values of alpha that are explored. Where the search promises nothing, paths
-        that leave the interval may be followed outside by a quarter of its length, to where they
-        come back: H is evaluated there, within the ``domain`` of the system.
+        (lo, hi), the values of alpha that are explored. If the search promises nothing, straight
+        pieces that leave the interval may be followed outside, by a quarter of the interval's
+        length, to where the path comes back: H is evaluated there, within the system's ``domain``.
     starts : iterable of (array_like, shape (n,), and float), optional
         Known starts (z, alpha); z may be rough, and is corrected at fixed alpha by semismooth
         Newton. The branches through these starts are followed before the search begins.
@@ -450,7 +450,7 @@ def explore(
 
 
 def _default_search(plan: Plan, around: list[Array]) -> Search:
-    """Return the default search; of a formula, all solutions are proved where that is quick."""
+    """Return the default search; if the system is a formula, with proofs where these are quick."""
     search = default_search(plan.followed, plan.interval, around)
     if not hasattr(plan.followed, "formula"):
         return search

@@ -370,7 +370,7 @@ class _Reached:
     def shrinks(self) -> bool:
         """Tell whether alpha changes by less and less while z grows, far away.
 
-        So it is where alpha approaches a limit like any power of 1 / z, and not like a logarithm.
+        Changes shrink where alpha approaches a limit like a power of 1 / z, not like a logarithm.
         """
         late, early = self._changes()
         return late <= ENDLESS_RATIO * early

@@ -43,7 +43,8 @@ from pwscont.system.selection import Selection
 from pwscont.system.system import PiecewiseSystem
 from pwscont.transitions.rays import Ray
 
-#: Names of cells with more bytes than this are replaced by a digest of so many.
+#: A name of a cell with more bytes than the first number is replaced by a digest, with the second
+#: number of bytes.
 LONG, DIGEST = 64, 20
 #: Places closer than this times the size of the place are the same, if the rays there agree.
 #: Far above the accuracy of a located point, far below what separates equal transitions.
@@ -151,9 +152,9 @@ class FollowedRay(NamedTuple):
 
 @final
 class Edge(NamedTuple):
-    """A piece under discovery, from the node where it was begun to the node it reached.
+    """A piece under discovery, from the node where the piece begins to the node it reached.
 
-    ``begun_at`` is the point in its middle where tracing began, if it began there.
+    ``begun_at`` is the point inside the piece where tracing began, None if tracing began at a node.
     """
 
     start: int

@@ -1,8 +1,8 @@
 """The plan of a run: its parts chosen, its pieces followed.
 
-Signs are a corner at which solutions fill a cone, a piece that could not be followed, and starts
-without a digit, as from cells that have no corner; or nothing is found at all, as where solutions
-fill whole lines. Where none is met there are only curves.
+Solutions may fill more than curves. Signs of such sets are: a corner at which solutions fill a
+cone, a piece that could not be followed, starts without a digit (as from cells that have no
+corner), or an empty graph (as if solutions fill whole lines). A run without a sign has only curves.
 """
 
 from __future__ import annotations
@@ -416,7 +416,7 @@ def uninterrupted(graph: BranchGraph) -> BranchGraph:
     Raises
     ------
     KeyboardInterrupt
-        If Ctrl-C was pressed while it was computed.
+        If Ctrl-C was pressed while the graph was computed.
     """
     if graph.searched.spent == INTERRUPTED:
         raise KeyboardInterrupt

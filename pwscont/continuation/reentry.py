@@ -8,8 +8,9 @@ Failure modes and answers
 -------------------------
 - Beyond the interval H may not make sense: only straight pieces, which make sense everywhere, are
   followed there, within the system's domain. Whatever goes wrong says nothing about the interval.
-- The path goes on for ever: it is followed over a part of the interval's length, and over no more
-  pieces than were found inside, or a few. Paths may come back for ever: only so many are followed.
+- The path goes on for ever: the path is followed over a part of the interval's length, and over no
+  more pieces than were found inside, or a few.
+- Paths come back for ever: only a number of paths is followed.
 """
 
 from __future__ import annotations
@@ -38,9 +39,8 @@ from pwscont.transitions.watch import Watch
 
 #: How far beyond an end a path is followed, as a part of the interval.
 PART = 0.25
-#: Over so many pieces at least.
-FEW_PIECES = 20
-MOST_PATHS = 100
+#: Number of pieces over which a path may be followed in any case, and most paths.
+FEW_PIECES, MOST_PATHS = 20, 100
 Interval = tuple[float, float]
 
 

@@ -55,11 +55,11 @@ from pwscont.system.system import PiecewiseLinearSystem, PiecewiseSystem
 
 #: A magnitude that is wrong by more than this factor, too small or too large.
 TOO_SMALL, TOO_LARGE = 16.0, 64.0
-#: The path is looked at after so many steps, then each time that their number has doubled.
+#: Number of steps after which the path is looked at first, then whenever the number has doubled.
 FIRST_LOOK = 128
-#: Before, an unknown that is so many magnitudes away is larger, but not by more than a factor.
+#: Before the first look, an unknown this many magnitudes away is larger, by a factor at most.
 FAR, FARTHER = 12.0, 4.0
-#: Alpha changes ever less where it does so by less than this part of what it did before.
+#: Alpha changes ever less if a change is less than this part of the change before.
 SLOWER = 0.5
 #: How much of the interval a path must have seen before means over alpha say something.
 MUCH = 0.25
@@ -160,12 +160,12 @@ PART = 0.5
 LITTLE, FAR_BELOW = 0.001, 53
 #: Where in the interval H is asked: at both ends, and where no function vanishes by design.
 PLACES = (0.0, 0.381966, 1.0)
-#: Of more unknowns than these one Newton step tells the sizes.
+#: Most unknowns whose sizes are told by more than a single Newton step.
 MANY = 32
 #: Unknowns that change by less than this part of their size over the interval do not move.
 STILL = EPS**0.5
-#: Of many unknowns one that is smaller than this part of the largest, in units in which columns of
-#: the Jacobian are balanced, is not measured by its own size.
+#: Among many unknowns, an unknown smaller than this part of the largest, in units in which columns
+#: of the Jacobian are balanced, is not measured by its own size.
 TAIL = 1e-3
 #: An unknown smaller than this part of the largest is zero in any units, and has no size.
 VANISHED = 1e-30
@@ -280,7 +280,7 @@ def _residual(system: PiecewiseSystem, z: Array, alpha: float) -> Array:
 
 
 def _finite(sizes: Array) -> Array:
-    """Return sizes, zero where they are not finite and say nothing."""
+    """Return sizes; sizes that are not finite say nothing and become zero."""
     return np.where(np.isfinite(sizes), sizes, 0.0)
 
 

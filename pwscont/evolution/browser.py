@@ -1,11 +1,11 @@
 """The records of evolutions for the page of :class:`pwscont.View`.
 
-The page shows branches over a parameter; of evolutions the page shows evolutions over t. A piece
+A page shows branches over a parameter, and evolutions over t. A piece of evolutions
 belongs to all evolutions that share the piece, and has stripes of all their colours.
 
 Failure modes and answers
 -------------------------
-- There are very many evolutions: the first ones have a colour each, the others share one.
+- There are very many evolutions: the first evolutions have a colour each, the rest share a colour.
 - Too many unknowns for a page: the unknowns that fit are kept, and the page says how many are not.
 """
 
@@ -85,14 +85,14 @@ def page_records(graph: EvolutionStructure, wanted: str) -> dict[str, Any]:
 
 
 def _fitting(rows: Array, unknowns: int, wanted: int) -> Any:
-    """Return the columns that fit into a page: time, the wanted one, recorded ones, unknowns."""
+    """Return the columns that fit into a page: time, what is wanted or recorded, unknowns."""
     columns = range(rows.shape[1])
     order = dict.fromkeys([0, wanted, *columns[1 + unknowns :], *columns])
     return np.sort(np.array(list(order)[: max(2, MOST_NUMBERS // max(len(rows), 1))], dtype=int))
 
 
 def _owners(graph: EvolutionStructure) -> list[list[int]]:
-    """Return for each piece the evolutions with a colour that go there; else the others."""
+    """Return for each piece the evolutions with a colour that share it, or the rest together."""
     owners = owners_of(colored(graph)[0])
     return [owners.get(id(piece), [MOST_COLORED]) for piece in graph.pieces]
 

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from pwscont.evolution.paths import EvolutionPath
     from pwscont.evolution.states import EvolutionState
 
-#: So many errors of single states add up over a period.
+#: The number of errors of single states that add up over a period.
 ADDED = 16.0
 
 

@@ -1,4 +1,4 @@
-"""Loads over time: polygons, and the straight lines of which polygons are made."""
+"""Loads over time: polygons, and the straight lines that make up a polygon."""
 
 from __future__ import annotations
 

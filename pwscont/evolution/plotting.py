@@ -141,7 +141,7 @@ def _draw_evolution(
     number: tuple[int, int],
     owners: dict[int, list[int]],
 ) -> None:
-    """Draw one of so many evolutions: in stripes where others share the pieces."""
+    """Draw an evolution, in stripes where other evolutions share the pieces."""
     mine, count = number
     width = NARROW + (WIDE - NARROW) * (1.0 - (mine + 1) / count)
     look: dict[str, Any] = {"color": COLORS[mine], "linewidth": width, "dash_capstyle": "butt"}

@@ -25,7 +25,7 @@ from pwscont.evolution.states import EvolutionNode, EvolutionPiece, same_time
 from pwscont.evolution.user_events import UserEvents
 from pwscont.evolution.ways import Evolver, Moment, Way, WaysOn, closeness
 
-#: So many events in a row without progress in time are an accumulation.
+#: The number of events in a row without progress in time that count as an accumulation.
 MOST_AT_ONE_TIME = 200
 ACCUMULATE = "events accumulate"
 

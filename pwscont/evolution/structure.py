@@ -94,7 +94,7 @@ class EvolutionStructure:
         return self._within(piece, t)
 
     def along(self, piece: EvolutionPiece, count: int) -> list[EvolutionState]:
-        """Return states at equal steps in time on a piece; of a jump the states at both ends."""
+        """Return states at equal steps in time on a piece, or the states at both ends of a jump."""
         if piece.is_jump:
             return [self.node(piece.start), self.node(piece.end)]
         begin, end = self.nodes[piece.start].t, self.nodes[piece.end].t

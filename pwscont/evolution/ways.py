@@ -93,7 +93,7 @@ class Moments:
     remark : str
         What is uncertain, in words; empty where nothing is.
     origin : str
-        Which states were asked for, in words, where these are not all.
+        Which states were asked for, in words, if not all states were asked for.
     """
 
     moments: tuple[Moment, ...]

@@ -128,7 +128,7 @@ def value_of(rows: Array, alpha: float | Array, x: Array) -> tuple[Array, Array]
 def solved(equations: Array, alphas: Array) -> tuple[Array, Array]:
     """Return solutions of B systems (B, n, n + 2) at k alphas, and bounds of the errors.
 
-    Both of shape (k, B, n); a bound is infinite where the solution is not known.
+    Solutions and bounds have shape (k, B, n); the bound is infinite if no solution is known.
 
     With R about the inverse of K, the error e of x solves e = (I - R K) e - R (K x + k): a radius v
     with |R (K x + k)| + |I - R K| v < v bounds the error, and K is regular.

@@ -1,9 +1,9 @@
 """The pieces and transitions of a graph of linear pieces, each with a certificate.
 
 In a cell with a regular matrix the solutions lie on one line, and every inequality is affine in
-alpha along the line. So a piece is proved by strict inequalities at both ends, and the end of the
-piece by one inequality that changes sign. Where all cells are few, the other cells are proved to be
-empty: then nothing is missing on the interval.
+alpha along the line. Strict inequalities at both ends prove a piece, and one inequality that
+changes sign proves the end of the piece. If the system has few cells, the other cells are proved to
+be empty: then nothing is missing on the interval.
 
 Failure modes and answers
 -------------------------
@@ -66,9 +66,9 @@ class PiecesProof:
     holds : bool
         Whether all pieces and transitions are proved.
     is_complete : bool
-        Whether it is proved, besides, that there are no other solutions on the interval.
+        Whether the interval is proved to have no other solutions.
     statements : tuple of str
-        What is proved, and of which data, a sentence each.
+        A sentence for what is proved, and a sentence for the data of the proof.
     open : list of str
         The pieces, special points and cells that are not decided.
     """

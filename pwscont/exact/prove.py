@@ -36,7 +36,7 @@ class CountProof:
     count : int or None
         The proved number of solutions; None where a cell is not decided.
     statements : tuple of str
-        What is proved, and of which data, a sentence each.
+        A sentence for what is proved, and a sentence for the data of the proof.
     open : list of tuple of int
         The cells that are not decided: for every part of the system, the number of a mode.
     """
@@ -65,7 +65,7 @@ ASSUMED = "assumed: arithmetic of IEEE 754 to nearest; the data count as the dou
 def prove(given: Any, alpha: float | None = None) -> CountProof | PiecesProof | RatesProof:
     """Prove how many solutions a system of linear pieces has at one alpha, or all of a graph.
 
-    Of an evolution of ``QuasiStaticCoulomb``, that there is no other evolution.
+    For an evolution of ``QuasiStaticCoulomb``, prove that no other evolution exists.
 
     Every cell gets a certificate: floating point with bounds of all rounding, or rational numbers
     where the bounds decide nothing. The data of the system count as exact (docs/proofs).
@@ -77,8 +77,8 @@ def prove(given: Any, alpha: float | None = None) -> CountProof | PiecesProof | 
         system must be a :class:`~pwscont.extending.ExactData`: contact with Coulomb friction, and
         formulas with ``linear=True`` such as :func:`pwscont.LCP`.
     alpha : float, optional
-        Where solutions of a graph are counted. Without alpha every piece and transition of the
-        graph is proved, and where cells are few, that there are no other solutions.
+        The value at which solutions of a graph are counted. Without alpha every piece and
+        transition of the graph is proved; if cells are few, also that nothing is missing.
 
     Returns
     -------

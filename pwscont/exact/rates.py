@@ -3,12 +3,12 @@
 For the differences w of displacement rates and dr of force rates of two solutions,
 A w = N' dr_nu + T' dr_t. Normal rates give dr_nu . w_nu <= 0, and friction gives
 dr_t,i w_t,i <= F_i |dr_nu,i w_t,i|.
-Where the rows of N and T are unit vectors, dr_nu = N A w, so that w = 0 if the form
+If the rows of N and T are unit vectors, then dr_nu = N A w, and w = 0 if the form
 
     w . A w - sum over i of s_i F_i (N A w)_i (T w)_i
 
-is positive definite for all signs s_i: then rates are unique at every state, under every load, and
-so are states (docs/theory, F17). The form is affine in s: the signs are enough.
+is positive definite for all signs s_i: then rates and states are unique, at every state and under
+every load (docs/theory, F17). The form is affine in s: the signs are enough.
 """
 
 from __future__ import annotations
@@ -34,9 +34,9 @@ class RatesProof:
     Attributes
     ----------
     holds : bool
-        Whether it is proved that there is exactly one evolution with finitely many events.
+        Whether exactly one evolution with finitely many events is proved to exist.
     statements : tuple of str
-        What is proved, and of which data, a sentence each.
+        A sentence for what is proved, and a sentence for the data of the proof.
     open : list of str
         What stands in the way.
     """

@@ -81,7 +81,7 @@ def replace_file(target: Path, content: memoryview) -> None:
 
 
 class DamagedError(Exception):
-    """An entry of a file is missing or of the wrong type; the message names it."""
+    """An entry of a file is missing or of the wrong type; the message names the entry."""
 
 
 @final

@@ -280,7 +280,7 @@ def recorded(attempt: Attempt) -> dict[str, float | None]:
 
 
 def not_recorded(attempts: Iterable[Attempt]) -> dict[str, list[str]]:
-    """Return why recorded quantities failed, nothing where none did."""
+    """Return why recorded quantities failed; an empty dict if no quantity failed."""
     failures = [v for attempt in attempts for v in attempt.values() if isinstance(v, str)]
     return {"not_recorded": failures} if failures else {}
 

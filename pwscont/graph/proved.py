@@ -38,7 +38,7 @@ class Proof(Protocol):
 @final
 @dataclass(frozen=True, slots=True, eq=False)
 class CountedStretch:
-    """A stretch of alpha between folds, ends excluded but for those of the interval.
+    """A stretch of alpha between folds, without its ends except for ends of the interval.
 
     Attributes
     ----------

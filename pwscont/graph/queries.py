@@ -375,7 +375,7 @@ def multiplicity(graph: Structure) -> list[Stretch]:
 
 
 def _between(graph: Structure, breaks: list[float], counts: list[int | float]) -> Iterator[Stretch]:
-    """Yield the stretches between successive breaks, at which there are so many solutions."""
+    """Yield the stretches between successive breaks; ``counts`` holds at the breaks."""
     for (lo, at_lo), (hi, at_hi) in pairwise(zip(breaks, counts, strict=True)):
         middle = 0.5 * (lo + hi)
         count = math.inf if is_infinite(graph, middle) else len(pieces_over(graph, middle))

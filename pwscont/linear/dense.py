@@ -25,7 +25,7 @@ from pwscont.linear.factor import (
     sign_of_pivots,
 )
 
-#: Most rows, and most right-hand sides, that are solved for in turn, see :func:`_solved`.
+#: Most rows, and most right-hand sides, for solutions one after the other, see :func:`_solved`.
 FEW_ROWS, FEW_COLUMNS = 32, 8
 #: Number of columns of an inverse that LAPACK computes together, the block size of ``dgetri``:
 #: with less room ``dgetri`` works column by column.

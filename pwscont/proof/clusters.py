@@ -76,7 +76,7 @@ class Groups:
 
     @classmethod
     def of(cls, tape: Tape, boxes: Interval, whole: Interval, scale: Array) -> Groups:
-        """Return the groups of open boxes of a whole box (n + 1,); of too many boxes, no groups.
+        """Return the groups of open boxes of a whole box (n + 1,); no groups if boxes are too many.
 
         ``scale`` are the magnitudes of coordinates.
         """
@@ -108,9 +108,9 @@ class _Passage:
     """What the derivatives in hulls of groups say of the solutions there.
 
     The curve is proved if the derivatives of H and of one linear function make a regular matrix,
-    whatever the derivatives in the hull: then H and the function together are injective. Where one
-    switch may be in two modes, the derivatives are those of both modes, averaged with any weight;
-    of several such switches, the hull.
+    whatever the derivatives in the hull: then H and the function together are injective. If one
+    switch may be in two modes, the derivatives are averages of both modes with any weight; if
+    several switches may be, the derivatives are anything in the hull.
     """
 
     def __init__(self, tape: Tape, hulls: Interval, scale: Array) -> None:

@@ -68,7 +68,7 @@ class Cover:
 def covered(
     tape: Tape, box: Interval, scale: Array, seconds: float, most: int | None = None
 ) -> Cover:
-    """Return the cover of all zeros of a formula in a box (n + 1,), for so many seconds at most.
+    """Return the cover of all zeros of a formula in a box (n + 1,), in some ``seconds`` at most.
 
     ``scale`` are the typical magnitudes of (z, alpha), shape (n + 1,). A generation with which more
     than ``most`` boxes would be looked at is not begun.

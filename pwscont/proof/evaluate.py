@@ -39,7 +39,7 @@ def _value(step: Step, args: list[Interval], box: Interval) -> Interval:
 
 
 def _branch(test: Interval, above: Interval, below: Interval, both: Interval) -> Interval:
-    """Return the branch of a switch: that of the mode, or ``both`` where either may be."""
+    """Return the branch of a switch in its mode, or ``both`` where the mode is not certain."""
     return chosen(test.lo >= 0.0, above, chosen(test.hi < 0.0, below, both))
 
 

@@ -27,7 +27,7 @@ from pwscont.system.box import Box
 from pwscont.system.system import PiecewiseSystem
 from pwscont.transitions.departures import settled
 
-#: The default box reaches so many typical magnitudes from zero, where there are no bounds.
+#: How far from zero the default box reaches, in typical magnitudes, if there are no bounds.
 FAR = 1e3
 #: Most unknowns of a formula that is tried.
 MANY_UNKNOWNS = 3
@@ -220,10 +220,10 @@ def _is_known(proof: BoxProof, stretch: CountedStretch, known: KnownBranches) ->
 @final
 @dataclass(frozen=True, slots=True)
 class AlsoProved(Search):
-    """What another search finds, and then the solutions that are quickly proved, if all are.
+    """What another search finds, then the proved solutions, if all are proved quickly.
 
-    Nothing is proved in a run with limits. Where something stays open, the answer is that of the
-    other search, and says nothing of proofs.
+    Nothing is proved in a run with limits. If anything stays open, the answer is that of the other
+    search, and mentions no proof.
 
     Attributes
     ----------

@@ -20,7 +20,8 @@ from pwscont.proof.newton import formula, inverse, with_slopes
 from pwscont.proof.tape import Tape
 from pwscont.proof.tubes import ROOM, Tubes, polished, proved, slack, whole
 
-#: Where in a stretch between groups solutions are counted: until a count is certain, at most here.
+#: Places, as parts of a stretch between groups, where solutions are counted one after the other,
+#: until counts are certain.
 PLACES = (0.5, 0.381966, 0.61803, 0.26, 0.74)
 #: How many of these counts have to agree.
 AGREEING = 2

@@ -121,7 +121,7 @@ class Traced(NDArrayOperatorsMixin):
         self.tape, self.place = tape, place
 
     def __array_ufunc__(self, ufunc: np.ufunc, method: str, *args: Any, **options: Any) -> Any:
-        """Write an operation down; of arrays, the operation of every entry."""
+        """Write an operation down; for arrays, the operation of every entry."""
         if method != "__call__" or options:
             raise NotTracedError(f"the formula calls {ufunc.__name__}.{method} with options")
         if any(isinstance(each, np.ndarray) and each.ndim for each in args):
@@ -295,7 +295,7 @@ class TracedSwitches:
         return self._tape.node("clip", a, lower, upper)
 
     def _are_ordered(self, lower: Any, upper: Any) -> bool:
-        """Tell whether lower <= upper for certain: the same number but for constants."""
+        """Tell whether lower <= upper for certain: the same number plus ordered constants."""
         low, high = (self._but_constant(self._tape.place_of(each)) for each in (lower, upper))
         return low[:2] == high[:2] and low[2] <= high[2]
 

@@ -24,7 +24,7 @@ from pwscont.proof.tape import Tape
 WIDER, ROOM = 1.1, 2.0
 #: Newton steps that improve the centre of a tube.
 POLISHED = 2
-#: How many roundings of its centre a tube is wider than it need be.
+#: How much wider than necessary a tube is, in roundings of the tube's centre.
 SLACK = 64.0
 
 

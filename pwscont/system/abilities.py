@@ -241,7 +241,7 @@ class Reduction:
     reasons : tuple of str
         For every part left out, the proof in words.
     recovery : Recovery, optional
-        How unknowns that are left out follow from the others, where they are not zero.
+        How unknowns that are left out follow from the kept unknowns; default: zero.
     """
 
     system: PiecewiseSystem

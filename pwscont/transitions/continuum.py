@@ -42,7 +42,7 @@ BESIDE = 0.01
 MOST_STEPS = 6
 #: Longest step to a solution that has arrived, as a part of 1 plus the length of the solution.
 ARRIVED = EPS**0.5
-#: Of more cells nothing is asked.
+#: Most cells of a system that is asked for such sets.
 MANY_CELLS = 4**10
 #: Most unknowns for which a singular value decomposition costs little beside a search.
 MOST_UNKNOWNS = 200
@@ -108,7 +108,7 @@ def filled_parts(
         Nothing is asked of systems that are affine in z at fixed alpha and have many cells.
     metric : Metric
     alphas : list of float
-        Where special points are, and both ends of the interval.
+        The values of alpha of special points, and both ends of the interval.
     one_of_many : list of ndarray, shape (n + 1,)
         Known solutions of a curved system that belong to infinitely many, see
         :func:`is_one_of_many`.

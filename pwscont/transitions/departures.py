@@ -84,7 +84,7 @@ class Standing:
     zero : frozenset of int
         The tests that vanish there.
     curve : Curve
-        Of the cell whose signs the tests have, or seem to have.
+        The curve of the cell whose signs the tests have, or seem to have.
     other : Curve or None
         The curve of the cell on the other side, if exactly one test that bounds a cell vanishes.
     """

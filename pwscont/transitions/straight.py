@@ -195,7 +195,7 @@ class Gradients:
     Parameters
     ----------
     curve : Curve
-        Of the system and the metric.
+        A curve of the system, in the metric.
     x : ndarray, shape (n + 1,)
         Where the system may be asked.
     """

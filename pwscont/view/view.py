@@ -48,8 +48,8 @@ class View:
 
     The page has the branch diagram with pan and zoom and any quantity on either axis; a slider over
     the parameter with all solutions at the value; the clicked solution as a table, and as a picture
-    of the body if any; and the number of solutions. In a notebook the view shows itself. Of a graph
-    of evolutions the page shows each evolution in a colour of its own over the time t.
+    of the body if any; and the number of solutions. In a notebook the view shows itself. For a
+    graph of evolutions the page shows each evolution in a colour of its own over the time t.
 
     Parameters
     ----------

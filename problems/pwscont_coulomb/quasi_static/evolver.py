@@ -40,9 +40,9 @@ from pwscont_coulomb.quasi_static.problem import FrictionProblem
 from pwscont_coulomb.quasi_static.rates import RateProblem, Rates
 from pwscont_coulomb.quasi_static.uniqueness import ZERO
 
-#: Of bodies with so many contact nodes all states at one time are enumerated.
+#: Most contact nodes of a body whose states at one time are all enumerated.
 MOST_ENUMERATED = 6
-#: Of bodies with so few, all modes are tried where rounding leaves the enumeration in doubt.
+#: Most contact nodes for which all modes are tried if rounding leaves the enumeration in doubt.
 MOST_TRIED = 4
 #: A given start is in equilibrium up to this part of typical forces.
 GIVEN = 1e-8

@@ -242,9 +242,9 @@ class RateProblem:
     ) -> tuple[dict[int, int], Array] | None:
         """Return modes and x at which pivoting settles, whatever the fixed nodes ask for.
 
-        At first all nodes change to the modes that are asked for; where that does not settle, the
-        node with the least number changes, which ends for every P-matrix (Murty 1974). None where
-        the pivoting does not settle.
+        At first all nodes change to the modes that are asked for. If these changes do not settle,
+        only the node with the least number changes: this rule ends for every P-matrix (Murty 1974).
+        None if the pivoting does not settle.
         """
         modes = {**guess, **fixed}
         fewest, patience = self.count + 1, PATIENCE

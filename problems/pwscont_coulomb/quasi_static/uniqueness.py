@@ -2,8 +2,8 @@
 
 For two solutions with the differences dx and dphi, a normal rate gives dx_nu dphi_nu <= 0. A node
 at its bound, in the direction s, gives dx_t dphi_t <= s F dphi_nu dx_t. A node without force gives
-dx_t dphi_t <= F abs(dphi_nu dx_t). Each inequality may be multiplied by a positive weight. So there
-is one solution at most where
+dx_t dphi_t <= F abs(dphi_nu dx_t). Each inequality may be multiplied by a positive weight. At most
+one solution exists if
 
     sum w x_nu phi_nu + sum x_t phi_t - sum s F phi_nu x_t
         - sum F (theta phi_nu^2 + x_t^2 / theta) / 2
@@ -32,7 +32,7 @@ from pwscont.extending import EPS, GUARD, Array, Indices
 ZERO = 2.0**10 * GUARD * EPS
 #: Weights of the normal rates that are tried.
 WEIGHTS = (1.0, 4.0)
-#: Most steps of the search for theta; after so many steps the gain is looked at.
+#: Most steps of the search for theta, and the number of steps after which the gain is looked at.
 MOST_THETAS, WAIT = 40, 6
 
 
@@ -83,7 +83,7 @@ class Form:
         nodes = np.array(left, dtype=np.intp)
         self._tangent = place[choices.tangent[nodes]]
         self._friction = np.where(choices.tangent[nodes] >= 0, choices.friction[nodes], 0.0)
-        #: Of the nodes left, the places of those without force and with friction.
+        #: The places, among the nodes left, of nodes without force and with friction.
         self.rubbing = np.flatnonzero((choices.sign[nodes] == 0) & (self._friction > 0.0))
         self._normal = phi[choices.normal[nodes]]
         self._is_normal = np.isin(columns, choices.normal[nodes])

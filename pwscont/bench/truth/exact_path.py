@@ -8,7 +8,7 @@ true if the piece agrees with the piece made again in the sign of the determinan
 thereby in the tests that end the piece; all tests must be positive in between. Pieces must join,
 and the signs must sum to the system's degree, if known.
 
-So errors are measured against numbers that do not come from ExactLinear, and mean the same for
+Errors are measured against numbers that do not come from ExactLinear, and mean the same for
 ExactLinear as for every other stepper. The verdict on ExactLinear means less: the cells come from
 ExactLinear, and "right" only repeats that each piece is true. The verdict on PseudoArclength and
 NaturalParameter compares two independent ways. The path is not claimed to be complete: a component
