@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from pwscont import Complementarity, Limits, Switched, explore
+from pwscont import Complementarity, Limits, PiecewiseSystem, Switched, explore
 
-pytestmark = pytest.mark.filterwarnings("ignore::RuntimeWarning")
+pytestmark = [pytest.mark.filterwarnings("ignore::RuntimeWarning"), pytest.mark.sweep(2)]
 
 
 def largest_residual(graph, f, alphas):
@@ -113,6 +113,25 @@ def test_the_end_of_a_model_lies_inside_and_within_the_error(name):
     for point in stopped:
         assert np.isfinite(f(float(point.z[0]), point.alpha))
         assert min(abs(point.alpha - end) for end in ends) <= max(8.0 * point.error[-1], 1e-12)
+
+
+@pytest.mark.parametrize("name", ["arcsin", "root of z"])
+def test_the_end_of_a_model_by_differences_is_within_the_error(name):
+    f, ends = ENDS[name]
+
+    class ByDifferences(PiecewiseSystem):
+        size = 1
+
+        def test_functions(self, z, alpha):
+            return z + 50.0
+
+        def residual(self, z, alpha, character):
+            return f(z, alpha)
+
+    graph = explore(ByDifferences(), (-2.0, 2.0))
+    for point in graph.special_points("stopped"):
+        assert np.isfinite(f(float(point.z[0]), point.alpha))
+        assert min(abs(point.alpha - end) for end in ends) <= 8.0 * point.error[-1]
 
 
 # -- endless repetition ----------------------------------------------------------------------------

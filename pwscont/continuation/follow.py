@@ -28,7 +28,7 @@ from pwscont.curve.magnitudes import Gauge
 from pwscont.curve.stepper import CurvedSegment, Segment, Stepper
 from pwscont.curve.steppers import ExactLinear
 from pwscont.system.contract import refuse_wrong_jacobian
-from pwscont.system.differences import FINEST_PART, REFINEMENT
+from pwscont.system.differences import FINEST_PART, REFINEMENT, STEP
 from pwscont.transitions.bounding import BoundingTests
 from pwscont.transitions.detector import SpecialPointFound, TransitionDetector
 from pwscont.transitions.ends import Bounds, IntervalEnds, ended
@@ -122,6 +122,8 @@ MOST_SHORTENED = 100
 BY_DERIVATIVES = (FailureReason.NOT_CONVERGED, FailureReason.NOT_FINITE, FailureReason.JUMP)
 #: The end of the model is at most this many times the last step away: steps shrink towards the end.
 REST_OF_THE_WAY = 4.0
+#: A component of a unit tangent that is smaller does not move.
+NEARLY_STILL = 1e-6
 #: A step is shortened if the length is less than this part of the length that was proposed.
 SHORTENED = 0.75
 
@@ -402,25 +404,35 @@ class _Reached:
 
     def stopped(self, why: str) -> FollowedPiece:
         """Return the walk that ends here; finer differences have been of no use."""
+        part = part_of(self.curve)
         self.curve.selection.system.refine_differences(self._part)
         if why == str(Failure(FailureReason.NOT_FINITE)) and len(self.points) > 2:
-            self._end_inside()
+            self._end_inside(part)
         back = Ray(self.curve, self.state).reversed()
         arrival = SpecialPointFound(Kind.STOPPED, self.state.x, why, (back,))
         return FollowedPiece(self.points, arrival)
 
-    def _end_inside(self) -> None:
+    def _end_inside(self, part: float) -> None:
         """End at the last point at which H is finite; the end of the model is a few steps farther.
 
-        The last correction may have led beyond the end, where H was not asked for.
+        The last correction may have led beyond the end, where H was not asked for. Differences took
+        this part of the usual steps, and H is not finite at the ends of these.
         """
         last, residual = self.state, self.curve.selection.residual
         while len(self.points) > 2 and not are_finite(residual(self.points[-1])):
             last = self._before
             self.points.pop()
-        rest = REST_OF_THE_WAY * (self.points[-1] - self.points[-2])
-        error = np.vstack([last.error, rest])
+        steps = [self.points[-1] - self.points[-2]]
+        if not self.curve.selection.system.knows_jacobian:
+            steps.append(self._reach_of_differences(last.tangent, part))
+        error = np.vstack([last.error, *(REST_OF_THE_WAY * step for step in steps)])
         self.state = State(self.points[-1], last.tangent, error, last.orientation)
+
+    def _reach_of_differences(self, tangent: Array, part: float) -> Array:
+        """Return a step along a tangent in which each component moves by a step of differences."""
+        along = np.abs(tangent / self.curve.metric.scale)
+        reach: Array = part * STEP / along[along > NEARLY_STILL].min() * tangent
+        return reach
 
 
 def alone(watched: Sequence[TransitionDetector]) -> StraightTests | None:
