@@ -27,7 +27,7 @@ from pwscont.basics.character import Character
 from pwscont.basics.outcome import Failure, Kind, SearchScope
 from pwscont.basics.quantities import Function
 from pwscont.basics.rounding import CONVERGED, SAME_ALPHA
-from pwscont.continuation.discovery import Discovery, Node
+from pwscont.continuation.discovery import CROSSED, Discovery, Node
 from pwscont.continuation.known import Edge
 from pwscont.curve.corrector import BorderedNewton
 from pwscont.curve.curve import Curve, State
@@ -209,10 +209,6 @@ def _state(curve: Curve, x: Array, way: Array, error: Array) -> State:
     found = BorderedNewton().correct(curve, x, way)
     tangent = way if isinstance(found, Failure) else found.state.tangent
     return State(x, tangent, error[np.newaxis], 1)
-
-
-#: Kinds of special points that the change of the cell describes completely.
-CROSSED = frozenset({Kind.TRANSITION, Kind.NONSMOOTH_FOLD})
 
 
 def assemble(

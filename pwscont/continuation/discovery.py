@@ -129,7 +129,7 @@ def _also(said: Said, more: str) -> str:
 #: Closer to an end of a piece than this distance, in the metric, two branches of a fold are hard to
 #: tell apart: nothing is said to have been passed over there.
 BESIDE_AN_END = 1e-3
-#: Where a curve leaves one cell for another.
+#: Kinds of special points at which a curve leaves one cell for another: the change says all.
 CROSSED = (Kind.TRANSITION, Kind.NONSMOOTH_FOLD)
 
 

@@ -78,7 +78,7 @@ class Mark:
 def markers_of(graph: BranchGraph) -> dict[str, dict[str, Any]]:
     """Return {kind: look} for all special points, also from a user's own detectors."""
     kinds = {str(point.kind) for point in graph.special_points()}
-    own = zip(sorted(kinds - {str(kind) for kind in Kind}), cycle(OWN_MARKERS), strict=False)
+    own = zip(sorted(kinds - {str(kind) for kind in MARKERS}), cycle(OWN_MARKERS), strict=False)
     return MARKERS | {kind: {"marker": shape, "markersize": 8} for kind, shape in own}
 
 
