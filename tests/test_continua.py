@@ -39,6 +39,14 @@ def test_infinitely_many_solutions_are_counted_as_such(equal):
     assert "nothing found" not in graph.guarantee
 
 
+@pytest.mark.slow
+def test_infinitely_many_solutions_end_where_a_branch_begins():
+    """max(z, 0)^3 = max(alpha, 0): all z <= 0 for alpha <= 0, and the root of third order above."""
+    cubic = Switched(1, lambda z, alpha, sw: [sw.relu(z[0]) ** 3 - sw.relu(alpha)])
+    graph = explore(cubic, (-1.0, 1.0))
+    assert [graph.count(alpha) for alpha in (-1.0, -0.3, -1e-3, 0.3, 1.0)] == [np.inf] * 3 + [1, 1]
+
+
 def test_a_branch_point_and_a_double_root_are_no_continua():
     """z (alpha - z^2) = 0 and (z - 1)^2 = alpha^2, the two in turned unknowns."""
 

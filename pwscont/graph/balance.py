@@ -24,7 +24,15 @@ import numpy as np
 
 from pwscont.basics.errors import PwscontError
 from pwscont.basics.looks import apart
-from pwscont.basics.outcome import ACCUMULATE, FILL, ON_BOUND, FailureReason, Guarantee, Kind
+from pwscont.basics.outcome import (
+    ACCUMULATE,
+    FILL,
+    FILL_CURVES,
+    ON_BOUND,
+    FailureReason,
+    Guarantee,
+    Kind,
+)
 from pwscont.basics.rounding import CONFIDENCE, SAME_ALPHA
 from pwscont.graph.archive import DamagedError
 from pwscont.graph.queries import (
@@ -281,7 +289,7 @@ def _doubts(graph: Structure) -> Iterator[str]:
     """Yield what was found at special points and prevents a search from keeping a promise."""
     points = [point for point in graph.special_points() if point.id >= 0]
     lost = [point for point in points if point.kind == Kind.STOPPED or point.lost]
-    yield from _stops(graph, lost)
+    yield from _stops(graph, [point for point in lost if not _is_one_of_many(graph, point)])
     yield from _places(IN_PART, graph, _searched_in_part(graph))
     known = [f"{stretch.ends}" for stretch in graph.infinite if stretch[0] < stretch[1]]
     if known:
@@ -301,6 +309,11 @@ def _doubts(graph: Structure) -> Iterator[str]:
 def _leaves_its_alpha(graph: Structure, point: SpecialPoint) -> bool:
     """Tell whether a piece that is not vertical leaves from a special point."""
     return not all(piece.is_vertical for piece in graph.pieces_at(point.id))
+
+
+def _is_one_of_many(graph: Structure, point: SpecialPoint) -> bool:
+    """Tell whether a special point stands where solutions are known to be infinitely many."""
+    return FILL_CURVES in point.message and is_beside_infinite(graph, point.alpha)
 
 
 def _stops(graph: Structure, points: list[SpecialPoint]) -> Iterator[str]:

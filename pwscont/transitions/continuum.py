@@ -44,6 +44,8 @@ MOST_STEPS = 6
 ARRIVED = EPS**0.5
 #: Most cells of a system that is asked for such sets.
 MANY_CELLS = 4**10
+#: Distance from an end of a stretch at which the stretch is asked for, as a part of the stretch.
+NEAR_AN_END = 1e-3
 #: Most unknowns for which a singular value decomposition costs little beside a search.
 MOST_UNKNOWNS = 200
 
@@ -60,7 +62,7 @@ def is_one_of_many(system: PiecewiseSystem, metric: Metric, x: Array) -> bool:
     x : ndarray, shape (n + 1,)
         A solution and the value of alpha.
     """
-    if isinstance(system, SlicewiseLinearSystem) or not 1 < system.size <= MOST_UNKNOWNS:
+    if isinstance(system, SlicewiseLinearSystem) or system.size > MOST_UNKNOWNS:
         return False
     scale, alpha = metric.scale[:-1], float(x[-1])
     y = x[:-1] / scale
@@ -114,7 +116,7 @@ def filled_parts(
         :func:`is_one_of_many`.
     """
     if not isinstance(system, SlicewiseLinearSystem):
-        yield from _beside(system, metric, one_of_many)
+        yield from _beside(system, metric, alphas, one_of_many)
     elif has_too_many_tests(system) or number_of_cells(system.blocks()) > MANY_CELLS:
         return
     elif isinstance(system, PiecewiseLinearSystem):
@@ -137,23 +139,35 @@ def _asked(system: SlicewiseLinearSystem, metric: Metric, alphas: list[float]) -
             yield Filled(lo, hi, False, False, 0.0)
 
 
-def _beside(system: PiecewiseSystem, metric: Metric, points: list[Array]) -> Iterator[Filled]:
-    """Yield the values of alpha of such solutions, and the stretches whose middle is filled too."""
-    found = sorted(points, key=lambda x: float(x[-1]))
-    for x in found:
-        yield Filled(float(x[-1]), float(x[-1]), True, True, 0.0)
-    for low, high in pairwise(found):
-        if any(
-            _is_filled_near(system, metric, x, 0.5 * float(low[-1] + high[-1])) for x in (low, high)
-        ):
-            yield Filled(float(low[-1]), float(high[-1]), True, True, 0.0)
+def _beside(
+    system: PiecewiseSystem, metric: Metric, alphas: list[float], points: list[Array]
+) -> Iterator[Filled]:
+    """Yield the values of alpha of such solutions, and the stretches that are filled beside them.
+
+    A stretch between two neighbouring special points is asked for in the middle, and near an end
+    that is no value of alpha of such a solution.
+    """
+    known = {float(x[-1]): x for x in points}
+    for alpha in known:
+        yield Filled(alpha, alpha, True, True, 0.0)
+    for lo, hi in pairwise(sorted({*alphas, *known})):
+        starts = [known[end] for end in (lo, hi) if end in known]
+        places = [0.5 * (lo + hi)]
+        places += [] if hi in known else [hi - NEAR_AN_END * (hi - lo)]
+        places += [] if lo in known else [lo + NEAR_AN_END * (hi - lo)]
+        if starts and all(_is_filled_near(system, metric, starts, alpha) for alpha in places):
+            yield Filled(lo, hi, lo in known, hi in known, 0.0)
 
 
-def _is_filled_near(system: PiecewiseSystem, metric: Metric, x: Array, alpha: float) -> bool:
-    """Tell whether a solution at another alpha leads to one of infinitely many at this alpha."""
+def _is_filled_near(
+    system: PiecewiseSystem, metric: Metric, starts: list[Array], alpha: float
+) -> bool:
+    """Tell whether any of some solutions leads to one of infinitely many at another alpha."""
     scale = metric.scale[:-1]
-    found = solution_near(system, scale, x[:-1] / scale, alpha)
-    return found is not None and is_one_of_many(system, metric, np.append(found * scale, alpha))
+    found = (solution_near(system, scale, x[:-1] / scale, alpha) for x in starts)
+    return any(
+        y is not None and is_one_of_many(system, metric, np.append(y * scale, alpha)) for y in found
+    )
 
 
 def _linear(
