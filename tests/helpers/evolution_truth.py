@@ -231,12 +231,12 @@ def random_problem(seed):
     p = int(rng.integers(1, 4))
     n = 2 * p + int(rng.integers(0, 2))
     root = rng.normal(size=(n, n))
-    A = root @ root.T + 0.2 * np.eye(n)
+    A = root @ root.T + 0.05 * np.eye(n)
     pick = np.eye(n)
     gap = rng.uniform(0.0, 0.6, p) * (rng.random(p) < 0.3)
     count, around = int(rng.integers(2, 11)), rng.normal(size=n)
     loads = 2.0 * (around + rng.uniform(0.3, 1.5) * rng.normal(size=(count, n)))
-    if rng.random() < 0.3:
+    if rng.random() < 0.5:
         loads[0] = 0.0
     F = rng.uniform(0.0, 8.0) * (1.0 if rng.random() < 0.85 else 0.1) * np.ones(p)
     if rng.random() < 0.1:
