@@ -80,9 +80,9 @@ class ByRays(Evolver):
         law = self._stated(memory)
         if law.size != self._size:
             raise InvalidSystemError(
-                f"{type(self.system).__name__}.remembering has {law.size} unknowns now, hidden ones "
-                f"included, and {self._size} at first: calls of sw whose arguments are equal are one "
-                "switch, so give each call arguments that never equal those of another call"
+                f"{type(self.system).__name__}.remembering has {law.size} unknowns now, "
+                f"{self._size} at first: calls of sw whose arguments are equal are one hidden "
+                "unknown, so give each call arguments that never equal those of another call"
             )
         return law.within(*self.interval, self._magnitudes)
 
