@@ -219,6 +219,19 @@ def test_a_graph_with_a_branch_dropped_is_not_complete():
     assert proof.statements[0].endswith(" undecided")
 
 
+def test_a_branch_that_is_listed_twice_is_not_proved():
+    graph = explore(GAME, (-1.0, 2.0))
+    nodes, pieces = graph.nodes, graph.pieces
+    more = [replace(node, id=node.id + len(nodes)) for node in nodes]
+    again = [
+        replace(p, id=p.id + len(pieces), start=p.start + len(nodes), end=p.end + len(nodes))
+        for p in pieces
+    ]
+    twice = BranchGraph([*nodes, *more], [*pieces, *again], graph.interval, system=GAME)
+    assert twice.count(0.0) == 6
+    assert not prove(twice).holds
+
+
 def moved(graph, index, part):
     """Return a graph with the special point at the end of a piece moved along alpha."""
     pieces = list(graph.pieces)
