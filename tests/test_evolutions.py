@@ -334,11 +334,37 @@ def test_a_resumed_run_repeats_every_bit(tmp_path, seed):
 # -- mistakes --------------------------------------------------------------------------------------
 
 
+def test_a_load_that_only_grows_is_no_ratchetting():
+    sticks = evolve(
+        QuasiStaticCoulomb(one_node(), LoadHistory([[3, 0], [3, 0.1]]), 0.5), (0.0, 1.0)
+    )
+    assert [cycle.kind for cycle in sticks.cycle(0.25)] == ["not yet"]
+    slides = evolve(QuasiStaticCoulomb(one_node(), LoadHistory([[3, 0], [3, 9]]), 0.5), (0.5, 1.0))
+    assert [cycle.kind for cycle in slides.cycle(0.125)] == ["ratchetting"]
+
+
+@pytest.mark.parametrize("period", [0.0, -1.0, np.nan, "a", 1e-9, 2.0])
+def test_a_period_that_makes_no_sense_is_refused(period):
+    with pytest.raises(InvalidInputError, match="period"):
+        evolve(Pulled(), (0.0, 3.0)).cycle(period)
+
+
 class Forgetful(Pulled):
     """The memory is not that of the state."""
 
     def memory(self, z, t):
         return z[1:] + 0.3
+
+
+class Twins(Pulled):
+    """Two calls of sw are one switch as long as the memory is zero."""
+
+    def remembering(self, memory):
+        def law(z, t, sw):
+            forces = [sw.clip(t - factor * memory[0], -1.0, 1.0) for factor in (1.0, 2.0)]
+            return [z[0] - forces[0], z[1] - (t - forces[0]) + 0.0 * forces[1]]
+
+        return Switched(2, law, linear=True)
 
 
 class Curved(Pulled):
@@ -368,6 +394,7 @@ class WithoutEvolver(Pulled):
         (Misnamed(), InvalidSystemError, "2 names"),
         (WithoutEvolver(), InvalidInputError, "must be an Evolver"),
         (Forgetful(), InvalidSystemError, "does not hold"),
+        (Twins(), InvalidSystemError, "calls of sw whose arguments are equal"),
         (Curved(), InvalidInputError, "PiecewiseLinearSystem"),
         (None, InvalidInputError, "SystemWithMemory"),
         (Switched(1, lambda z, t, sw: z - t), InvalidInputError, "SystemWithMemory"),

@@ -181,12 +181,21 @@ def test_matrices_are_read_from_files(tmp_path):
     assert list(read_matrices(tmp_path / "N.mtx")) == ["N"]
 
 
+HEAD = "%%MatrixMarket matrix coordinate real general\n"
+
+
+def test_a_comment_with_the_letter_d_is_no_number(tmp_path):
+    (tmp_path / "A.mtx").write_text(f"{HEAD}% of 2D1 elements\n1 1 1\n1 1 2.5E+3\n")
+    assert read_matrices(tmp_path)["A"].toarray() == [[2500.0]]
+
+
 @pytest.mark.parametrize(
     ("write", "words"),
     [
         (lambda file: None, "no file with the ending"),
         (lambda file: file.write_text("no matrix"), "cannot read"),
         (lambda file: mmwrite(file, sp.csr_matrix([[1.0j]])), "complex"),
+        (lambda file: file.write_text(f"{HEAD}% 2D1\n1 1 1\n1 1 2.5D+3\n"), "write E for D"),
     ],
 )
 def test_files_that_hold_no_matrix_are_refused(tmp_path, write, words):

@@ -218,6 +218,24 @@ def test_data_moved_a_little_across_a_kink(shift):
     assert proof.holds == (shift < 0.0)
 
 
+HALF_UNDEFINED = {
+    "max": lambda z, t, sw: sw.max(np.sqrt(z) + 10.0, z + 3.0 - t),
+    "min": lambda z, t, sw: sw.min(z + 3.0 - t, np.sqrt(z) + 10.0),
+    "relu": lambda z, t, sw: sw.relu(np.sqrt(z)) + z + 3.0 - t,
+    "clip": lambda z, t, sw: sw.clip(np.sqrt(z), 0.0, 5.0) + z + 3.0 - t,
+    "where": lambda z, t, sw: sw.where(z, np.sqrt(z), 0.0) + z + 3.0 - t,
+}
+
+
+@pytest.mark.parametrize("name", HALF_UNDEFINED)
+def test_a_switch_may_take_the_argument_that_has_a_value(name):
+    """The only solution is z = t - 3, where sqrt(z) has no value."""
+    with np.errstate(invalid="ignore"):
+        assert Switched(1, HALF_UNDEFINED[name]).formula_at(np.array([-3.0]), 0.0) == 0.0
+    proof = proved(HALF_UNDEFINED[name], 1, (-4.0, 4.0), (-1.0, 1.0), seconds=1.0)
+    assert proof.count(0.2) in (1, None)
+
+
 @pytest.mark.parametrize("exponent", range(1, 9))
 @pytest.mark.parametrize("is_smooth", [True, False])
 def test_loops_of_all_sizes_are_never_denied(exponent, is_smooth):

@@ -17,6 +17,7 @@ import pwscont.exact.cells
 from pwscont import (
     LCP,
     BranchGraph,
+    Complementarity,
     InvalidInputError,
     Switched,
     enumerate_solutions,
@@ -101,6 +102,23 @@ def test_data_moved_by_rounding_across_a_kink_moves_the_count():
     game = Switched(1, lambda z, t, sw: sw.abs(z) - t, linear=True)
     counts = [prove(enumerate_solutions(game, t)).count for t in (-5e-324, 0.0, 5e-324, 1e-12)]
     assert counts == [0, 1, 2, 2]
+
+
+@pytest.mark.parametrize("stiffness", [1.0, 2.0**60, 1e17, 1e200])
+def test_units_of_a_complementarity_problem_do_not_hide_an_inequality(stiffness):
+    """z - w rounds to -w: a cell with w = 0 and z < 0 has no solution all the same."""
+    spring = Complementarity(lambda z, t: stiffness * z + 1.0 + 0.0 * t, n=1, linear=True)
+    common, parts = spring.exact_rows(0.0)
+    cells = proved_cells(common, parts, 0.0)
+    assert len(cells.boxes) + len(cells.points) == 1
+
+
+def test_what_is_no_solution_is_not_proved_beside_solutions_that_are_close():
+    close = LCP([[1, 0, 0], [0, 1, 2], [0, 2, 1]], q=[-1, -1e-9, -1e-9], d=[0, 0, 0])
+    known = enumerate_solutions(close, 0.0)  # three, within 1e-9
+    assert prove(known).holds
+    wrong = [known[0], known[1], replace(known[2], z=known[2].z + 5.0)]
+    assert not prove(Solutions(wrong, "complete", close, 0.0)).holds
 
 
 def test_infinitely_many_solutions_are_not_proved():
@@ -199,6 +217,19 @@ def test_a_graph_with_a_branch_dropped_is_not_complete():
     assert proof.holds
     assert not proof.is_complete
     assert proof.statements[0].endswith(" undecided")
+
+
+def test_a_branch_that_is_listed_twice_is_not_proved():
+    graph = explore(GAME, (-1.0, 2.0))
+    nodes, pieces = graph.nodes, graph.pieces
+    more = [replace(node, id=node.id + len(nodes)) for node in nodes]
+    again = [
+        replace(p, id=p.id + len(pieces), start=p.start + len(nodes), end=p.end + len(nodes))
+        for p in pieces
+    ]
+    twice = BranchGraph([*nodes, *more], [*pieces, *again], graph.interval, system=GAME)
+    assert twice.count(0.0) == 6
+    assert not prove(twice).holds
 
 
 def moved(graph, index, part):

@@ -190,6 +190,33 @@ def test_what_cannot_be_traced_is_refused_in_words(name):
         traced(f, 1)
 
 
+def with_a_fallback(z, t, sw):
+    """A root at 3.95 that only plain numbers near that root show."""
+    try:
+        number = float(z[0])
+    except TypeError:
+        number = 0.0
+    return (z - t) * (z - 3.95 if number > 3.9 else 1.0)
+
+
+def with_noise(z, t, sw):
+    return z - t + 1e-12 * np.random.default_rng().random()
+
+
+@pytest.mark.parametrize("f", [with_a_fallback, with_noise])
+def test_a_formula_that_goes_on_without_numbers_or_changes_is_refused(f):
+    with pytest.raises(InvalidInputError, match="cannot be traced"):
+        traced(f, 1)
+
+
+def test_a_search_used_twice_proves_the_formula_as_it_is_now():
+    square, search = [1.0], Everywhere(box=(-4.0, 4.0))
+    system = Switched(1, lambda z, t, sw: z**2 - square[0] + 0.0 * t)
+    assert explore(system, (-1.0, 1.0), search=search).proof.count(0.0) == 2
+    square[0] = -1.0
+    assert explore(system, (-1.0, 1.0), search=search).proof.count(0.0) == 0
+
+
 def test_a_decision_hidden_from_the_tape_is_seen():
     def sly(z, t, sw):
         return z - t if z.dtype.kind == "O" else z - t + 1e-3

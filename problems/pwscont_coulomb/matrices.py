@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,11 @@ from scipy.io import mmread
 
 from pwscont import InvalidInputError
 from pwscont.extending import Matrix
+
+#: A number with the exponent D, as Fortran writes numbers, in a line that is no comment.
+FORTRAN = re.compile(rb"^[^%\n]*[0-9.][dD][+-]?[0-9]", re.MULTILINE)
+#: So many bytes of a file are looked at, at once.
+TOGETHER = 2**24
 
 
 def read_matrices(path: str | Path) -> dict[str, Matrix]:
@@ -59,9 +65,20 @@ def _matrix(file: Path) -> Matrix:
         found: Any = mmread(file)
     except (OSError, ValueError, TypeError, EOFError) as error:
         raise InvalidInputError(f"cannot read {file} as a matrix: {error}") from error
+    if file.suffix == ".mtx" and _has_fortran_numbers(file):
+        raise InvalidInputError(
+            f"{file} holds numbers such as 1.0D+3, which would be read as 1.0: write E for D"
+        )
     if np.iscomplexobj(found.data if sp.issparse(found) else found):
         raise InvalidInputError(f"{file} holds complex numbers; stiffness and loads are real")
     if sp.issparse(found):
         return sp.csr_matrix(found, dtype=float)
     array = np.asarray(found, dtype=float)
     return array.ravel() if array.shape[1] == 1 else array
+
+
+def _has_fortran_numbers(file: Path) -> bool:
+    """Tell whether numbers of a file have an exponent that is skipped when read."""
+    with file.open("rb") as opened:
+        parts = iter(lambda: opened.read(TOGETHER), b"")
+        return any(FORTRAN.search(part) for part in parts)

@@ -77,8 +77,8 @@ def _is_at_rest(path: EvolutionPath, t0: float, t1: float, size: float) -> bool:
 
 
 def _drifts(states: list[EvolutionState], drift: Array, size: float) -> bool:
-    """Tell whether the memory changed by the same amount in the period before."""
+    """Tell whether the memory changed, and by the same amount in the period before."""
     if len(states) < 3:
         return False
-    before = states[1].memory - states[2].memory
-    return bool((np.abs(drift - before) <= ADDED * SAME_STATE * size).all())
+    before, slack = states[1].memory - states[2].memory, ADDED * SAME_STATE * size
+    return bool((np.abs(drift) > slack).any() and (np.abs(drift - before) <= slack).all())

@@ -7,6 +7,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, final
 
+from pwscont.basics.arrays import finite_array
 from pwscont.basics.errors import InvalidInputError
 from pwscont.basics.looks import card, counted
 from pwscont.basics.quantities import Quantities
@@ -93,12 +94,13 @@ class EvolutionGraph(EvolutionStructure):
         Raises
         ------
         InvalidInputError
-            If the period is not positive, or longer than half of the interval.
+            If the period is no number from 0.0001 to half of the interval.
         """
         lo, hi = self.interval
-        if not 0.0 < period <= 0.5 * (hi - lo) * (1.0 + SAME_TIME):
+        period = float(finite_array("period", period, ()))
+        if not 1e-4 <= period / (hi - lo) <= 0.5 * (1.0 + SAME_TIME):
             raise InvalidInputError(
-                f"period must be positive and at most half of the interval, got {period!r}"
+                f"period must be positive, from 0.0001 to half of the interval, got {period!r}"
             )
         return [cycle_of(path, hi, period) for path in self.paths()]
 

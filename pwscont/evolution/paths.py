@@ -74,7 +74,18 @@ class EvolutionPath:
         raise InvalidInputError(f"the evolution has no state at t = {t}; it ends at {self.end}")
 
     def dissipated(self, t0: float, t1: float) -> float:
-        """Return the energy dissipated between two times, as far as the evolution goes."""
+        """Return the energy dissipated between two times, as far as the evolution goes.
+
+        Raises
+        ------
+        InvalidInputError
+            If the times do not grow, or lie outside the interval.
+        """
+        lo, hi = self._graph.interval
+        if not lo <= t0 <= t1 <= hi:
+            raise InvalidInputError(
+                f"dissipated needs {lo:g} <= t0 <= t1 <= {hi:g}, got t0 = {t0}, t1 = {t1}"
+            )
         return sum(self._graph.dissipation(*pair) for pair in self.stretches(t0, t1))
 
     def stretches(self, t0: float, t1: float) -> Iterator[tuple[EvolutionState, EvolutionState]]:

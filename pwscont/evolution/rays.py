@@ -63,10 +63,10 @@ class ByRays(Evolver):
     def __init__(self, system: SystemWithMemory, interval: tuple[float, float]) -> None:
         self.system, self.interval = system, interval
         self._first = finite_array("initial_memory()", system.initial_memory())
-        law = self._stated(self._first).within(*interval)
-        known = law.gives_scale
-        guess = np.zeros(law.size)
-        self._magnitudes = None if known else rough_magnitudes(law, interval, guess)
+        law = self._stated(self._first)
+        self._size, self._shown_size = law.size, shown_size(law)
+        law, guess = law.within(*interval), np.zeros(law.size)
+        self._magnitudes = None if law.gives_scale else rough_magnitudes(law, interval, guess)
         self._metric = Metric.of(self.law(self._first), interval)
 
     def _stated(self, memory: Array) -> PiecewiseLinearSystem:
@@ -77,7 +77,14 @@ class ByRays(Evolver):
 
     def law(self, memory: Array) -> PiecewiseLinearSystem:
         """Return the law restated with a memory, for work on the interval."""
-        return self._stated(memory).within(*self.interval, self._magnitudes)
+        law = self._stated(memory)
+        if law.size != self._size:
+            raise InvalidSystemError(
+                f"{type(self.system).__name__}.remembering has {law.size} unknowns now, "
+                f"{self._size} at first: calls of sw whose arguments are equal are one hidden "
+                "unknown, so give each call arguments that never equal those of another call"
+            )
+        return law.within(*self.interval, self._magnitudes)
 
     def sizes(self) -> Array:
         """Return typical magnitudes of all unknowns."""
@@ -91,10 +98,6 @@ class ByRays(Evolver):
     def shown(self, z: Array, t: float) -> Array:
         """Return the unknowns that are not hidden."""
         return z[: self._shown_size].copy()
-
-    @property
-    def _shown_size(self) -> int:
-        return shown_size(self._stated(self._first))
 
     def names(self) -> tuple[str, ...]:
         """Return the names that the law gives."""
@@ -173,8 +176,7 @@ class ByRays(Evolver):
     def reached(self, moment: Moment, way: Way, t: float) -> Moment:
         """Return the state on a way, solved for in the cell of the way."""
         rough = way.z + (t - moment.t) * way.rate
-        law = self.law(moment.memory)
-        selection = Selection(law, Character.read(way.mode.decode()))
+        selection = Selection(self.law(moment.memory), Character.read(way.mode.decode()))
         row = last_unit(len(rough) + 1)
         root = newton(
             Curve(selection, self._metric),

@@ -123,6 +123,8 @@ class PiecesProof:
         equations = np.concatenate([self._common, *rows_of(self._parts, choice, "equations")])
         if len(equations) != equations.shape[1] - 2 or ends[0] == ends[1]:
             return False
+        if choice in self._choices.values():  # a cell has one piece: this is the same piece again
+            return False
         sides = np.concatenate(rows_of(self._parts, choice, "sides"))
         lo, hi = self._graph.interval
         nodes = (piece.start, piece.end)

@@ -142,8 +142,10 @@ def _given(given: Any, alpha: float | None) -> tuple[Any, float | None, Sequence
 
 
 def _are_matched(centres: Sequence[Array], known: Sequence[Solution]) -> bool:
-    """Tell whether every proved solution is one of the given solutions."""
-    return all(any(_is_close(x, solution) for solution in known) for x in centres)
+    """Tell whether every proved solution is one of the given solutions, and the reverse."""
+    close = np.array([[_is_close(x, each) for each in known] for x in centres], dtype=bool)
+    close = close.reshape(len(centres), len(known))
+    return bool(close.any(axis=1).all() and close.any(axis=0).all())
 
 
 def _is_close(x: Array, solution: Solution) -> bool:

@@ -286,11 +286,12 @@ class SwitchedLinearSystem(Notated, PiecewiseLinearSystem, ExactData):
         parts = []
         for switch in range(self._layout.count):
             own, places = self._rows.owner == switch, self._layout.tests_of(switch)
-            modes = []
+            rows, modes = [each[own] for each in dense], []
             for mode, signs in enumerate(self._layout.signs(switch)):
                 near = [i for i in (mode - 1, mode) if 0 <= i < len(signs)]
-                sides = [tests[places[i]] * (1.0 if signs[i] else -1.0) for i in near]
-                modes.append(ExactMode(dense[mode][own], np.array(sides)))
+                given = [(tests[places[i]], rows[2 * i + 1 - mode], signs[i]) for i in near]
+                sides = [_side(rows[mode], *each) for each in given]
+                modes.append(ExactMode(rows[mode], np.array(sides)))
             parts.append(modes)
         return dense[0][self._rows.owner < 0], parts
 
@@ -317,3 +318,11 @@ class SwitchedLinearSystem(Notated, PiecewiseLinearSystem, ExactData):
         switch, branch, side = (np.array(column) for column in zip(*sides, strict=True))
         rows = sp.diags_array(side.astype(float)) @ (V[switch] - B[branch])
         return rows.toarray(), side * (v[switch] - b[branch])
+
+
+def _side(row: Array, test: Array, other: Array, sign: bool) -> Array:
+    """Return an inequality of a mode: the row of the next mode, where the test is a difference."""
+    change = other - row
+    is_plus, is_minus = (change == test).all(), (change == -test).all()
+    side = other[0] if is_plus else -other[0] if is_minus else test  # differences are rounded
+    return side if sign else -side

@@ -125,7 +125,7 @@ class Everywhere(Search):
         lower, upper = self._limits(system, metric.scale[:size], size, known)
         box = Interval(np.append(lower, interval[0]), np.append(upper, interval[1]))
         scale = np.append(metric.scale[:size], interval[1] - interval[0])
-        key = b"".join(each.tobytes() for each in (box.lo, box.hi, scale))
+        key = [each.tobytes() for each in (box.lo, box.hi, scale)], tape.steps, tape.outputs
         last = self.proved(system, interval)
         if last is not None and self._last["key"] == key:
             return last

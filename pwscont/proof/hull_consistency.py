@@ -51,12 +51,17 @@ def _known(step: Step, y: Interval, values: list[Interval]) -> list[Interval]:
 def _of_max(y: Interval, x: list[Interval]) -> list[Interval]:
     """Return y for an argument if the other argument is certainly smaller, else its upper end."""
     top = Interval(np.full_like(y.lo, -np.inf), y.hi)
-    return [chosen(x[1].hi < y.lo, y, top), chosen(x[0].hi < y.lo, y, top)]
+    return _of_defined(x, [chosen(x[1].hi < y.lo, y, top), chosen(x[0].hi < y.lo, y, top)])
 
 
 def _of_min(y: Interval, x: list[Interval]) -> list[Interval]:
     low = Interval(y.lo, np.full_like(y.hi, np.inf))
-    return [chosen(x[1].lo > y.hi, y, low), chosen(x[0].lo > y.hi, y, low)]
+    return _of_defined(x, [chosen(x[1].lo > y.hi, y, low), chosen(x[0].lo > y.hi, y, low)])
+
+
+def _of_defined(x: list[Interval], known: list[Interval]) -> list[Interval]:
+    """Return nothing of arguments that may have no value: a switch may take the other argument."""
+    return [each.where(own.lo <= own.hi) for own, each in zip(x, known, strict=True)]
 
 
 def _of_abs(y: Interval, x: list[Interval]) -> list[Interval]:

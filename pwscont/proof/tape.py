@@ -66,11 +66,14 @@ class Tape:
     steps : list of Step
     outputs : list of int
         The places of the n entries of the formula.
+    refused : list of NotTracedError
+        What the formula asked for in vain, though it may have gone on.
     """
 
     size: int
     steps: list[Step] = field(default_factory=list)
     outputs: list[int] = field(default_factory=list)
+    refused: list[NotTracedError] = field(default_factory=list)
     _places: dict[Step, int] = field(default_factory=dict)
 
     def place(self, step: Step) -> int:
@@ -166,10 +169,13 @@ class Traced(NDArrayOperatorsMixin):
         return self
 
     def _refuse(self, *args: Any) -> Any:
-        raise NotTracedError(
-            "the formula takes the plain number of, or a decision by, something that depends on "
-            "(z, alpha): write decisions with the switches of sw"
-        )
+        self.tape.refused += [
+            NotTracedError(
+                "the formula takes the plain number of, or a decision by, something that depends "
+                "on (z, alpha): write decisions with the switches of sw"
+            )
+        ]
+        raise self.tape.refused[-1]
 
     __hash__ = None  # type: ignore[assignment]
     __bool__ = __float__ = __int__ = __index__ = __complex__ = _refuse
@@ -325,14 +331,12 @@ def traced(f: Callable[[Any, Any, Any], Any], size: int) -> Tape:
     InvalidInputError
         If the formula cannot be traced, with the reason.
     """
-    tape = Tape(size)
-    nodes = [tape.node("variable", number=float(i)) for i in range(size + 1)]
-    z = np.empty(size, dtype=object)
-    z[:] = nodes[:size]
+    tape, again = Tape(size), Tape(size)
     try:
-        with np.errstate(all="ignore"):
-            found = np.asarray(f(z, nodes[size], TracedSwitches(tape)), dtype=object).ravel()
-        tape.outputs = [tape.place_of(each) for each in found]
+        for each in (tape, again):
+            _write(each, f)
+        if (tape.steps, tape.outputs) != (again.steps, again.outputs):
+            raise NotTracedError("the formula is another one each time")
     except Exception as error:
         raise InvalidInputError(
             f"the formula cannot be traced, so that nothing can be proved: {error}"
@@ -340,3 +344,15 @@ def traced(f: Callable[[Any, Any, Any], Any], size: int) -> Tape:
     if len(tape.outputs) != size:
         raise InvalidInputError(f"the formula returned {len(tape.outputs)} numbers, not {size}")
     return tape
+
+
+def _write(tape: Tape, f: Callable[[Any, Any, Any], Any]) -> None:
+    """Write a formula on an empty tape."""
+    nodes = [tape.node("variable", number=float(i)) for i in range(tape.size + 1)]
+    z = np.empty(tape.size, dtype=object)
+    z[:] = nodes[:-1]
+    with np.errstate(all="ignore"):
+        found = np.asarray(f(z, nodes[-1], TracedSwitches(tape)), dtype=object).ravel()
+    for error in tape.refused:  # the formula went on without the number
+        raise error
+    tape.outputs = [tape.place_of(each) for each in found]
