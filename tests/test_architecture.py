@@ -67,7 +67,7 @@ BUDGET = {
     "graph": (10, 3110),
     "search": (11, 2210),
     "continuation": (9, 3350),
-    "proof": (13, 1920),
+    "proof": (13, 1950),
     "exact": (5, 820),
     "scenes": (14, 2660),
     "view": (6, 950),

@@ -17,7 +17,7 @@ from pwscont import (
     trace,
 )
 
-pytestmark = pytest.mark.sweep(3)  # the others take too long for the README's command
+pytestmark = pytest.mark.sweep(6)  # the others take too long for the README's command
 
 
 class Kinked(PiecewiseLinearSystem):

@@ -5,7 +5,7 @@ import pytest
 
 from pwscont import Complementarity, Limits, PiecewiseSystem, Switched, explore
 
-pytestmark = [pytest.mark.filterwarnings("ignore::RuntimeWarning"), pytest.mark.sweep(2)]
+pytestmark = [pytest.mark.filterwarnings("ignore::RuntimeWarning"), pytest.mark.sweep(4)]
 
 
 def largest_residual(graph, f, alphas):

@@ -20,6 +20,8 @@ from pwscont import (
 from pwscont.basics.errors import InvalidSystemError
 from pwscont.linear.factorise import bordered
 
+pytestmark = pytest.mark.sweep(3)  # the others take too long for the README's command
+
 # -- many unknowns -------------------------------------------------------------------------------
 
 

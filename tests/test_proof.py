@@ -19,7 +19,7 @@ from pwscont import (
 from pwscont.intervals.interval import Interval
 from pwscont.proof.cover import MOST_BOXES
 
-pytestmark = pytest.mark.sweep(2)  # the others take too long for the README's command
+pytestmark = pytest.mark.sweep(4)  # the others take too long for the README's command
 
 ARCH = Switched(1, lambda z, t, sw: z * (z - 1) * (z - 2) + 5 * sw.relu(z - 1) - t)
 

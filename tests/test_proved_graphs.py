@@ -28,7 +28,7 @@ from pwscont import (
 from pwscont.curve.metric import Metric
 from pwscont.proof.tape import traced
 
-pytestmark = pytest.mark.sweep(2)  # the others take too long for the README's command
+pytestmark = pytest.mark.sweep(3)  # the others take too long for the README's command
 
 ARCH = Switched(1, lambda z, t, sw: z * (z - 1) * (z - 2) + 5 * sw.relu(z - 1) - t)
 

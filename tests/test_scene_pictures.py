@@ -19,6 +19,8 @@ from pwscont.scenes.registry import load_scene
 from pwscont.scenes.scene import Panel, Scene
 from pwscont.scenes.styles import number_of, symbol
 
+pytestmark = pytest.mark.sweep(3)  # the others take too long for the README's command
+
 # -- insets ----------------------------------------------------------------------------------------
 
 

@@ -30,7 +30,7 @@ from pwscont.two_parameters.loci import Passing, follow_transitions, parts_of, t
 from pwscont.two_parameters.loci_plane import LociPlane
 from pwscont.two_parameters.plane import area_and_centre
 
-pytestmark = pytest.mark.sweep(2)  # the others take too long for the README's command
+pytestmark = pytest.mark.sweep(4)  # the others take too long for the README's command
 
 
 # -- one node: the sectors of the load plane ---------------------------------------------------
