@@ -100,6 +100,7 @@ def reach(body):
 
 
 @pytest.mark.parametrize("name", swept(SMALL, [name for name in BODIES if name not in SMALL]))
+@pytest.mark.slow
 def test_condensed_and_full_give_the_same_graph(name):
     body = BODIES[name]()
     full, condensed = body.full(), body.condensed()

@@ -162,6 +162,7 @@ def test_pressure_and_shear_are_those_of_the_states(round_body):
         draw_zones(system, evolution.paths()[0], at=np.zeros(30))
 
 
+@pytest.mark.slow
 def test_a_state_of_an_evolution_on_the_whole_body(tmp_path):
     """Equilibrium on the full mesh, and the same for the condensed and for the full body."""
     scenes = pytest.importorskip("pwscont_coulomb.elastic.scenes")
@@ -195,6 +196,7 @@ def test_a_state_of_an_evolution_on_the_whole_body(tmp_path):
         recover(problem, evolve(system, (0.0, 1.0)).states(0.5)[0])
 
 
+@pytest.mark.slow
 def test_the_scene_of_a_block_writes_its_pictures(tmp_path):
     scenes = pytest.importorskip("pwscont_coulomb.quasi_static.scenes")
     pytest.importorskip("skfem")

@@ -31,6 +31,7 @@ def test_a_root_of_zero_at_a_bound_makes_no_false_solutions():
 
 @pytest.mark.parametrize("power", [0.3, 0.5, 0.8])
 @pytest.mark.sweep(3)
+@pytest.mark.slow
 def test_powers_below_one_of_a_switch(power):
     def f(z, a):
         return abs(z) ** power + 0.2 * z - a

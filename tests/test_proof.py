@@ -146,6 +146,7 @@ def test_a_single_selection_at_kinks_is_caught(monkeypatch):
     assert wrong_polynomials(range(12))[0] + bad_certificates(range(4))[0] > 0
 
 
+@pytest.mark.slow
 def test_tubes_that_are_not_told_apart_are_caught(monkeypatch):
     """Each tube counted for itself: the same solution counts several times."""
     each = lambda tubes, found, alpha: list(range(len(tubes.first)))  # noqa: E731
@@ -279,6 +280,7 @@ def wrong_folds(seeds):
 
 
 @pytest.mark.parametrize("seeds", swept([range(15)], [range(15, 300)]))
+@pytest.mark.slow
 def test_alpha_turns_one_way_in_what_is_called_folds(seeds):
     wrong, total = wrong_folds(seeds)
     assert wrong == 0

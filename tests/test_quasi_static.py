@@ -317,6 +317,7 @@ def check_equilibrium(body, history, friction, state):
     assert (body.N @ u <= body.gap + 1e-11 * np.abs(u).max()).all()
 
 
+@pytest.mark.slow
 def test_the_unloaded_wedge_has_all_its_ways_on():
     """All eighteen nodes touch without force: the modes are searched by linear programs."""
     problem = pytest.importorskip("pwscont_coulomb.elastic.scenes").wedge_body(4).condensed()

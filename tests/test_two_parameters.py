@@ -313,6 +313,7 @@ def test_every_region_is_proven_at_its_points(plane):
     assert f"{len(regions)} of {len(regions)} regions proven" in plane.guarantee
 
 
+@pytest.mark.slow
 def test_another_path_has_another_critical_friction():
     """With node 2 lifted node 1 is softer: it folds from F = 4/3 on."""
     path = AffineLoad([0.4, 0.0, -5.0, 0.0], [0.0, 1.0, 0.0, 0.0])
@@ -386,6 +387,7 @@ def test_turning_agrees_with_the_kinds_of_explore(plane, friction):
     assert found == expected
 
 
+@pytest.mark.slow
 def test_sparse_bodies_have_the_same_loci():
     body = ContactBody(*map(sp.csr_matrix, (TWO_NODES.A, TWO_NODES.N, TWO_NODES.T)))
     (start,) = [
