@@ -106,6 +106,13 @@ def test_the_default_proof_finds_what_the_default_search_misses(monkeypatch):
     assert graph.guarantee.startswith("complete in the box, proved; ")
 
 
+def test_a_graph_without_solutions_lends_no_other_system_the_proof(tmp_path):
+    explore(Switched(1, lambda z, t, sw: z**2 + 1 + 0 * t), (-1.0, 1.0)).save(tmp_path / "empty")
+    other = Switched(1, lambda z, t, sw: z**2 - 1 + 0 * t)
+    assert BranchGraph.load(tmp_path / "empty", system=other).proof is None
+    assert BranchGraph.load(tmp_path / "empty").proof.count(0.0) == 0
+
+
 def test_a_saved_graph_keeps_the_proof(tmp_path):
     graph = explore(ARCH, (-0.5, 1.0), search=Everywhere())
     graph.save(tmp_path / "arch")

@@ -264,7 +264,8 @@ class BranchGraph(Structure):
             names=None if system else file.names,
             infinite=file.infinite,
         )
-        graph.proof = file.proof
+        if file.pieces or system is None:  # no point would show that the system is another one
+            graph.proof = file.proof
         return graph
 
     def to_dataframe(self, rows: str) -> Any:
