@@ -22,13 +22,14 @@ from typing import final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, are_finite, dense
+from pwscont.basics.arrays import Array, are_finite
 from pwscont.basics.budget import check_budget
 from pwscont.basics.rounding import EPS, SAME_ALPHA
 from pwscont.curve.curve import LEAN
 from pwscont.curve.metric import Metric
-from pwscont.system.contract import jacobian_at, residual_at
+from pwscont.system.contract import residual_at
 from pwscont.system.system import PiecewiseSystem
+from pwscont.transitions.continuum import equations_in_magnitudes
 
 #: Most iterations at fixed alpha, and again with alpha free.
 MOST_ITERATIONS = 20
@@ -209,15 +210,10 @@ class Pursuit:
         z, alpha = self._place(y)
         if not self._has(alpha):
             return None
-        character = self._system.character(z, alpha)
-        residual = residual_at(self._system, z, alpha, character)
-        jacobian = dense(jacobian_at(self._system, z, alpha, character)) * self._scale
-        rows = np.abs(jacobian).max(axis=1)
-        rows[rows == 0.0] = 1.0
-        self._rows = rows
-        residual, jacobian = residual / rows, jacobian / rows[:, np.newaxis]
-        if not (are_finite(residual) and np.isfinite(jacobian).all()):
+        found = equations_in_magnitudes(self._system, z, alpha, self._scale)
+        if found is None:
             return None
+        residual, jacobian, self._rows = found
         return residual, jacobian
 
     def _place(self, y: Array) -> tuple[Array, float]:

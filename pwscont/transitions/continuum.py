@@ -85,10 +85,10 @@ def solution_near(system: PiecewiseSystem, scale: Array, y: Array, alpha: float)
     States are in typical magnitudes ``scale``.
     """
     for _ in range(MOST_STEPS):
-        linear = _linear(system, scale, y, alpha)
+        linear = equations_in_magnitudes(system, y * scale, alpha, scale)
         if linear is None:
             return None
-        residual, jacobian = linear
+        residual, jacobian, _ = linear
         step = lstsq(jacobian, -residual, cond=SINGULAR)[0]
         y = y + step
         if np.linalg.norm(step) <= ARRIVED * (1.0 + np.linalg.norm(y)):
@@ -170,24 +170,24 @@ def _is_filled_near(
     )
 
 
-def _linear(
-    system: PiecewiseSystem, scale: Array, y: Array, alpha: float
-) -> tuple[Array, Array] | None:
-    """Return H and dH/dz in typical magnitudes, rows scaled alike; None if not finite."""
-    z = y * scale
+def equations_in_magnitudes(
+    system: PiecewiseSystem, z: Array, alpha: float, scale: Array
+) -> tuple[Array, Array, Array] | None:
+    """Return scaled H and dH/dz, or dH/d(z, alpha), and the divisors of rows; None if infinite."""
     character = system.character(z, alpha)
     residual = residual_at(system, z, alpha, character)
-    jacobian = dense(jacobian_at(system, z, alpha, character))[:, :-1] * scale
-    if not (are_finite(residual) and np.isfinite(jacobian).all()):
-        return None
+    jacobian = dense(jacobian_at(system, z, alpha, character))[:, : len(scale)] * scale
     rows = np.abs(jacobian).max(axis=1)
     rows[rows == 0.0] = 1.0
-    return residual / rows, jacobian / rows[:, np.newaxis]
+    if not np.isfinite(rows).all():
+        return None
+    residual, jacobian = residual / rows, jacobian / rows[:, np.newaxis]
+    return (residual, jacobian, rows) if are_finite(residual) else None
 
 
 def _null_direction(system: PiecewiseSystem, scale: Array, y: Array, alpha: float) -> Array | None:
     """Return the unit direction in which dH/dz vanishes, None where dH/dz is regular."""
-    linear = _linear(system, scale, y, alpha)
+    linear = equations_in_magnitudes(system, y * scale, alpha, scale)
     if linear is None:
         return None
     _, sizes, directions = svd(linear[1])

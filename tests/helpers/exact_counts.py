@@ -3,6 +3,8 @@
 import math
 from fractions import Fraction
 
+from rational import solve
+
 
 def count_of(cells):
     """Return how many points solve the equations and inequalities of some cell.
@@ -59,29 +61,8 @@ def _is_feasible(rows, unknowns):
 
 
 def _solve(equations):
-    """Return a solution and a basis of the null space, None without solution."""
-    rows, pivots, n = [[*a, -b] for a, b in equations], [], len(equations[0][0])
-    for column in range(n):
-        rank = len(pivots)
-        pivot = next((i for i in range(rank, len(rows)) if rows[i][column]), None)
-        if pivot is None:
-            continue
-        rows[rank], rows[pivot] = rows[pivot], rows[rank]
-        rows[rank] = [x / rows[rank][column] for x in rows[rank]]
-        for i in set(range(len(rows))) - {rank}:
-            rows[i] = [x - rows[i][column] * y for x, y in zip(rows[i], rows[rank], strict=True)]
-        pivots.append(column)
-    if any(row[-1] for row in rows[len(pivots) :]):
-        return None
-    start = [Fraction(0)] * n
-    for row, column in zip(rows, pivots, strict=False):
-        start[column] = row[-1]
-    ways = []
-    for free in sorted(set(range(n)) - set(pivots)):
-        ways.append([Fraction(int(i == free)) for i in range(n)])
-        for row, column in zip(rows, pivots, strict=False):
-            ways[-1][column] = -row[free]
-    return start, ways
+    """Return a solution of a . x + b = 0 and a basis of the null space, None without solution."""
+    return solve([a for a, _ in equations], [-b for _, b in equations])
 
 
 def _dot(a, b):

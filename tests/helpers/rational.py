@@ -110,7 +110,7 @@ def _count(cells):
     """Return the number of points that solve the equations and inequalities of some cell."""
     found, infinite = set(), False
     for equations, sides in cells:
-        solved = _solve([a for a, _ in equations], [-b for _, b in equations])
+        solved = solve([a for a, _ in equations], [-b for _, b in equations])
         if solved is None:
             continue
         start, ways = solved
@@ -132,18 +132,18 @@ def _dot(a, b):
     return sum(x * y for x, y in zip(a, b, strict=True))
 
 
-def _solve(A, b):
+def solve(A, b):
     """Return a solution of A x = b and a basis of the null space; None without solution."""
     rows, pivots = [[*row, value] for row, value in zip(A, b, strict=True)], []
     n = len(A[0])
     for column in range(n):
         rank = len(pivots)
-        pivot = next((i for i in range(rank, n) if rows[i][column]), None)
+        pivot = next((i for i in range(rank, len(rows)) if rows[i][column]), None)
         if pivot is None:
             continue
         rows[rank], rows[pivot] = rows[pivot], rows[rank]
         rows[rank] = [x / rows[rank][column] for x in rows[rank]]
-        for i in set(range(n)) - {rank}:
+        for i in set(range(len(rows))) - {rank}:
             rows[i] = [x - rows[i][column] * y for x, y in zip(rows[i], rows[rank], strict=True)]
         pivots.append(column)
     if any(row[-1] for row in rows[len(pivots) :]):
