@@ -36,6 +36,10 @@ class KnownBranches(ABC):
     def extremes(self) -> list[Array]:
         """Return the points (z, alpha) of pieces at which alpha or an unknown is extremal."""
 
+    def are_all(self) -> bool:
+        """Tell whether a theorem says which branches there are, so that no search is needed."""
+        return False
+
 
 @final
 class NothingKnown(KnownBranches):
