@@ -64,10 +64,10 @@ BUDGET = {
     "curve": (17, 3465),
     "enumeration": (11, 2980),
     "transitions": (18, 4420),
-    "graph": (10, 3110),
-    "search": (11, 2210),
-    "continuation": (9, 3350),
-    "proof": (13, 1970),
+    "graph": (10, 3115),
+    "search": (11, 2215),
+    "continuation": (9, 3320),
+    "proof": (13, 1985),
     "exact": (5, 820),
     "scenes": (14, 2660),
     "view": (6, 950),
@@ -78,7 +78,7 @@ BUDGET = {
     "commands": (12, 1240),
 }
 #: Most files and classes of pwscont that the README's arch meets: bounds to lower, not to raise.
-MOST_FILES_MET, MOST_CLASSES_MET = 54, 76
+MOST_FILES_MET, MOST_CLASSES_MET = 54, 74
 
 
 def module_of(path):

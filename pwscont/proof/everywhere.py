@@ -149,13 +149,14 @@ class Everywhere(Search):
             return np.broadcast_to(lower, (size,)), np.broadcast_to(upper, (size,))
         own = Box.of(system)
         reach = np.minimum(FAR * scale, 0.5 * own.period[:size])
-        around = np.zeros((1, size))
+        least, most = -reach, reach
         if known is not None and not np.isfinite(own.period[:size]).any():
-            around = np.vstack([around, *(x[:size] for x in known.extremes())])
+            around = np.array([np.zeros(size), *(x[:size] for x in known.extremes())])
+            least, most = (_beyond(side * around, reach) * side for side in (-1.0, 1.0))
         lower, upper = own.lower[:size], own.upper[:size]
         return (
-            np.where(np.isfinite(lower), lower, around.min(axis=0) - reach),
-            np.where(np.isfinite(upper), upper, around.max(axis=0) + reach),
+            np.where(np.isfinite(lower), lower, least),
+            np.where(np.isfinite(upper), upper, most),
         )
 
     def proved(self, system: PiecewiseSystem, interval: tuple[float, float]) -> BoxProof | None:
@@ -173,6 +174,16 @@ class Everywhere(Search):
         return SearchScope(
             f"{what}; where something is open, the default search", Guarantee.NOTHING
         )
+
+
+def _beyond(points: Array, reach: Array) -> Array:
+    """Return numbers of reaches that are one reach beyond zero, and beyond points that are far out.
+
+    A box that fits the known branches less closely is the same box when a run is resumed.
+    """
+    farthest = np.maximum(points.max(axis=0), 0.0)
+    far: Array = np.where(farthest > reach, np.ceil(farthest / reach), 0.0)
+    return (far + 1.0) * reach
 
 
 def _checked_box(box: Any) -> tuple[Any, Any]:

@@ -36,9 +36,9 @@ class KnownBranches(ABC):
     def extremes(self) -> list[Array]:
         """Return the points (z, alpha) of pieces at which alpha or an unknown is extremal."""
 
+    @abstractmethod
     def are_all(self) -> bool:
-        """Tell whether a theorem says which branches there are, so that no search is needed."""
-        return False
+        """Tell whether it is proved that there are no others, so that no search is needed."""
 
 
 @final
@@ -56,6 +56,10 @@ class NothingKnown(KnownBranches):
     def extremes(self) -> list[Array]:
         """Return nothing."""
         return []
+
+    def are_all(self) -> bool:
+        """Tell that nothing is proved."""
+        return False
 
 
 #: The values that a search should yield, in words, for errors about values that are nearly right.
