@@ -28,7 +28,16 @@ from pwscont_coulomb import AffineLoad, CoulombLoad
 from pwscont_coulomb.scenes import example1, example3, fig7, one_node
 from sweeps import swept
 
-from pwscont import BranchGraph, InvalidInputError, Journal, MultiStart, Switched, explore
+from pwscont import (
+    BranchGraph,
+    InvalidInputError,
+    Journal,
+    MultiStart,
+    PiecewiseSystem,
+    Switched,
+    explore,
+    trace,
+)
 from pwscont.commands.cli import main
 from pwscont.continuation.follow import PieceFollower
 from pwscont.continuation.journal import walk_of, written
@@ -292,3 +301,40 @@ def test_a_second_process_is_kept_out(tmp_path, capsys):
         assert "another process is writing to it" in capsys.readouterr().err
     journal.close()
     assert main(["run", "fig7", "-o", str(tmp_path), "--resume"]) == 0
+
+
+class FarAway(PiecewiseSystem):
+    """(z - 300)^2 = 1e-6 (1 - alpha^2): the path shows that z varies by far less than 300."""
+
+    size = 1
+
+    def test_functions(self, z, alpha):
+        return z + 1e9
+
+    def residual(self, z, alpha, character):
+        return (z - 300.0) ** 2 - 1e-6 * (1.0 - alpha**2)
+
+
+def test_a_run_that_begins_again_with_other_magnitudes_is_resumed(tmp_path, monkeypatch):
+    asked = FarAway(), (np.array([0.1]), 0.2), (-1.0, 1.0)
+    with Journal(tmp_path / "whole") as journal:
+        graph = trace(*asked, journal=journal)
+        assert journal.magnitudes is not None
+    same(graph, trace(*asked))
+    walk, left = PieceFollower.walk, [0]
+
+    def until_interrupted(self, ray):
+        if not left[0]:
+            raise KeyboardInterrupt
+        left[0] -= 1
+        return walk(self, ray)
+
+    monkeypatch.setattr(PieceFollower, "walk", until_interrupted)
+    for _ in range(20):
+        left[0] = 1
+        with Journal(tmp_path / "parts") as journal:
+            graph = trace(*asked, journal=journal)
+        if not graph.guarantee.startswith("interrupted"):
+            break
+    same(graph, trace(FarAway(), *asked[1:], journal=Journal(tmp_path / "whole")))
+    assert {piece.points[:, 0].min() > 299.0 for piece in graph.pieces} == {True}

@@ -158,6 +158,7 @@ def followed(
     guess: Array,
     starts_of: Callable[[Plan], Iterator[Found]],
     graph_of: Callable[[Plan, Iterator[Found]], BranchGraph],
+    journal: Journal | None = None,
 ) -> BranchGraph:
     """Return the graph from all starts; the run begins again if the path shows other magnitudes.
 
@@ -170,11 +171,17 @@ def followed(
         Plan -> starts of the plan; a start is computed when it is taken.
     graph_of : callable
         (plan, starts) -> the graph.
+    journal : Journal, optional
+        Knows the magnitudes with which an interrupted run had begun again.
     """
     if plan.system.gives_scale or plan.reduction:
         return graph_of(plan, starts_of(plan))
     with plan.few_threads():
         plan, starts = _measured(plan, guess, starts_of)
+    revised = None if journal is None else journal.magnitudes
+    if revised is not None and len(revised) == plan.followed.size:
+        plan = _with(plan, revised)
+        starts = starts_of(plan)
     found: list[Found] = []
     for _ in range(REVISIONS):
         try:
@@ -316,7 +323,7 @@ def trace(
         def graph_of(plan: Plan, found: Iterator[Found]) -> BranchGraph:
             return follow(plan, found, parameter, report, NOT_SEARCHED, journal, budget, recorded)
 
-        return followed(plan, rough[0], lambda plan: _corrected(plan, rough), graph_of)
+        return followed(plan, rough[0], lambda plan: _corrected(plan, rough), graph_of, journal)
 
 
 def _corrected(plan: Plan, start: Start) -> Iterator[Found]:
@@ -438,7 +445,7 @@ def explore(
             graph.proof = chosen.proved(plan.followed, plan.interval)
             return graph
 
-        graph = followed(plan, guess, lambda plan: _found(plan, given, chosen), graph_of)
+        graph = followed(plan, guess, lambda plan: _found(plan, given, chosen), graph_of, journal)
     if not graph.pieces and not budget.spent:
         refuse_undefined(plan.system, plan.interval)
     return graph

@@ -149,6 +149,11 @@ class FollowedPiece:
         between = self.points[1:-1]
         return np.array(between) if len(between) else np.empty((0, len(self.points[0])))
 
+    @property
+    def steps(self) -> Sequence[Array]:
+        """The points between whole steps, without the step that the special point ended."""
+        return self.points if self.arrival.kind == Kind.STOPPED else self.points[:-1]
+
     def sharing(self, ray: Ray) -> FollowedPiece:
         """Return the walk whose end has the interface and the index of the first ray.
 
@@ -302,12 +307,17 @@ class PieceFollower(Follower):
         """Return the piece that an event on the last step ends."""
         if end := self._ended_by_event(reached, segment, event.position):
             return end
-        points = [
-            *reached.points,
-            *reached.between(segment, event.position, event.state),
-            event.state.x,
-        ]
+        points = self._points(reached, segment, event.position, event.state)
         return FollowedPiece(points, self._arrived(event, reached.curve))
+
+    def _points(
+        self, reached: _Reached, segment: Segment, position: float, end: State
+    ) -> list[Array]:
+        """Return the points of a piece that ends on a segment."""
+        between = reached.between(segment, position, end)
+        if self.gauge and between:  # as where the piece is read from a journal
+            self.gauge.see(reached.state.x, *between)
+        return [*reached.points, *between, end.x]
 
     def _ended_by_event(
         self, reached: _Reached, segment: Segment, length: float
@@ -319,8 +329,7 @@ class PieceFollower(Follower):
         if not marks:
             return None
         mark = marks[0]
-        between = reached.between(segment, mark.position, mark.state)
-        points = [*reached.points, *between, mark.state.x]
+        points = self._points(reached, segment, mark.position, mark.state)
         return FollowedPiece(points, self.events.stopped(reached.curve, mark))
 
     def _arrived(self, event: Event, curve: Curve) -> SpecialPointFound:

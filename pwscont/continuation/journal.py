@@ -22,6 +22,8 @@ Failure modes and answers
 - The journal is of another problem, perhaps of a problem that begins alike: names, interval,
   stepper, and the values of H and of the tests at generic points are compared before any work, and
   each walk with the ray from which the walk was recorded.
+- The path shows that typical magnitudes were wrong, and the run begins again: the magnitudes are
+  recorded, and the records before count no more.
 - The search yields starts while pieces are followed: starts are recorded, too, so that in the
   repeated run each start comes in turn.
 """
@@ -32,7 +34,7 @@ import json
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from hashlib import blake2b
-from itertools import count
+from itertools import count, pairwise
 from pathlib import Path
 from typing import Any, NamedTuple, final
 
@@ -47,6 +49,7 @@ from pwscont.basics.rounding import EPS
 from pwscont.continuation.follow import FollowedPiece, Follower
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.error_samples import Found
+from pwscont.curve.magnitudes import Gauge
 from pwscont.curve.metric import Metric
 from pwscont.system.selection import Selection
 from pwscont.system.system import PiecewiseSystem
@@ -187,7 +190,10 @@ class Journal:
 
         self.path = Path(path)
         self.trouble: Exception | None = None
+        #: The revised typical magnitudes of the unknowns, shape (n,), None until a revision.
+        self.magnitudes: Array | None = None
         self._numbers: dict[str, list[int]] = defaultdict(list)
+        self._count = 0
         name = self.path.absolute()  # SQLite would make no file for ":memory:" alone
         try:
             self._data = sqlite3.connect(name, 0.0, isolation_level=None, check_same_thread=False)
@@ -242,8 +248,18 @@ class Journal:
             raise self._refusal(f"it is damaged ({found}); {ADVICE}")
         for statement in ([TABLE] if table is None else []) + ["COMMIT", LOG]:
             self._data.execute(statement)
-        for number in range(self._value("SELECT count(*) FROM journal_3")):
-            self._numbers[self._read(number)[0]].append(number)
+        for _ in range(self._value("SELECT count(*) FROM journal_3")):
+            kind, _text, rows = self._read(self._count)
+            self._keep(kind, rows)
+
+    def _keep(self, kind: str, rows: bytes) -> None:
+        """Count the next record; the records before new magnitudes count no more."""
+        if kind == "magnitudes":
+            self.magnitudes = np.frombuffer(rows)
+            self._numbers.clear()
+        else:
+            self._numbers[kind].append(self._count)
+        self._count += 1
 
     def _judge(self, error: Exception) -> None:
         """Go on without a record if the disk is full, else say what the error means."""
@@ -283,7 +299,7 @@ class Journal:
         """Write a record, unless there was trouble."""
         if self.trouble is not None:
             return
-        number = sum(map(len, self._numbers.values()))
+        number = self._count
         checksum = _digest(repr((number, kind, text)).encode(), rows)
         try:
             self._data.execute(WRITE, (number, kind, text, rows, checksum))
@@ -292,7 +308,7 @@ class Journal:
         except (self._data.Error, OverflowError) as error:
             self.trouble = error
         else:
-            self._numbers[kind].append(number)
+            self._keep(kind, rows)
 
     # -- what a run records --------------------------------------------------------------
 
@@ -320,6 +336,10 @@ class Journal:
             different = ["the values of its functions have changed"]
         if different:
             raise self._refusal(f"it is of another run: {'; '.join(different)}; {ADVICE}")
+
+    def revise(self, magnitudes: Array) -> None:
+        """Record the typical magnitudes with which the run begins again."""
+        self._add("magnitudes", rows=np.asarray(magnitudes, dtype=float).tobytes())
 
     def starts(self, searched: Iterable[Found]) -> Iterator[Found]:
         """Yield the starts that are recorded, then further starts, each recorded first.
@@ -385,9 +405,10 @@ def _digest(*parts: bytes) -> str:
 class Recorded(Follower):
     """A follower that records the walks of another follower, and reads walks already recorded."""
 
-    def __init__(self, follower: Follower, journal: Journal) -> None:
+    def __init__(self, follower: Follower, journal: Journal, gauge: Gauge | None) -> None:
         self.interval, self.bounds = follower.interval, follower.bounds
-        self._follower, self._journal, self._number = follower, journal, 0
+        self._follower, self._journal, self._gauge = follower, journal, gauge
+        self._number = 0
 
     def walk(self, ray: Ray) -> FollowedPiece:
         """Return the recorded piece that ``ray`` begins, or follow and record it."""
@@ -397,4 +418,7 @@ class Recorded(Follower):
             known = self._follower.walk(ray)
             if not known.is_cut:
                 self._journal.add(ray, known)
+        elif self._gauge and not ray.curve.selection.is_straight:
+            for step in pairwise(known.steps):
+                self._gauge.see(*step)
         return known

@@ -42,7 +42,7 @@ from pwscont.continuation.plan import Plan, Report
 from pwscont.curve.curve import Curve
 from pwscont.curve.error_samples import Found, has_digits, is_inside
 from pwscont.curve.looks import gap_of
-from pwscont.curve.magnitudes import Gauge
+from pwscont.curve.magnitudes import Gauge, MisjudgedError
 from pwscont.curve.metric import Metric
 from pwscont.graph import BranchGraph
 from pwscont.graph.queries import joined
@@ -78,11 +78,11 @@ def follow(
 
     Where the budget is spent, the graph has what was found until then.
     """
-    gauge = plan.gauge if journal is None else None  # a journal is of one run
+    gauge = plan.gauge
     follower: Follower = _follower(plan, gauge)
     if journal is not None:
         _check(journal, plan)
-        follower, starts = Recorded(follower, journal), journal.starts(starts)
+        follower, starts = Recorded(follower, journal, gauge), journal.starts(starts)
     discovery = Discovery(follower, report, budget)
     plan.branches.edges = discovery.edges
     if searched.promise == Guarantee.NOTHING and searched != NOT_SEARCHED:
@@ -93,10 +93,14 @@ def follow(
     with plan.few_threads(), np.errstate(all="ignore"):
         try:
             _follow_from(usable, plan, discovery, budget)
+            if gauge and not budget.spent:
+                gauge.close()
         except KeyboardInterrupt as why:
             budget.end(why)
-        if gauge and not budget.spent:
-            gauge.close()
+        except MisjudgedError as wrong:
+            if journal is not None:
+                journal.revise(wrong.magnitudes)
+            raise
         discovery.close(budget.spent)
         mark(discovery, plan.followed, plan.metric, plan.added)
     if journal is not None and not budget.spent:
