@@ -18,10 +18,9 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
 from inspect import isfunction, signature
 from itertools import pairwise
-from typing import Any, final
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -72,20 +71,11 @@ MOST_UNKNOWNS = 10**7
 MOST_ROUNDING = EPS**0.75
 
 
-@final
-@dataclass(frozen=True, slots=True, eq=False)
-class Sample:
-    """The values that a system returned at a point x = (z, alpha)."""
-
-    x: Array
-    character: Character
-    tests: Array
-    gradients: Matrix
-    residual: Array
-    jacobian: Matrix
+#: Character, tests, gradients, residual and Jacobian of a system at a point.
+Values: TypeAlias = tuple[Character, Array, Matrix, Array, Matrix]
 
 
-def check_contract(system: PiecewiseSystem, z: Array, alpha: float) -> Sample:
+def check_contract(system: PiecewiseSystem, z: Array, alpha: float) -> Values:
     """Return the values of all methods of a system at a point, or refuse values that do not fit."""
     given, tests = z.copy(), system.test_functions(z, alpha)
     tests = own_array(system, "test_functions", tests, (np.size(tests),))
@@ -109,7 +99,7 @@ def check_contract(system: PiecewiseSystem, z: Array, alpha: float) -> Sample:
     if not is_linear:
         terms = product(abs(jacobian), np.abs(joined(z, alpha)))
         _refuse_chance(system, residual, again, terms)
-    return Sample(joined(z, alpha), character, tests, gradients, residual, jacobian)
+    return character, tests, gradients, residual, jacobian
 
 
 def _again(system: PiecewiseSystem, z: Array, alpha: float, character: Character) -> Array:

@@ -157,7 +157,7 @@ def _wrong_classes(system: SlicewiseLinearSystem, x: Array) -> Iterator[Defect]:
     differences = system.differences(alpha)
     interval = (max(alpha - 1.0, differences.lo), min(alpha + 1.0, differences.hi))
     try:
-        check_promises(system, interval, check_contract(system, z, alpha))
+        check_promises(system, interval, x, check_contract(system, z, alpha))
         check_blocks(system, len(system.test_functions(z, alpha)))
     except InvalidSystemError as error:
         yield Defect(str(error), z, alpha, 1.0)

@@ -31,6 +31,7 @@ from pwscont.basics.arrays import (
     dense,
     generic,
     is_everywhere,
+    joined,
     largest,
     product,
     smallest,
@@ -39,7 +40,13 @@ from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidSystemError
 from pwscont.basics.looks import at, short
 from pwscont.basics.rounding import CONFIDENCE, EPS, GUARD
-from pwscont.system.contract import Sample, residual_at
+from pwscont.system.contract import (
+    Values,
+    check_contract,
+    refuse_wrong_gradients,
+    refuse_wrong_jacobian,
+    residual_at,
+)
 from pwscont.system.returned import broken, expect, refuse_infinite
 from pwscont.system.selection import Selection
 from pwscont.system.system import (
@@ -89,22 +96,40 @@ def refuse_extreme_rows(system: PiecewiseSystem, terms: Array) -> None:
         )
 
 
-def check_promises(system: PiecewiseSystem, interval: tuple[float, float], sample: Sample) -> None:
+def check_start(
+    system: PiecewiseSystem, interval: tuple[float, float], z: Array, alpha: float
+) -> None:
+    """Refuse a system, fitted to the interval, that breaks contract or promises at a start."""
+    values = check_contract(system, z, alpha)
+    character, _, _, residual, jacobian = values
+    terms = np.abs(residual) + product(abs(jacobian), system.differences(alpha).scale)
+    refuse_extreme_rows(system, terms)
+    x = joined(z, alpha)
+    check_promises(system, interval, x, values)
+    if not isinstance(system, PiecewiseLinearSystem):
+        with np.errstate(all="ignore"):
+            refuse_wrong_jacobian(system, character, x)
+            refuse_wrong_gradients(system, x)
+
+
+def check_promises(
+    system: PiecewiseSystem, interval: tuple[float, float], x: Array, values: Values
+) -> None:
     """Compare a system, fitted to the interval, with its promises at a point and a far point."""
     if not isinstance(system, SlicewiseLinearSystem):
         return
+    character, tests, gradients, residual, jacobian = values
     if type(system).blocks is not SlicewiseLinearSystem.blocks:
-        check_blocks(system, len(sample.tests))
-    x = sample.x
+        check_blocks(system, len(tests))
     dx = system.differences(float(x[-1])).scale * np.abs(generic(len(x)))
     lo, hi = interval
     is_straight = isinstance(system, PiecewiseLinearSystem)
     dx[-1] *= is_straight * ((hi - x[-1]) or (lo - x[-1])) / (hi - lo)
-    if not are_finite(sample.residual):
-        words = f"returned {sample.residual} at {at(x)}, where linear pieces are finite"
-        raise broken(system, f"residual in {system.label(sample.character)}", words)
-    refuse_bent(system, sample.character, x, dx, sample.residual, sample.jacobian)
-    refuse_bent_tests(system, x, dx, sample.tests, sample.gradients)
+    if not are_finite(residual):
+        words = f"returned {residual} at {at(x)}, where linear pieces are finite"
+        raise broken(system, f"residual in {system.label(character)}", words)
+    refuse_bent(system, character, x, dx, residual, jacobian)
+    refuse_bent_tests(system, x, dx, tests, gradients)
 
 
 def refuse_bent(
