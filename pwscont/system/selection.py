@@ -180,11 +180,7 @@ UNCERTAIN = EPS**0.5
 
 
 def signs_of_solutions(system: SlicewiseLinearSystem, alpha: float) -> list[int] | None:
-    """Return the signs of det(dH/dz) of all solutions at a given alpha.
-
-    None if there are too many cells, a matrix is singular, or a solution is so close to an
-    interface that the cell is not certain.
-    """
+    """Return the signs of det(dH/dz) of all solutions at an alpha, None if these are in doubt."""
     blocks = system.blocks()
     if number_of_cells(blocks) > MOST_CELLS_TO_TRY:
         return None
@@ -242,15 +238,7 @@ def unexplained(
 ) -> float:
     """Return the largest entry of H at a point, zero where rounding and error explain all.
 
-    Parameters
-    ----------
-    system : PiecewiseSystem
-    character : Character
-        The character of the selection that is to hold.
-    x, scale : ndarray, shape (n + 1,)
-        The point (z, alpha), and typical magnitudes.
-    error : ndarray, shape (k, n + 1), optional
-        Samples of the error of the point; default none.
+    ``scale`` has typical magnitudes, and ``error``, shape (k, n + 1), samples of the point's error.
     """
     z, alpha = x[:-1], float(x[-1])
     value = residual_at(system, z, alpha, character)
