@@ -17,7 +17,7 @@ Failure modes and answers
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from itertools import combinations, pairwise
 
 import numpy as np
@@ -33,8 +33,7 @@ from pwscont.basics.outcome import (
     Guarantee,
     Kind,
 )
-from pwscont.basics.rounding import CONFIDENCE, SAME_ALPHA
-from pwscont.graph.archive import DamagedError
+from pwscont.basics.rounding import CONFIDENCE
 from pwscont.graph.queries import (
     check_inside,
     index_at,
@@ -45,40 +44,8 @@ from pwscont.graph.queries import (
     pieces_through,
     solutions_at,
 )
-from pwscont.graph.records import Piece, Solution, SpecialPoint
+from pwscont.graph.records import Solution, SpecialPoint
 from pwscont.graph.structure import Structure, connected
-
-
-def check_references(
-    points: Sequence[SpecialPoint], pieces: Sequence[Piece], starts: Sequence[SpecialPoint]
-) -> None:
-    """Refuse numbers that stand twice, and pieces and starts that refer to nothing."""
-    nodes, known = {point.id for point in points}, {piece.id for piece in pieces}
-    if len(nodes) < len(points) or len(known) < len(pieces) or -1 in nodes:
-        raise DamagedError("each node and each piece needs an id of its own, from 0 on")
-    for piece in pieces:
-        if not {piece.start, piece.end} <= nodes:
-            raise DamagedError(f"piece {piece.id} begins or ends at a node that is not there")
-    for start in starts:
-        if start.piece not in known:
-            raise DamagedError(f"a start lies on piece {start.piece}, which is not there")
-
-
-def check_places(
-    points: Sequence[SpecialPoint], pieces: Sequence[Piece], interval: tuple[float, float]
-) -> None:
-    """Refuse points outside the interval, and characters of different lengths."""
-    slack = SAME_ALPHA * max(*map(abs, interval), interval[1] - interval[0])
-    lo, hi = interval[0] - slack, interval[1] + slack
-    for point in points:
-        if not lo <= point.alpha <= hi:
-            raise DamagedError(f"node {point.id} lies outside the interval: {point.alpha}")
-    for piece in pieces:
-        if not (lo <= piece.interval[0] and piece.interval[1] <= hi):
-            raise DamagedError(f"piece {piece.id} leaves the interval: {piece.interval}")
-    if len({len(bytes(piece.character)) for piece in pieces}) > 1:
-        raise DamagedError("pieces have different numbers of signs")
-
 
 #: Kinds of points at which a branch may end because the system or the user ends branches.
 ON_PURPOSE = ("end", "event")
@@ -139,7 +106,11 @@ def _may_end(graph: Structure, point: SpecialPoint) -> bool:
 
 
 def balance_at(graph: Structure, alpha: float) -> int:
-    """Return the sum of signs at an alpha, see :meth:`pwscont.BranchGraph.balance`."""
+    """Return the sum of the signs of det(dH/dz) over all solutions at ``alpha``.
+
+    Where solutions stay bounded the sum is the same at every regular alpha; if not, a
+    branch is missing. The converse does not hold: a missed pair cancels.
+    """
     check_inside(graph, alpha)
     nodes = sum(index_at(graph, node) for node in nodes_at(graph, alpha))
     return nodes + sum(piece.det_sign for piece in pieces_through(graph, alpha))
@@ -152,7 +123,11 @@ def balances(graph: Structure) -> list[int]:
 
 
 def balance_values(graph: Structure) -> list[int]:
-    """Return the different sums of signs, see :meth:`pwscont.BranchGraph.balance_values`."""
+    """Return the different values of the balance, ascending: one value if nothing is missing.
+
+    A stretch of alpha that is no longer than the uncertainty of the special points around it
+    does not count: such a stretch may not exist, for the ends may be in the opposite order.
+    """
     return sorted({value for value, _ in _judged(graph)})
 
 
@@ -176,8 +151,21 @@ def _is_blurred(graph: Structure, lo: float, hi: float) -> bool:
     return bool(first >= last)
 
 
+def is_balanced(graph: Structure) -> bool:
+    """Tell whether the balance is the same at every regular alpha of the interval.
+
+    Where the system knows the degree (+1 for Coulomb friction), the balance must equal the
+    degree. Stretches too short to be judged do not count, see :meth:`balance_values`.
+    """
+    return not unbalanced(graph)
+
+
 def unbalanced(graph: Structure) -> list[tuple[float, float]]:
-    """Return where the sum of signs is wrong, see :meth:`pwscont.BranchGraph.unbalanced`."""
+    """Return the stretches in which the balance is not what the balance must be.
+
+    Without a known degree: the stretches whose balance differs from the most frequent one, each
+    without the signs of branches that end on purpose.
+    """
     judged = _judged(graph)
     degree = graph.system.degree if graph.system else None
     if degree is None:

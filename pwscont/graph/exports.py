@@ -39,7 +39,21 @@ FIXED = frozenset(
 
 
 def networkx_graph(graph: Structure) -> nx.MultiGraph:
-    """Return a networkx graph with plain attributes, for :attr:`pwscont.BranchGraph.nx`."""
+    """Return the branch graph as a new networkx graph with plain attributes.
+
+    All attributes are numbers and texts, which :func:`networkx.write_graphml` and the like can
+    write. The networkx graph is made when first asked for; changing the networkx graph does not
+    change the branch graph.
+
+    Nodes are the ids of special points. Nodes have ``kind``, ``alpha``, ``message``, ``name``,
+    the recorded quantities, and ``z``, the state as a JSON list. (The array is
+    ``graph.point(node).z``; a single unknown is ``graph.point(node)["u_t"]``.)
+
+    The key of an edge is the id of the piece. Edges have this ``piece``, ``label``,
+    ``det_sign``, ``character`` (a text of + and -), ``alpha_lo``, ``alpha_hi``, and ``length``:
+    the sum of the chords between stored points in (z, alpha), where alpha is measured by the
+    interval and each unknown by the largest magnitude in the graph.
+    """
     import networkx as nx  # noqa: PLC0415  it takes longer to import than most paths to follow
 
     plain, scale = nx.MultiGraph(), magnitudes(graph)
@@ -93,7 +107,33 @@ def length(piece: Piece, scale: Array) -> float:
 
 
 def data_frame(graph: Structure, rows: str) -> Any:
-    """Return a pandas data frame, for :meth:`pwscont.BranchGraph.to_dataframe`."""
+    """Return a pandas data frame.
+
+    Parameters
+    ----------
+    rows : {"pieces", "points", "special"}
+        "pieces": one row for each piece, with id, component, start, end, label, character,
+        det_sign, alpha_lo, alpha_hi, number of points and length (see :attr:`nx`).
+        "points": one row for each stored point of every piece, with piece, component, label,
+        alpha, all unknowns by name and the recorded quantities.
+        "special": one row for each special point, with id (-1 for a start within a piece),
+        kind, name, alpha, message, all unknowns by name, the recorded quantities, the
+        estimated error of alpha and the number of digits known.
+
+        An unknown whose name is that of another column, such as ``alpha`` or ``name``, is
+        called by the place among the unknowns, ``z[i]``.
+
+    Returns
+    -------
+    pandas.DataFrame
+
+    Raises
+    ------
+    InvalidInputError
+        If ``rows`` is another word, or a recorded quantity fails.
+    MissingPackageError
+        If pandas is not installed.
+    """
     tables = {"pieces": _pieces, "points": _points, "special": _special}
     if rows not in tables:
         raise InvalidInputError(f"rows must be one of {', '.join(tables)}, got {rows!r}")

@@ -21,7 +21,6 @@ from pwscont.curve.newton import Border, newton
 from pwscont.curve.pseudo_arclength import SLOWEST
 from pwscont.curve.stepper import CurvedSegment
 from pwscont.enumeration.filled import Filled
-from pwscont.graph.archive import DamagedError, Fields
 from pwscont.graph.records import Piece, Solution, SpecialPoint, Stretch, significant
 from pwscont.graph.structure import Structure
 from pwscont.linear.factorise import bordered, last_unit
@@ -239,10 +238,6 @@ def _on_chord(piece: Piece, alpha: float) -> Array:
     return x
 
 
-#: Which entries of a row in a file tell whether an end is closed.
-IS_CLOSED = [False, False, True, True]
-
-
 def joined(parts: Iterable[Filled], known: Sequence[float]) -> tuple[Stretch, ...]:
     """Return the stretches that some parts cover together, in order.
 
@@ -296,29 +291,11 @@ def _both(a: Stretch, b: Stretch) -> Stretch:
     return Stretch(a[0], hi, math.inf, a.lo_closed, hi_closed)
 
 
-def rows_of(stretches: Iterable[Stretch]) -> list[list[float | bool]]:
-    """Return stretches as rows for a file: two ends, and whether each end is closed."""
-    return [[*row[:2], row.lo_closed, row.hi_closed] for row in stretches]
-
-
-def read_stretches(header: Fields, interval: tuple[float, float]) -> tuple[Stretch, ...]:
-    """Return the stretches of a file, which old files lack."""
-    return tuple(_read(header, interval))
-
-
-def _read(header: Fields, interval: tuple[float, float]) -> Iterator[Stretch]:
-    for row in header.items("infinite") if header.has("infinite") else ():
-        if not isinstance(row, list) or [type(one) is bool for one in row] != IS_CLOSED:
-            raise DamagedError("infinite must be rows of two ends, and whether they are closed")
-        ends = Fields("infinite", {"lo": row[0], "hi": row[1]})
-        lo, hi = ends.finite("lo"), ends.finite("hi")
-        if not interval[0] <= lo <= hi <= interval[1]:
-            raise DamagedError(f"infinitely many solutions outside the interval: {lo} to {hi}")
-        yield Stretch(lo, hi, math.inf, *row[2:])
-
-
 def count_at(graph: Structure, alpha: float) -> int | float:
-    """Return the number of solutions at an alpha, see :meth:`pwscont.BranchGraph.count`."""
+    """Return the number of solutions at ``alpha``; infinite where they fill a segment or more.
+
+    A solution at which two pieces meet counts once.
+    """
     check_inside(graph, alpha)
     if is_infinite(graph, alpha):
         return math.inf
@@ -326,7 +303,18 @@ def count_at(graph: Structure, alpha: float) -> int | float:
 
 
 def solutions_at(graph: Structure, alpha: float) -> list[Solution]:
-    """Return all solutions at an alpha, see :meth:`pwscont.BranchGraph.solutions`."""
+    """Return all solutions at ``alpha`` that the graph holds, corrected to full accuracy.
+
+    Where solutions are infinitely many, as on a vertical piece, the ends of the segments are
+    returned.
+
+    Raises
+    ------
+    InvalidInputError
+        If alpha lies outside the interval.
+    SystemNeededError
+        If a curved piece must be corrected and the graph was loaded without a system.
+    """
     check_inside(graph, alpha)
     at_nodes = [solution_at(graph, node) for node in nodes_at(graph, alpha)]
     between = [
@@ -368,7 +356,13 @@ def _isolated(graph: Structure, point: SpecialPoint) -> Solution:
 
 
 def multiplicity(graph: Structure) -> list[Stretch]:
-    """Return the numbers of solutions, see :meth:`pwscont.BranchGraph.multiplicity`."""
+    """Return ``(lo, hi, count)`` for successive stretches with the same number of solutions.
+
+    ``lo_closed`` and ``hi_closed`` say whether the number holds at the ends as well. A single
+    value of alpha is an entry of its own where solutions are infinitely many, and where the
+    numbers on both sides agree and another number holds between, as at a branch point. A fold
+    lies in no stretch: :meth:`with_count` and :meth:`count` tell the number there.
+    """
     breaks = graph.breaks()
     counts = [count_at(graph, alpha) for alpha in breaks]
     return list(_merged([*_between(graph, breaks, counts)], counts))

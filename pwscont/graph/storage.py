@@ -11,17 +11,20 @@ Failure modes and answers
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
+from math import inf
 from pathlib import Path
-from typing import Any, final
+from typing import Any, TypeAlias, final
 
 import numpy as np
 
 from pwscont.basics.arrays import Array
 from pwscont.basics.character import Character
-from pwscont.basics.errors import GraphFileError, InvalidInputError
+from pwscont.basics.errors import GraphFileError, InvalidInputError, InvalidSystemError
 from pwscont.basics.outcome import Guarantee, SearchScope, kind_of
 from pwscont.basics.quantities import Kept, Quantities
+from pwscont.basics.rounding import SAME_ALPHA
 from pwscont.graph.archive import (
     DamagedError,
     Fields,
@@ -30,9 +33,7 @@ from pwscont.graph.archive import (
     stacked,
     write_archive,
 )
-from pwscont.graph.balance import check_places, check_references
 from pwscont.graph.proved import BoxProof
-from pwscont.graph.queries import read_stretches, rows_of
 from pwscont.graph.records import (
     Messages,
     Piece,
@@ -44,6 +45,7 @@ from pwscont.graph.records import (
     first_digits,
     from_first_digits,
 )
+from pwscont.graph.structure import Structure
 from pwscont.system.abilities import completed, shown_size
 from pwscont.system.selection import unexplained
 from pwscont.system.system import PiecewiseSystem
@@ -57,58 +59,42 @@ LARGEST = 1e150
 ARRAYS = ("nodes", "starts", "errors", "points")
 
 
-@final
-@dataclass(frozen=True, slots=True)
-class Contents:
-    """The content of a file; ``names`` are those of the unknowns, None for default names."""
-
-    points: Sequence[SpecialPoint]
-    pieces: Sequence[Piece]
-    starts: Sequence[SpecialPoint]
-    interval: tuple[float, float]
-    parameter: str
-    searched: SearchScope
-    names: tuple[str, ...] | None
-    infinite: tuple[Stretch, ...] = ()
-    proof: BoxProof | None = None
+#: The arguments of :class:`pwscont.BranchGraph`, as a file has them.
+Contents: TypeAlias = dict[str, Any]
 
 
-def write(path: str | Path, contents: Contents) -> None:
-    """Write a graph; the file appears whole or not at all.
-
-    Raises
-    ------
-    GraphFileError
-        If the file cannot be written.
-    """
-    points, starts = contents.points, contents.starts
+def write(path: str | Path, graph: Structure, proof: BoxProof | None) -> None:
+    """Write a graph; the file appears whole or not at all."""
     arrays = {
-        "nodes": stacked([point.z for point in points]),
-        "starts": stacked([start.z for start in starts]),
-        "errors": first_digits(stacked([point.error for point in (*points, *starts)])),
-        "points": stacked([piece.points for piece in contents.pieces]),
+        "nodes": stacked([point.z for point in graph.nodes]),
+        "starts": stacked([start.z for start in graph.starts]),
+        "errors": first_digits(stacked([p.error for p in (*graph.nodes, *graph.starts)])),
+        "points": stacked([piece.points for piece in graph.pieces]),
     }
-    write_archive(path, _header(contents), arrays)
+    write_archive(path, _header(graph, proof), arrays)
 
 
-def _header(contents: Contents) -> dict[str, Any]:
+def _header(graph: Structure, proof: BoxProof | None) -> dict[str, Any]:
     """Return the header: all of a graph that is not an array of numbers."""
-    searched = contents.searched
-    header = {
+    searched = graph.searched
+    header: dict[str, Any] = {
         "format": FORMAT,
         "version": VERSION,
-        "interval": contents.interval,
-        "parameter": contents.parameter,
+        "interval": graph.interval,
+        "parameter": graph.parameter,
         "searched": [searched.what, int(searched.promise), searched.spent],
         "gap": searched.gap,
-        "nodes": [_node_header(point) for point in contents.points],
-        "starts": [_node_header(start) for start in contents.starts],
-        "pieces": [_piece_header(piece) for piece in contents.pieces],
-        "infinite": rows_of(contents.infinite),
+        "nodes": [_node_header(point) for point in graph.nodes],
+        "starts": [_node_header(start) for start in graph.starts],
+        "pieces": [_piece_header(piece) for piece in graph.pieces],
+        "infinite": [[*row[:2], row.lo_closed, row.hi_closed] for row in graph.infinite],
     }
-    names = {} if contents.names is None else {"names": contents.names}
-    proof = {"proof": contents.proof.plain()} if contents.proof is not None else {}
-    return header | names | proof
+    with suppress(InvalidSystemError):  # names that do not fit: the numbers are kept
+        if graph.quantities.is_named and graph.nodes:
+            header["names"] = graph.names
+    if proof is not None:
+        header["proof"] = proof.plain()
+    return header
 
 
 def _node_header(point: SpecialPoint) -> dict[str, Any]:
@@ -139,19 +125,13 @@ def _piece_header(piece: Piece) -> dict[str, Any]:
     }
 
 
-def read(path: str | Path) -> Contents:
-    """Read what :func:`write` wrote.
-
-    Raises
-    ------
-    GraphFileError
-        If the file cannot be read, is damaged, or is something else.
-    """
+def read(path: str | Path) -> tuple[Contents, BoxProof | None]:
+    """Read what :func:`write` wrote, or refuse a file that is damaged or something else."""
     header, arrays = read_archive(path, FORMAT, ARRAYS)
     try:
         fields = Fields("the header", header)
         _check_format(path, fields)
-        return _contents(fields, arrays)
+        return _contents(fields, arrays), _proof(fields)
     except DamagedError as error:
         raise damaged(path, FORMAT, error) from error
 
@@ -173,12 +153,49 @@ def _contents(header: Fields, arrays: dict[str, Any]) -> Contents:
     starts = [_node(*row, names) for row in rows.each("starts", header.objects("starts"), errors)]
     pieces = _pieces(header.objects("pieces"), rows)
     interval = _interval(header)
-    check_references(points, pieces, starts)
-    check_places(points, pieces, interval)
-    searched = _searched(header)
-    parameter, infinite = header.text("parameter"), read_stretches(header, interval)
-    proof = _proof(header)
-    return Contents(points, pieces, starts, interval, parameter, searched, names, infinite, proof)
+    _check_references(points, pieces, starts)
+    _check_places(points, pieces, interval)
+    return {
+        "points": points,
+        "pieces": pieces,
+        "interval": interval,
+        "starts": starts,
+        "searched": _searched(header),
+        "parameter": header.text("parameter"),
+        "infinite": tuple(_stretches(header, interval)),
+        "names": names,
+    }
+
+
+def _check_references(
+    points: Sequence[SpecialPoint], pieces: Sequence[Piece], starts: Sequence[SpecialPoint]
+) -> None:
+    """Refuse numbers that stand twice, and pieces and starts that refer to nothing."""
+    nodes, known = {point.id for point in points}, {piece.id for piece in pieces}
+    if len(nodes) < len(points) or len(known) < len(pieces) or -1 in nodes:
+        raise DamagedError("each node and each piece needs an id of its own, from 0 on")
+    for piece in pieces:
+        if not {piece.start, piece.end} <= nodes:
+            raise DamagedError(f"piece {piece.id} begins or ends at a node that is not there")
+    for start in starts:
+        if start.piece not in known:
+            raise DamagedError(f"a start lies on piece {start.piece}, which is not there")
+
+
+def _check_places(
+    points: Sequence[SpecialPoint], pieces: Sequence[Piece], interval: tuple[float, float]
+) -> None:
+    """Refuse points outside the interval, and characters of different lengths."""
+    slack = SAME_ALPHA * max(*map(abs, interval), interval[1] - interval[0])
+    lo, hi = interval[0] - slack, interval[1] + slack
+    for point in points:
+        if not lo <= point.alpha <= hi:
+            raise DamagedError(f"node {point.id} lies outside the interval: {point.alpha}")
+    for piece in pieces:
+        if not (lo <= piece.interval[0] and piece.interval[1] <= hi):
+            raise DamagedError(f"piece {piece.id} leaves the interval: {piece.interval}")
+    if len({len(bytes(piece.character)) for piece in pieces}) > 1:
+        raise DamagedError("pieces have different numbers of signs")
 
 
 def _proof(header: Fields) -> BoxProof | None:
@@ -328,26 +345,31 @@ def _searched(header: Fields) -> SearchScope:
     return SearchScope(searched.text("what"), Guarantee(promise), searched.text("spent"), gap)
 
 
+#: Which entries of a row in a file tell whether an end is closed.
+IS_CLOSED = [False, False, True, True]
+
+
+def _stretches(header: Fields, interval: tuple[float, float]) -> Iterator[Stretch]:
+    """Yield the stretches with infinitely many solutions, which old files lack."""
+    for row in header.items("infinite") if header.has("infinite") else ():
+        if not isinstance(row, list) or [type(one) is bool for one in row] != IS_CLOSED:
+            raise DamagedError("infinite must be rows of two ends, and whether they are closed")
+        ends = Fields("infinite", {"lo": row[0], "hi": row[1]})
+        lo, hi = ends.finite("lo"), ends.finite("hi")
+        if not interval[0] <= lo <= hi <= interval[1]:
+            raise DamagedError(f"infinitely many solutions outside the interval: {lo} to {hi}")
+        yield Stretch(lo, hi, inf, *row[2:])
+
+
 #: Components larger than this, or smaller than 1 / this, are not of the order of 1.
 ORDER_OF_ONE = 8.0
 #: At about this many pieces of a graph the equations are checked.
 MOST_CHECKED = 4
 
 
-def adopted(
-    path: str | Path,
-    pieces: Sequence[Piece],
-    points: Sequence[SpecialPoint],
-    interval: tuple[float, float],
-    system: PiecewiseSystem,
-) -> PiecewiseSystem:
-    """Return the system of a graph, fitted to the interval and solutions of the graph.
-
-    Raises
-    ------
-    InvalidInputError
-        If the system has another number of unknowns or tests, or other solutions.
-    """
+def adopted(path: str | Path, contents: Contents, system: PiecewiseSystem) -> PiecewiseSystem:
+    """Return the system of a graph, fitted to the graph, or refuse another graph's system."""
+    pieces, points, interval = (contents[name] for name in ("pieces", "points", "interval"))
     if pieces:
         _check_numbers(path, system, points[0], pieces[0])
     fitted = _fitted(system, interval, points)
