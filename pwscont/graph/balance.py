@@ -54,7 +54,8 @@ ON_PURPOSE = ("end", "event")
 def loose_ends(graph: Structure) -> dict[SpecialPoint, int]:
     """Return the points within the interval at which the sum of signs jumps, and the jumps."""
     jumps, found = _jumps(graph), {}
-    for nodes in _joined_by_verticals(graph, [node for node, jump in jumps.items() if jump]):
+    verticals = ((piece.start, piece.end) for piece in graph.verticals)
+    for nodes in connected((node for node, jump in jumps.items() if jump), verticals):
         points = [graph.point(node) for node in nodes]
         jump = sum(jumps.get(node, 0) for node in nodes)
         if jump and not any(graph.same(points[0].alpha, end) for end in graph.interval):
@@ -71,11 +72,6 @@ def _jumps(graph: Structure) -> dict[int, int]:
         jumps[piece.start] += sign
         jumps[piece.end] -= sign
     return jumps
-
-
-def _joined_by_verticals(graph: Structure, nodes: Iterable[int]) -> Iterator[set[int]]:
-    """Yield sets of nodes: nodes joined by vertical pieces together, every other node alone."""
-    yield from connected(nodes, ((piece.start, piece.end) for piece in graph.verticals))
 
 
 def _suspicion(point: SpecialPoint) -> int:
@@ -132,12 +128,9 @@ def balance_values(graph: Structure) -> list[int]:
 
 
 def _judged(graph: Structure) -> list[tuple[int, tuple[float, float]]]:
-    """Return balance and ends of the stretches that are longer than their ends are uncertain.
-
-    If no stretch is longer, return all stretches. Stretches with infinitely many solutions are left
-    out: the signs of the pieces around such a stretch say nothing.
-    """
+    """Return balance and ends of stretches that are longer than uncertain, with finite numbers."""
     pairs = zip(balances(graph), pairwise(graph.breaks()), strict=True)
+    # where solutions are infinitely many, the signs of the pieces around say nothing
     everything = [row for row in pairs if not is_infinite(graph, 0.5 * sum(row[1]))]
     return [row for row in everything if not _is_blurred(graph, *row[1])] or everything
 
@@ -229,8 +222,9 @@ def _causes(graph: Structure, gaps: list[Gap]) -> Iterator[str]:
     stopped = [point for point in ends if point.kind == Kind.STOPPED or point.lost]
     on_purpose = [point for point in ends if is_on_purpose(graph, point)]
     twice = [gap for gap in gaps if _stands_twice(graph, gap)]
-    explained = {gap for gap in gaps if any(_touches(graph, gap, p) for p in stopped + on_purpose)}
-    partial = _searched_in_part(graph)
+    known = np.array([point.alpha for point in stopped + on_purpose])
+    explained = {gap for gap in gaps if any(graph.same(known, end).any() for end in gap)}
+    partial = graph.special_points(Kind.PARTIAL_CORNER)
     missing = [gap for gap in gaps if not partial and gap not in explained and gap not in twice]
     if missing:
         yield f"at least one branch missing in {_listed(missing)}"
@@ -239,16 +233,6 @@ def _causes(graph: Structure, gaps: list[Gap]) -> Iterator[str]:
     yield from _stops(graph, stopped)
     yield from _places(IN_PART, graph, partial)
     yield from _places("a branch ends on purpose", graph, on_purpose)
-
-
-def _searched_in_part(graph: Structure) -> list[SpecialPoint]:
-    """Return the corners whose pieces, and the signs along interfaces, are not all certain."""
-    return graph.special_points(Kind.PARTIAL_CORNER)
-
-
-def _touches(graph: Structure, gap: Gap, point: SpecialPoint) -> bool:
-    """Tell whether a stretch begins or ends at a point."""
-    return any(bool(graph.same(point.alpha, end)) for end in gap)
 
 
 def _listed(gaps: Iterable[Gap]) -> str:
@@ -278,7 +262,7 @@ def _doubts(graph: Structure) -> Iterator[str]:
     points = [point for point in graph.special_points() if point.id >= 0]
     lost = [point for point in points if point.kind == Kind.STOPPED or point.lost]
     yield from _stops(graph, [point for point in lost if not _is_one_of_many(graph, point)])
-    yield from _places(IN_PART, graph, _searched_in_part(graph))
+    yield from _places(IN_PART, graph, graph.special_points(Kind.PARTIAL_CORNER))
     known = [f"{stretch.ends}" for stretch in graph.infinite if stretch[0] < stretch[1]]
     if known:
         yield f"infinitely many solutions for {graph.parameter} in {', '.join(known)}"

@@ -87,11 +87,7 @@ def _of_edge(piece: Piece, scale: Array) -> dict[str, Any]:
 
 
 def magnitudes(graph: Structure) -> Array:
-    """Return the largest magnitude of each unknown, 1 instead of zero, and the interval's length.
-
-    Magnitudes are taken from the graph, not from the system, so that lengths are the same for a
-    graph that was read from a file.
-    """
+    """Return the largest magnitude of each unknown, 1 for zero, and the interval's length."""
     each = [np.abs(piece.z).max(axis=0) for piece in graph.pieces]
     largest = np.max(each, axis=0) if each else np.zeros(0)
     lo, hi = graph.interval
@@ -255,12 +251,8 @@ def as_html(graph: Structure, guarantee: str) -> str:
 def as_dict(graph: Structure, guarantee: str) -> dict[str, Any]:
     """Return nodes, pieces, multiplicity and balance as lists and numbers.
 
-    ``parameter`` has the name of alpha, and the interval. The ``name`` of a node is that of an
-    event, empty for other kinds.
-    ``stretches`` are the rows of ``multiplicity`` with open and closed ends; ``between`` has the
-    single values of alpha with another number of solutions. Infinitely many are None. ``names``
-    are the names of the components of every state. A ``recorded`` quantity that failed is None,
-    and ``not_recorded`` then says why.
+    ``between`` has the single values of alpha with another number of solutions than the
+    ``stretches`` around. Infinitely many, and a ``recorded`` quantity that failed, are None.
     """
     sums = balance_values(graph)
     rows = [row for row in multiplicity(graph) if row[0] < row[1]]

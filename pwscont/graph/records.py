@@ -34,15 +34,7 @@ Digits = npt.NDArray[np.uint16]
 
 @final
 class Place:
-    """A point (z, alpha) with the estimate of its error.
-
-    Parameters
-    ----------
-    x : ndarray, shape (n + 1,)
-        The point, which nobody may write to.
-    error : ndarray, shape (n + 1,)
-        The estimated error of each component, not negative.
-    """
+    """A point x = (z, alpha), not to be written to, with the estimated error of each component."""
 
     __slots__ = ("_digits", "x")
 
@@ -74,13 +66,7 @@ def from_first_digits(digits: Digits) -> Array:
 @final
 @dataclass(slots=True, eq=False)  # not frozen: to make thousands of frozen records takes long
 class Track:
-    """The points of a piece: the two ends, shared with special points, and the points between.
-
-    Attributes
-    ----------
-    start, end : Place
-    inner : ndarray, shape (k - 2, n + 1)
-    """
+    """The points of a piece: the two ends, shared with special points, and the points between."""
 
     start: Place
     inner: Array
@@ -114,28 +100,16 @@ ALL_DIGITS = 16.0
 
 
 def significant(error: Array, values: Array, scale: Array) -> float:
-    """Return how many decimal digits of ``values`` are significant, by the estimated error.
-
-    The error of each value is compared with the size of the value or, where larger, with the
-    typical magnitude: so the number does not depend on units. The number is 16 where the error is
-    rounding.
-    """
+    """Return how many digits of ``values`` are significant, by the error in typical magnitudes."""
     off = largest(error / np.maximum(np.abs(values), scale))
     return min(ALL_DIGITS, max(0.0, -math.log10(off))) if off > 0.0 else ALL_DIGITS
 
 
 @final
 class Messages:
-    """The messages of a special point in the two orientations.
+    """The messages of a special point in the two orientations, or a function that makes these.
 
-    Words for thousands of points take long to make, and few words are ever read: a function may be
-    given instead, which is called when the words are first asked for.
-
-    Parameters
-    ----------
-    words : tuple of two str, or callable
-        The messages for the positive and for the negative orientation, or a function without
-        arguments that returns this tuple.
+    Words for thousands of points take long to make, and few words are ever read.
     """
 
     __slots__ = ("_words",)
@@ -163,15 +137,7 @@ def _no_error() -> Array:
 
 
 def _value_of(state: SpecialPoint | Solution, name: str) -> float:
-    """Return an unknown by the name that the system gives, or a recorded quantity.
-
-    Raises
-    ------
-    UnknownNameError
-        If there is no such name; the message lists similar names.
-    InvalidInputError
-        If the function of a recorded quantity fails, or returns no finite float.
-    """
+    """Return an unknown by the name that the system gives, or a recorded quantity."""
     return state.quantities.value(name, state.z, state.alpha)
 
 

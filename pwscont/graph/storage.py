@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import partial
 from math import inf
 from pathlib import Path
 from typing import Any, TypeAlias, final
@@ -310,21 +311,15 @@ def _piece(header: Fields, points: Array) -> Piece:
         start=header.integer("start", 0),
         end=header.integer("end", 0),
         character=Character.read(signs),
-        naming=_Name(header.text("label")),
+        naming=partial(_name, header.text("label")),
         track=Track.of(points),
         det_sign=header.integer("det_sign", -MOST),  # any number along an interface
     )
 
 
-@final
-@dataclass(frozen=True, slots=True)
-class _Name:
-    """The name that the system gave to a piece's character."""
-
-    name: str
-
-    def __call__(self, character: Character) -> str:
-        return self.name
+def _name(name: str, character: Character) -> str:
+    """Return the name that the system gave to a piece's character."""
+    return name
 
 
 def _interval(header: Fields) -> tuple[float, float]:
