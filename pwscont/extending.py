@@ -20,11 +20,12 @@ from typing import TYPE_CHECKING, Any
 
 from pwscont.basics.arrays import Array, Indices, Matrix, Signs, dense, finite_array, generic
 from pwscont.basics.budget import check_budget
-from pwscont.basics.looks import card, counted, named, short
+from pwscont.basics.given import checked_kind
+from pwscont.basics.looks import apart, card, counted, named, short, with_article
 from pwscont.basics.outcome import Failure, FailureReason, Guarantee, Kind, SearchScope
-from pwscont.basics.quantities import Function
+from pwscont.basics.quantities import Function, Quantities, as_written, spelled
 from pwscont.basics.rounding import CONFIDENCE, CONVERGED, EPS, GUARD, SAME_ALPHA
-from pwscont.continuation.plan import Report, silent, uninterrupted
+from pwscont.continuation.plan import Report, checked_interval, plan_in_words, silent, uninterrupted
 from pwscont.curve.corrector import Corrected, Corrector
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.metric import Metric
@@ -35,10 +36,13 @@ from pwscont.curve.semismooth import semismooth_newton
 from pwscont.curve.stepper import CurvedSegment, Segment, Stepper, StraightSegment
 from pwscont.graph.exports import DUST, number
 from pwscont.graph.proved import Proof
+from pwscont.graph.queries import fine_points
 from pwscont.graph.records import FEW_DIGITS, Piece, Solution, SpecialPoint, attempted
+from pwscont.linear.balance import balanced
 from pwscont.linear.bordered import BorderedFactor, Interior, row_scale
 from pwscont.linear.factor import Factor, ScaledFactor, power_of_two
 from pwscont.linear.jacobian import StructuredJacobian
+from pwscont.linear.threads import THREADS, one_thread
 from pwscont.linear.updates import RowMatrix, RowSolver, Updating, drifted
 from pwscont.search.search import KnownBranches, Search
 from pwscont.system.abilities import (
@@ -54,8 +58,12 @@ from pwscont.system.abilities import (
     Recovery,
     Reducible,
     Reduction,
+    all_names,
+    completed,
+    shown_size,
 )
 from pwscont.system.contract import checked_magnitudes, jacobian_at, residual_at
+from pwscont.system.differences import Differences
 from pwscont.system.selection import Selection
 from pwscont.transitions.detector import Reading, SpecialPointFound, TransitionDetector
 from pwscont.transitions.location import locate_point, locate_sign_change, locate_zero
@@ -81,6 +89,7 @@ __all__ = [
     "FEW_DIGITS",
     "GUARD",
     "SAME_ALPHA",
+    "THREADS",
     "Answer",
     "Array",
     "BodyPicture",
@@ -94,6 +103,7 @@ __all__ = [
     "Curve",
     "CurvedSegment",
     "DecidesCorners",
+    "Differences",
     "Ending",
     "EvolutionPath",
     "EvolutionState",
@@ -121,6 +131,7 @@ __all__ = [
     "Piece",
     "Predictor",
     "Proof",
+    "Quantities",
     "Ray",
     "Reading",
     "Recovery",
@@ -151,13 +162,21 @@ __all__ = [
     "Way",
     "WaysOn",
     "accepted",
+    "all_names",
+    "apart",
+    "as_written",
     "attempted",
+    "balanced",
     "card",
     "check_budget",
+    "checked_interval",
+    "checked_kind",
     "checked_magnitudes",
+    "completed",
     "counted",
     "dense",
     "drifted",
+    "fine_points",
     "finite_array",
     "generic",
     "jacobian_at",
@@ -170,14 +189,19 @@ __all__ = [
     "named",
     "newton",
     "number",
+    "one_thread",
+    "plan_in_words",
     "power_of_two",
     "residual_at",
     "row_scale",
     "semismooth_newton",
     "short",
+    "shown_size",
     "silent",
+    "spelled",
     "uninterrupted",
     "values_within",
+    "with_article",
 ]
 
 

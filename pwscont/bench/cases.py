@@ -29,11 +29,10 @@ from pwscont.bench.truth.problems import (
 )
 from pwscont.bench.truth.rational import straight_pieces
 from pwscont.bench.truth.slicewise import cellwise_pieces
-from pwscont.extending import Array, Metric, uninterrupted
+from pwscont.extending import Array, Metric, Reducible, uninterrupted
 from pwscont.scenes.answer import Runnable
 from pwscont.scenes.registry import load_scene, scene_names
 from pwscont.scenes.scene import Scene
-from pwscont.system.abilities import reduction_of
 
 #: Number of values of alpha at which the answer is compared with an enumeration.
 CHECKS = 37
@@ -87,7 +86,7 @@ def case_of(runnable: Runnable) -> Case:
     system, interval = scene.system, scene.interval
     if not isinstance(system, SlicewiseLinearSystem):
         raise UnknownAnswerError("its system is not affine in z, and no closed form is known")
-    if reduction_of(system, interval):
+    if isinstance(system, Reducible) and system.reduction(*interval):
         raise UnknownAnswerError("parts of its system are left out while it is followed")
     cells = prod(len(block.modes) for block in system.blocks())
     if cells <= MOST_CELLS:

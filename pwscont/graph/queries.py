@@ -120,6 +120,27 @@ def fine_points(
     """Return points along a piece, from start to end, with each step cut into ``parts``.
 
     A step was taken only where the cubic solves the selection to a tolerance (docs/theory, F14).
+
+    Parameters
+    ----------
+    system : PiecewiseSystem
+    piece : Piece
+    interval : tuple of float
+        The interval of the graph.
+    parts : int
+
+    Returns
+    -------
+    ndarray, shape (k, n + 1)
+
+    Examples
+    --------
+    >>> from pwscont import Switched, trace
+    >>> from pwscont.extending import fine_points
+    >>> graph = trace(Switched(1, lambda z, t, sw: z**3 - t), ([0.5], 0.1), (0.1, 0.9))
+    >>> (piece,) = graph.pieces
+    >>> len(fine_points(graph.system, piece, (0.1, 0.9), 4)) == 4 * (len(piece.points) - 1) + 1
+    True
     """
     points = [completed_point(system, x) for x in piece.points]
     curve = Curve(Selection(system, piece.character), Metric.of(system, interval))

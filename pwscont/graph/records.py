@@ -18,8 +18,7 @@ import numpy.typing as npt
 
 from pwscont.basics.arrays import Array, largest
 from pwscont.basics.character import Character
-from pwscont.basics.errors import InvalidSystemError
-from pwscont.basics.looks import apart, card, counted, short, state
+from pwscont.basics.looks import apart, card, counted, short
 from pwscont.basics.outcome import Kind
 from pwscont.basics.quantities import NAMELESS, Quantities
 from pwscont.basics.rounding import SAME_ALPHA
@@ -222,22 +221,13 @@ class SpecialPoint:
         return self.message if self.kind == Kind.EVENT else self.events
 
     def __repr__(self) -> str:
-        what = f"{self.kind}, alpha={self.alpha:.10g}, {_by_name(self)}"
+        what = f"{self.kind}, alpha={self.alpha:.10g}, {self.quantities.in_words(self.z)}"
         return f"SpecialPoint({self.id}: {what}{f', {short(self.message)}' * bool(self.message)})"
 
     def _repr_html_(self) -> str:
-        rows = [("alpha", f"{self.alpha:.10g}"), ("state", _by_name(self))]
+        rows = [("alpha", f"{self.alpha:.10g}"), ("state", self.quantities.in_words(self.z))]
         more = [("message", short(self.message)), ("digits", f"{self.digits:.3g}")]
         return card(f"SpecialPoint {self.id}: {self.kind}", [*rows, *more])
-
-
-def _by_name(record: SpecialPoint | Solution) -> str:
-    """Return the state of a record with names; a repr does not fail where names do not fit."""
-    z = record.z
-    try:
-        return state(record.quantities.names(len(z)), z)
-    except InvalidSystemError:
-        return state(NAMELESS.names(len(z)), z)
 
 
 @final
@@ -363,10 +353,10 @@ class Solution:
     def __repr__(self) -> str:
         where = f"{short(self.label)}{f', {self.kind}' if self.kind else ''}"
         what = f"alpha={self.alpha:.10g}, det {self.det_sign:+d}"
-        return f"Solution({where}, {what}, {_by_name(self)})"
+        return f"Solution({where}, {what}, {self.quantities.in_words(self.z)})"
 
     def _repr_html_(self) -> str:
-        rows = [("mode", short(self.label)), ("state", _by_name(self))]
+        rows = [("mode", short(self.label)), ("state", self.quantities.in_words(self.z))]
         more = [("det", f"{self.det_sign:+d}"), ("digits", f"{self.digits:.3g}")]
         title = f"Solution at alpha = {self.alpha:.10g}{f', {self.kind}' if self.kind else ''}"
         return card(title, [*rows, *more])

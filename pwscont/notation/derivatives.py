@@ -27,11 +27,10 @@ import numpy as np
 import scipy.sparse as sp
 
 from pwscont import InvalidSystemError
-from pwscont.extending import EPS, GUARD, Array, Indices, Matrix, Signs, dense, generic
+from pwscont.extending import EPS, GUARD, Array, Differences, Indices, Matrix, Signs, dense, generic
 from pwscont.notation.dual import Dual, as_dual, value_of
 from pwscont.notation.function import LiftedFunction, Pick, UserFunction
 from pwscont.notation.layout import Layout
-from pwscont.system.differences import Differences
 
 #: Part of the sum of the terms' magnitudes by which a function promised to be affine may differ
 #: from the affine model: half of the digits, for C may come from differences of values.

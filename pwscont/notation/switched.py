@@ -18,8 +18,9 @@ from pwscont.notation.layout import Layout
 from pwscont.notation.notated import Given, Notated
 from pwscont.notation.straight import SwitchedLinearSystem, assembled
 from pwscont.notation.switches import common_form
-from pwscont.system.contract import MOST_UNKNOWNS
 
+#: More unknowns do not fit into the memory of a computer.
+MOST_UNKNOWNS = 10**7
 #: Number of points of ``TRIED`` whose finite outcomes show the switches of a function.
 SURVEYED = 3
 #: Magnitudes of the points that are tried: a large and a small magnitude first, for tanh(100 z) is

@@ -12,8 +12,7 @@ from typing import Any, Protocol, TypeAlias, final
 import numpy as np
 
 from pwscont import BranchGraph, Character, InvalidInputError, PiecewiseSystem
-from pwscont.basics.quantities import Quantities, as_written, spelled
-from pwscont.extending import Array, Function, Indices
+from pwscont.extending import Array, Function, Indices, Quantities, as_written, spelled
 
 #: The states of a contact node.
 CONTACT_STATES = ("no contact", "stick", "slip+", "slip-")

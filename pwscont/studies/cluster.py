@@ -17,7 +17,7 @@ from itertools import islice
 from typing import Any
 
 from pwscont import InvalidInputError, MissingPackageError
-from pwscont.linear.threads import one_thread
+from pwscont.extending import one_thread
 from pwscont.studies.case import CaseRunner, StudyRow, versions
 
 #: Number of cases that are sent ahead; more cases would fill the scheduler's memory.

@@ -85,12 +85,30 @@ class HidesUnknowns(ABC):
 
 
 def shown_size(system: PiecewiseSystem) -> int:
-    """Return the number of unknowns that a user knows."""
+    """Return the number of unknowns that a user knows.
+
+    Examples
+    --------
+    >>> from pwscont import LCP
+    >>> from pwscont.extending import shown_size
+    >>> shown_size(LCP([[1.0]], q=[0.0], d=[1.0]))
+    1
+    """
     return system.shown if isinstance(system, HidesUnknowns) else system.size
 
 
 def completed(system: PiecewiseSystem, z: Array, alpha: float) -> Array:
-    """Return all unknowns from the unknowns that a user knows."""
+    """Return all unknowns from the unknowns that a user knows.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pwscont import Switched
+    >>> from pwscont.extending import completed
+    >>> nested = Switched(1, lambda z, t, sw: z - sw.relu(sw.relu(z - t) - 1.0))
+    >>> completed(nested, np.array([2.0]), 0.5).size
+    2
+    """
     return system.with_hidden(z, alpha) if isinstance(system, HidesUnknowns) else z
 
 
@@ -109,7 +127,15 @@ def shown_points(system: PiecewiseSystem, points: Array) -> Array:
 
 
 def all_names(system: PiecewiseSystem) -> tuple[str, ...]:
-    """Return a name for every unknown, including hidden unknowns."""
+    """Return a name for every unknown, including hidden unknowns.
+
+    Examples
+    --------
+    >>> from pwscont import Switched
+    >>> from pwscont.extending import all_names
+    >>> all_names(Switched(1, lambda z, t, sw: z - sw.relu(sw.relu(z - t) - 1.0)))
+    ('z[0]', 'hidden[0]')
+    """
     names = tuple(system.names())
     return (*names, *(f"hidden[{i}]" for i in range(system.size - len(names))))
 

@@ -55,6 +55,14 @@ class Differences:
 
     ``scale`` has typical magnitudes of z, then the length of the interval of alpha; nothing is
     evaluated outside [lo, hi]. ``part`` of the usual steps is taken.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pwscont.extending import Differences
+    >>> square = Differences(np.ones(2)).jacobian(lambda x: x[:1] ** 2, np.array([3.0, 0.0]))
+    >>> [float(slope) for slope in square.round(6)[0]]
+    [6.0, 0.0]
     """
 
     scale: Array

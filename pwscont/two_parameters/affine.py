@@ -24,7 +24,6 @@ from typing import TypeAlias, final
 import numpy as np
 
 from pwscont import Character, InvalidInputError, PiecewiseLinearSystem, PiecewiseSystem
-from pwscont.basics.arrays import own_dense
 from pwscont.enumeration.options import Problem, aside, most_modes, problem_of
 from pwscont.extending import EPS, Array, dense, finite_array, jacobian_at, residual_at
 from pwscont.system.box import Box
@@ -296,7 +295,7 @@ def _residuals(coefficients: _Coefficients, k: int) -> Callable[[float], Form]:
 
 def _inequalities(system: PiecewiseSystem, alpha: float) -> Form:
     A, b = _checked(system).necessary(alpha)
-    return own_dense(A), np.array(b, dtype=float)
+    return np.array(dense(A), dtype=float), np.array(b, dtype=float)
 
 
 def _differ(one: Array, other: Array, dx: Array) -> bool:

@@ -12,8 +12,7 @@ from pathlib import Path
 from typing import Any, Protocol, final
 
 from pwscont import BranchGraph, InvalidInputError, MissingPackageError
-from pwscont.basics.quantities import Quantities
-from pwscont.extending import counted, named
+from pwscont.extending import Quantities, counted, named
 from pwscont.scenes.panels import BodyPicture, Panel, Shown, quantity_named
 from pwscont.view.body import body_records
 from pwscont.view.numbers import Numbers
