@@ -18,10 +18,10 @@ from pwscont.curve.curve import Curve, State
 from pwscont.curve.metric import Metric
 from pwscont.curve.pseudo_arclength import PseudoArclength
 from pwscont.curve.stepper import CurvedSegment, Segment, Stepper, StraightSegment
+from pwscont.kit.inspection import Defect
+from pwscont.kit.system import Report
 from pwscont.linear.factorise import bordered, last_unit
 from pwscont.search import Search
-from pwscont.system.check import Report
-from pwscont.system.inspection import Defect
 from pwscont.system.selection import Selection
 from pwscont.system.system import PiecewiseSystem
 from pwscont.transitions.detector import (

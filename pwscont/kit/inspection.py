@@ -22,11 +22,18 @@ from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidSystemError
 from pwscont.basics.looks import UNNAMED, named, state
 from pwscont.basics.rounding import EPS
+from pwscont.curve.metric import Metric
+from pwscont.search.enumeration import solve_surely
 from pwscont.system.abilities import all_names
 from pwscont.system.contract import check_contract, residual_at
 from pwscont.system.promises import check_blocks, check_promises, checked_necessary
-from pwscont.system.selection import Selection, signs_of_solutions
-from pwscont.system.system import Block, PiecewiseSystem, SlicewiseLinearSystem
+from pwscont.system.selection import Selection
+from pwscont.system.system import (
+    Block,
+    PiecewiseSystem,
+    SlicewiseLinearSystem,
+    number_of_cells,
+)
 
 #: Largest relative difference that is no defect: central differences are right to about EPS^(2/3).
 TOLERANCE = EPS**0.4
@@ -38,8 +45,8 @@ STEP_RATIO = 8
 SHRINK = float(STEP_RATIO) ** 1.5
 #: Factor by which a solution exceeds a typical magnitude that is refuted.
 MOST_MAGNITUDES = 1e3
-#: Most modes of a block that are compared.
-MOST_MODES = 64
+#: Most modes of a block that are compared, and most cells that are searched for solutions.
+MOST_MODES, MOST_CELLS = 64, 4096
 
 
 @final
@@ -152,10 +159,10 @@ def _wrong_classes(system: SlicewiseLinearSystem, x: Array) -> Iterator[Defect]:
     try:
         check_promises(system, interval, x, check_contract(system, z, alpha))
         check_blocks(system, len(system.test_functions(z, alpha)))
+        yield from _wrong_number(system, x)
     except InvalidSystemError as error:
         yield defect(str(error), x, 1.0)
         return
-    yield from _wrong_number(system, x)
     here = system.character(z, alpha)
     for number, block in enumerate(system.blocks()):
         others = np.setdiff1d(np.arange(system.size), block.rows)
@@ -199,9 +206,15 @@ def _wrong_number(system: SlicewiseLinearSystem, x: Array) -> Iterator[Defect]:
     """Compare all solutions at the alpha of x with the promises ``unique`` and ``degree``."""
     if system.degree is None and not system.unique:
         return
-    signs = signs_of_solutions(system, float(x[-1]))
-    if signs is None:
+    if number_of_cells(system.blocks()) > MOST_CELLS:
         return
+    alpha = float(x[-1])
+    found = solve_surely(system, Metric.at(system, alpha), alpha)
+    if found.faces or found.undecided or found.singular:
+        return
+    if any(len(point.characters) > 1 for point in found.points):
+        return  # on an interface the sign is that of no cell
+    signs = [point.det_sign for point in found.points]
     if system.degree is not None and sum(signs) != system.degree:
         what = f"degree is {system.degree}, but the signs of all solutions sum to {sum(signs)}"
         yield defect(what, x, abs(sum(signs) - system.degree))

@@ -13,10 +13,7 @@ from pwscont.basics.arrays import Array, dense, finite_array, generic
 from pwscont.basics.errors import InvalidInputError
 from pwscont.basics.looks import counted, named, short
 from pwscont.basics.rounding import EPS
-from pwscont.system.abilities import completed_point, end_of, shown_size
-from pwscont.system.box import Box
-from pwscont.system.contract import check_contract, check_declaration, checked_scale
-from pwscont.system.inspection import (
+from pwscont.kit.inspection import (
     TOLERANCE,
     Defect,
     closer_look,
@@ -24,6 +21,9 @@ from pwscont.system.inspection import (
     is_solution,
     relative,
 )
+from pwscont.system.abilities import completed_point, end_of, shown_size
+from pwscont.system.box import Box
+from pwscont.system.contract import check_contract, check_declaration, checked_scale
 from pwscont.system.selection import Selection
 from pwscont.system.system import PiecewiseLinearSystem, PiecewiseSystem
 
