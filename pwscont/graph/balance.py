@@ -47,37 +47,30 @@ from pwscont.graph.queries import (
 from pwscont.graph.records import Solution, SpecialPoint
 from pwscont.graph.structure import Structure, connected
 
-#: Kinds of points at which a branch may end because the system or the user ends branches.
-ON_PURPOSE = ("end", "event")
+#: Kinds of points at which a branch may end, the kind first that explains the end best.
+EXPLAINING = (Kind.END, Kind.EVENT, Kind.STOPPED)
 
 
 def loose_ends(graph: Structure) -> dict[SpecialPoint, int]:
-    """Return the points within the interval at which the sum of signs jumps, and the jumps."""
-    jumps, found = _jumps(graph), {}
-    verticals = ((piece.start, piece.end) for piece in graph.verticals)
-    for nodes in connected((node for node, jump in jumps.items() if jump), verticals):
-        points = [graph.point(node) for node in nodes]
-        jump = sum(jumps.get(node, 0) for node in nodes)
-        if jump and not any(graph.same(points[0].alpha, end) for end in graph.interval):
-            found[min(points, key=_suspicion)] = jump
-    return found
+    """Return the points within the interval at which the sum of signs jumps, and the jumps.
 
-
-def _jumps(graph: Structure) -> dict[int, int]:
-    """Return by how much the sum of signs grows from left to right at each node."""
+    Of points that vertical pieces join, the point counts that explains the jump best.
+    """
     jumps: dict[int, int] = defaultdict(int)
     for piece in graph.pieces:
         first, last = piece.track.start.alpha, piece.track.end.alpha
         sign = piece.det_sign if first < last else -piece.det_sign
         jumps[piece.start] += sign
         jumps[piece.end] -= sign
-    return jumps
-
-
-def _suspicion(point: SpecialPoint) -> int:
-    """Return a key that sorts points: ends on purpose, then stops, then other kinds."""
-    order = (*ON_PURPOSE, Kind.STOPPED)
-    return order.index(point.kind) if point.kind in order else len(order)
+    verticals = ((piece.start, piece.end) for piece in graph.verticals)
+    found = {}
+    for nodes in connected((node for node, jump in jumps.items() if jump), verticals):
+        points = [graph.point(node) for node in nodes]
+        jump = sum(jumps[node] for node in nodes)
+        if jump and not any(graph.same(points[0].alpha, end) for end in graph.interval):
+            order = [point for kind in EXPLAINING for point in points if point.kind == kind]
+            found[(order or points)[0]] = jump
+    return found
 
 
 def is_on_purpose(graph: Structure, point: SpecialPoint) -> bool:
@@ -94,11 +87,6 @@ def leaves_upright(graph: Structure, point: SpecialPoint) -> bool:
     """Tell whether a branch runs to infinity at an alpha with infinitely many solutions."""
     runs = any(reason.value in point.message for reason in TO_INFINITY)
     return runs and is_beside_infinite(graph, point.alpha)
-
-
-def _may_end(graph: Structure, point: SpecialPoint) -> bool:
-    """Tell whether a branch ends at a point on purpose, or runs to infinity at one alpha."""
-    return is_on_purpose(graph, point) or leaves_upright(graph, point)
 
 
 def balance_at(graph: Structure, alpha: float) -> int:
@@ -162,8 +150,15 @@ def unbalanced(graph: Structure) -> list[tuple[float, float]]:
     judged = _judged(graph)
     degree = graph.system.degree if graph.system else None
     if degree is None:
-        ends = [(p, n) for p, n in loose_ends(graph).items() if _may_end(graph, p)]
-        judged = [(value - _ended(ends, gap), gap) for value, gap in judged]
+        ends = [
+            (point.alpha, jump)
+            for point, jump in loose_ends(graph).items()
+            if is_on_purpose(graph, point) or leaves_upright(graph, point)
+        ]
+        judged = [
+            (value - sum(jump for alpha, jump in ends if alpha < 0.5 * sum(gap)), gap)
+            for value, gap in judged
+        ]
         values = [value for value, _ in judged]
         degree = max(values, key=values.count, default=None)
     merged: list[tuple[float, float]] = []
@@ -173,11 +168,6 @@ def unbalanced(graph: Structure) -> list[tuple[float, float]]:
         else:
             merged.append((lo, hi))
     return merged
-
-
-def _ended(ends: list[tuple[SpecialPoint, int]], gap: tuple[float, float]) -> int:
-    """Return by how much the ends to the left of a stretch change the balance."""
-    return sum(jump for point, jump in ends if point.alpha < 0.5 * sum(gap))
 
 
 #: A special point known to fewer digits may hide another special point: then no search keeps a
@@ -260,32 +250,19 @@ def _is_one(a: Solution, b: Solution) -> bool:
 def _doubts(graph: Structure) -> Iterator[str]:
     """Yield what was found at special points and prevents a search from keeping a promise."""
     points = [point for point in graph.special_points() if point.id >= 0]
+    of_many = {point for point in points if is_beside_infinite(graph, point.alpha)}
     lost = [point for point in points if point.kind == Kind.STOPPED or point.lost]
-    yield from _stops(graph, [point for point in lost if not _is_one_of_many(graph, point)])
+    alone = [p for p in lost if not (FILL_CURVES in p.message and p in of_many)]
+    yield from _stops(graph, alone)
     yield from _places(IN_PART, graph, graph.special_points(Kind.PARTIAL_CORNER))
     known = [f"{stretch.ends}" for stretch in graph.infinite if stretch[0] < stretch[1]]
     if known:
         yield f"infinitely many solutions for {graph.parameter} in {', '.join(known)}"
-    filled = [
-        point
-        for point in points
-        if FILL in point.message
-        and _leaves_its_alpha(graph, point)
-        and not is_beside_infinite(graph, point.alpha)
-    ]
-    yield from _places("solutions fill more than curves", graph, filled)
+    filled = [p for p in points if FILL in p.message and p not in of_many]
+    left = [p for p in filled if not all(piece.is_vertical for piece in graph.pieces_at(p.id))]
+    yield from _places("solutions fill more than curves", graph, left)
     vague = [point for point in points if point.digits < TOO_FEW_DIGITS]
     yield from _places("hardly a digit is known", graph, vague)
-
-
-def _leaves_its_alpha(graph: Structure, point: SpecialPoint) -> bool:
-    """Tell whether a piece that is not vertical leaves from a special point."""
-    return not all(piece.is_vertical for piece in graph.pieces_at(point.id))
-
-
-def _is_one_of_many(graph: Structure, point: SpecialPoint) -> bool:
-    """Tell whether a special point stands where solutions are known to be infinitely many."""
-    return FILL_CURVES in point.message and is_beside_infinite(graph, point.alpha)
 
 
 def _stops(graph: Structure, points: list[SpecialPoint]) -> Iterator[str]:

@@ -12,11 +12,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
 from functools import partial
 from math import inf
 from pathlib import Path
-from typing import Any, TypeAlias, final
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -147,25 +146,26 @@ def _check_format(path: str | Path, header: Fields) -> None:
 
 
 def _contents(header: Fields, arrays: dict[str, Any]) -> Contents:
-    rows = _StoredRows.of(arrays)
-    names = _names(header, rows)
-    errors = iter(rows.errors)
-    points = [_node(*row, names) for row in rows.each("nodes", header.objects("nodes"), errors)]
-    starts = [_node(*row, names) for row in rows.each("starts", header.objects("starts"), errors)]
-    pieces = _pieces(header.objects("pieces"), rows)
-    interval = _interval(header)
-    _check_references(points, pieces, starts)
-    _check_places(points, pieces, interval)
-    return {
-        "points": points,
-        "pieces": pieces,
+    nodes, starts, errors, points = (_table(name, arrays[name]) for name in ARRAYS)
+    sizes = {t.shape[1] for t in (nodes, starts, errors[:, :-1], points[:, :-1]) if len(t)}
+    if len(sizes) > 1:
+        raise DamagedError("nodes, starts and points have different numbers of unknowns")
+    if len(errors) != len(nodes) + len(starts) or (errors < 0.0).any():
+        raise DamagedError("errors must be one row for each node and start, none negative")
+    names, interval = _names(header, next(iter(sizes), None)), _interval(header)
+    contents: Contents = {
+        "points": _special_points(header, "nodes", nodes, errors[: len(nodes)], names),
+        "starts": _special_points(header, "starts", starts, errors[len(nodes) :], names),
+        "pieces": _pieces(header.objects("pieces"), points),
         "interval": interval,
-        "starts": starts,
         "searched": _searched(header),
         "parameter": header.text("parameter"),
         "infinite": tuple(_stretches(header, interval)),
         "names": names,
     }
+    _check_references(contents["points"], contents["pieces"], contents["starts"])
+    _check_places(contents["points"], contents["pieces"], interval)
+    return contents
 
 
 def _check_references(
@@ -193,7 +193,7 @@ def _check_places(
         if not lo <= point.alpha <= hi:
             raise DamagedError(f"node {point.id} lies outside the interval: {point.alpha}")
     for piece in pieces:
-        if not (lo <= piece.interval[0] and piece.interval[1] <= hi):
+        if not lo <= min(piece.interval) <= max(piece.interval) <= hi:
             raise DamagedError(f"piece {piece.id} leaves the interval: {piece.interval}")
     if len({len(bytes(piece.character)) for piece in pieces}) > 1:
         raise DamagedError("pieces have different numbers of signs")
@@ -209,54 +209,14 @@ def _proof(header: Fields) -> BoxProof | None:
         raise DamagedError(f"the proof makes no sense: {error}") from error
 
 
-def _names(header: Fields, rows: _StoredRows) -> tuple[str, ...] | None:
+def _names(header: Fields, unknowns: int | None) -> tuple[str, ...] | None:
     """Return the names of the unknowns, which old files lack."""
     if not header.has("names"):
         return None
-    names = header.items("names", rows.unknowns)
+    names = header.items("names", unknowns)
     if not all(isinstance(name, str) for name in names):
         raise DamagedError("names must be texts")
     return tuple(names)
-
-
-@final
-@dataclass(frozen=True, slots=True)
-class _StoredRows:
-    """The arrays of a file, finite: n columns for states, n + 1 for errors and points of pieces."""
-
-    nodes: Array
-    starts: Array
-    errors: Array
-    points: Array
-
-    @classmethod
-    def of(cls, arrays: dict[str, Any]) -> _StoredRows:
-        rows = cls(*(_table(name, arrays[name]) for name in ARRAYS))
-        if len({len(states.T) for states in rows._states}) > 1:
-            raise DamagedError("nodes, starts and points have different numbers of unknowns")
-        if len(rows.errors) != len(rows.nodes) + len(rows.starts) or (rows.errors < 0.0).any():
-            raise DamagedError("errors must be one row for each node and start, none negative")
-        return rows
-
-    @property
-    def _states(self) -> list[Array]:
-        """All arrays that have rows, without alpha."""
-        everything = (self.nodes, self.starts, self.errors[:, :-1], self.points[:, :-1])
-        return [states for states in everything if len(states)]
-
-    @property
-    def unknowns(self) -> int | None:
-        """The number of unknowns, None where there is no state."""
-        return next((states.shape[1] for states in self._states), None)
-
-    def each(
-        self, name: str, headers: list[Fields], errors: Iterator[Array]
-    ) -> list[tuple[Fields, Array, Array]]:
-        """Return each header with the state and the next error."""
-        rows = getattr(self, name)
-        if len(rows) != len(headers):
-            raise DamagedError(f"there are {len(headers)} {name} with {len(rows)} states")
-        return [(*row, next(errors)) for row in zip(headers, rows, strict=True)]
 
 
 def _table(name: str, values: Any) -> Array:
@@ -268,6 +228,15 @@ def _table(name: str, values: Any) -> Array:
     if not (np.abs(numbers) <= LARGEST).all():
         raise DamagedError(f"{name} must be finite, and at most {LARGEST:g}")
     return numbers
+
+
+def _special_points(
+    header: Fields, kind: str, states: Array, errors: Array, names: tuple[str, ...] | None
+) -> list[SpecialPoint]:
+    headers = header.objects(kind)
+    if len(states) != len(headers):
+        raise DamagedError(f"there are {len(headers)} {kind} with {len(states)} states")
+    return [_node(*row, names) for row in zip(headers, states, errors, strict=True)]
 
 
 def _node(header: Fields, z: Array, error: Array, names: tuple[str, ...] | None) -> SpecialPoint:
@@ -293,13 +262,13 @@ def _recorded(header: Fields) -> dict[str, Kept]:
     return {name: Kept(values.finite_or_text(name)) for name in values.data}
 
 
-def _pieces(headers: list[Fields], rows: _StoredRows) -> list[Piece]:
+def _pieces(headers: list[Fields], points: Array) -> list[Piece]:
     """Return the pieces, each with the next rows of the points."""
     counts = [header.integer("count", 2) for header in headers]
-    if sum(counts) != len(rows.points):
-        raise DamagedError(f"pieces have {sum(counts)} points, there are {len(rows.points)}")
-    parts = np.split(rows.points, np.cumsum(counts, dtype=int)[:-1]) if counts else []
-    return [_piece(header, points) for header, points in zip(headers, parts, strict=True)]
+    if sum(counts) != len(points):
+        raise DamagedError(f"pieces have {sum(counts)} points, there are {len(points)}")
+    parts = np.split(points, np.cumsum(counts, dtype=int)[:-1]) if counts else []
+    return [_piece(*row) for row in zip(headers, parts, strict=True)]
 
 
 def _piece(header: Fields, points: Array) -> Piece:
@@ -377,18 +346,12 @@ def _check_numbers(
     path: str | Path, system: PiecewiseSystem, point: SpecialPoint, piece: Piece
 ) -> None:
     """Refuse a system that has another number of unknowns or tests than the graph."""
-    unknowns, name = len(point.z), type(system).__name__
-    if unknowns != (size := shown_size(system)):
-        raise InvalidInputError(
-            f"{path} is of another system: it has {unknowns} unknowns, {name} has {size}"
-        )
-    tests = len(bytes(piece.character))
-    z = completed(system, point.z, point.alpha)
-    given = len(bytes(system.character(z, point.alpha)))
-    if tests != given:
-        raise InvalidInputError(
-            f"{path} is of another system: it has {tests} tests, {name} has {given}"
-        )
+    name, words = type(system).__name__, f"{path} is of another system: it has"
+    if len(point.z) != (size := shown_size(system)):
+        raise InvalidInputError(f"{words} {len(point.z)} unknowns, {name} has {size}")
+    z, stored = completed(system, point.z, point.alpha), len(bytes(piece.character))
+    if stored != (tests := len(bytes(system.character(z, point.alpha)))):
+        raise InvalidInputError(f"{words} {stored} tests, {name} has {tests}")
 
 
 def _fitted(
