@@ -176,8 +176,8 @@ def _cubic(curve: Curve, start: tuple[Array, Array], end: tuple[Array, Array]) -
 
 
 def _residual_in_the_middle(segment: CurvedSegment) -> float:
-    residual = segment.curve.selection.residual(segment.near(0.5 * segment.length))
-    size = float(np.linalg.norm(residual))
+    middle = segment.near(0.5 * segment.length)
+    size = float(np.linalg.norm(segment.curve.selection.residual(middle)))
     return size if math.isfinite(size) else math.inf
 
 
@@ -257,7 +257,7 @@ def _touch(a: Stretch, b: Stretch) -> bool:
 def _both(a: Stretch, b: Stretch) -> Stretch:
     """Return the union of two stretches that touch; ``a`` begins first."""
     hi = max(a[1], b[1])
-    hi_closed = (a.hi_closed and a[1] == hi) or (b.hi_closed and b[1] == hi)
+    hi_closed = any(one.hi_closed and one[1] == hi for one in (a, b))
     return Stretch(a[0], hi, math.inf, a.lo_closed, hi_closed)
 
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import TypeAlias, final
+from typing import Any, TypeAlias, final
 
 import numpy as np
 import numpy.typing as npt
@@ -129,10 +129,6 @@ class Messages:
 
 #: With fewer significant digits a result says so wherever it is shown.
 FEW_DIGITS = 6.0
-
-
-def _no_error() -> Array:
-    return np.zeros(0)
 
 
 def _value_of(state: SpecialPoint | Solution, name: str) -> float:
@@ -344,7 +340,7 @@ class Solution:
     det_sign: int
     piece: int
     kind: str | None = None
-    error: Array = field(default_factory=_no_error)
+    error: Array = field(default_factory=lambda: np.zeros(0))
     digits: float = 16.0
     quantities: Quantities = NAMELESS
 
@@ -360,6 +356,11 @@ class Solution:
         more = [("det", f"{self.det_sign:+d}"), ("digits", f"{self.digits:.3g}")]
         title = f"Solution at alpha = {self.alpha:.10g}{f', {self.kind}' if self.kind else ''}"
         return card(title, [*rows, *more])
+
+
+def attributes(record: Any, *names: str) -> dict[str, Any]:
+    """Return some attributes of a record by name."""
+    return {name: getattr(record, name) for name in names}
 
 
 def attempted(state: SpecialPoint | Solution) -> dict[str, float | str]:

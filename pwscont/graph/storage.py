@@ -42,6 +42,7 @@ from pwscont.graph.records import (
     Stretch,
     Track,
     attempted,
+    attributes,
     first_digits,
     from_first_digits,
 )
@@ -99,30 +100,14 @@ def _header(graph: Structure, proof: BoxProof | None) -> dict[str, Any]:
 
 def _node_header(point: SpecialPoint) -> dict[str, Any]:
     """Return the header of a special point; for a recorded value that fails, a text says why."""
-    return {
-        "id": point.id,
-        "kind": str(point.kind),
-        "alpha": float(point.alpha),
-        "message": point.message,
-        "backward": point.backward,
-        "piece": point.piece,
-        "digits": point.digits,
-        "lost": point.lost,
-        "recorded": attempted(point),
-        "events": point.events,
-    }
+    names = "id", "message", "backward", "piece", "digits", "lost", "events"
+    values = {"kind": str(point.kind), "alpha": float(point.alpha), "recorded": attempted(point)}
+    return attributes(point, *names) | values
 
 
 def _piece_header(piece: Piece) -> dict[str, Any]:
-    return {
-        "id": piece.id,
-        "start": piece.start,
-        "end": piece.end,
-        "signs": str(piece.character),
-        "label": piece.label,
-        "det_sign": piece.det_sign,
-        "count": len(piece.track.inner) + 2,
-    }
+    values = {"signs": str(piece.character), "count": len(piece.track.inner) + 2}
+    return attributes(piece, "id", "start", "end", "label", "det_sign") | values
 
 
 def read(path: str | Path) -> tuple[Contents, BoxProof | None]:
@@ -130,19 +115,14 @@ def read(path: str | Path) -> tuple[Contents, BoxProof | None]:
     header, arrays = read_archive(path, FORMAT, ARRAYS)
     try:
         fields = Fields("the header", header)
-        _check_format(path, fields)
+        if fields.entry("format") != FORMAT:
+            raise GraphFileError(f"{path} holds {fields.entry('format')!r}, not a {FORMAT}")
+        if (version := fields.entry("version")) != VERSION:
+            words = f"{path} has format version {version}; this pwscont reads {VERSION}"
+            raise GraphFileError(words)
         return _contents(fields, arrays), _proof(fields)
     except DamagedError as error:
         raise damaged(path, FORMAT, error) from error
-
-
-def _check_format(path: str | Path, header: Fields) -> None:
-    if header.entry("format") != FORMAT:
-        raise GraphFileError(f"{path} holds {header.entry('format')!r}, not a {FORMAT}")
-    if header.entry("version") != VERSION:
-        raise GraphFileError(
-            f"{path} has format version {header.entry('version')}; this pwscont reads {VERSION}"
-        )
 
 
 def _contents(header: Fields, arrays: dict[str, Any]) -> Contents:
