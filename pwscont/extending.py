@@ -18,9 +18,9 @@ solutions are states of a body draws the states on the body by a :class:`BodyPic
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from pwscont.basics.arguments import checked_kind
 from pwscont.basics.arrays import Array, Indices, Matrix, Signs, dense, finite_array, generic
 from pwscont.basics.budget import check_budget
-from pwscont.basics.given import checked_kind
 from pwscont.basics.looks import apart, card, counted, named, short, with_article
 from pwscont.basics.outcome import Failure, FailureReason, Guarantee, Kind, SearchScope
 from pwscont.basics.quantities import Function, Quantities, as_written, spelled

@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
+from pwscont.basics.arguments import check_callable, checked_kind
 from pwscont.basics.arrays import Array, finite_array
 from pwscont.basics.budget import Budget, Limits
 from pwscont.basics.errors import InvalidInputError, StartNotFoundError
-from pwscont.basics.given import check_callable, checked_kind
 from pwscont.basics.outcome import Failure, SearchScope
 from pwscont.basics.quantities import Function, checked_record
 from pwscont.continuation.journal import Journal

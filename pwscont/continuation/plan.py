@@ -16,11 +16,11 @@ from typing import Any, final
 
 import numpy as np
 
+from pwscont.basics.arguments import checked_kind
 from pwscont.basics.arrays import Array, generic
 from pwscont.basics.budget import INTERRUPTED, Budget
 from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidInputError, InvalidSystemError
-from pwscont.basics.given import checked_kind
 from pwscont.basics.outcome import FILL, FILL_CURVES, Guarantee, Kind, SearchScope
 from pwscont.basics.quantities import Function
 from pwscont.basics.rounding import CONFIDENCE

@@ -9,9 +9,9 @@ from typing import final
 
 import numpy as np
 
+from pwscont.basics.arguments import checked_kind
 from pwscont.basics.arrays import Array
 from pwscont.basics.character import Character
-from pwscont.basics.given import checked_kind
 from pwscont.basics.outcome import Failure, SearchScope
 from pwscont.curve.corrector import BorderedNewton, Corrected
 from pwscont.curve.curve import Curve, State

@@ -16,8 +16,8 @@ import numpy as np
 
 from pwscont.basics.arrays import Array, Indices
 from pwscont.basics.character import Character
-from pwscont.system.returned import broken
 from pwscont.system.system import PiecewiseSystem
+from pwscont.system.values import broken
 
 
 class Compact(ABC):

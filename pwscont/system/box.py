@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, final
 import numpy as np
 
 from pwscont.basics.arrays import Array
-from pwscont.system.returned import broken
+from pwscont.system.values import broken
 
 if TYPE_CHECKING:
     from pwscont.system.system import PiecewiseSystem

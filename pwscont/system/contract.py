@@ -42,7 +42,8 @@ from pwscont.basics.quantities import checked_names
 from pwscont.basics.rounding import EPS
 from pwscont.system.abilities import check_abilities, shown_size
 from pwscont.system.differences import Differences
-from pwscont.system.returned import (
+from pwscont.system.system import PiecewiseLinearSystem, PiecewiseSystem, SlicewiseLinearSystem
+from pwscont.system.values import (
     broken,
     checked_array,
     checked_matrix,
@@ -51,7 +52,6 @@ from pwscont.system.returned import (
     own_matrix,
     refuse_unusual,
 )
-from pwscont.system.system import PiecewiseLinearSystem, PiecewiseSystem, SlicewiseLinearSystem
 
 #: The methods that a system may override -> the arguments in words.
 METHODS = {

@@ -47,7 +47,6 @@ from pwscont.system.contract import (
     refuse_wrong_jacobian,
     residual_at,
 )
-from pwscont.system.returned import broken, expect, refuse_infinite
 from pwscont.system.selection import Selection
 from pwscont.system.system import (
     Block,
@@ -55,6 +54,7 @@ from pwscont.system.system import (
     PiecewiseSystem,
     SlicewiseLinearSystem,
 )
+from pwscont.system.values import broken, expect, refuse_infinite
 
 #: Largest magnitude whose square, and whose inverse's square, are normal numbers.
 LARGEST_TO_SQUARE = 1e150

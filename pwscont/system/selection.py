@@ -14,8 +14,8 @@ from pwscont.basics.arrays import Array, Indices, Matrix, Signs, dense, indices,
 from pwscont.basics.character import Character
 from pwscont.basics.looks import named, short
 from pwscont.system.contract import jacobian_at, kink_at, lent_jacobian_at, residual_at
-from pwscont.system.returned import checked_array, own_matrix
 from pwscont.system.system import PiecewiseLinearSystem, PiecewiseSystem
+from pwscont.system.values import checked_array, own_matrix
 
 #: The factors that make a negative test and a non-negative test positive inside.
 SIDES = np.array([-1.0, 1.0])
