@@ -62,6 +62,7 @@ from pwscont.system.abilities import (
     completed,
     shown_size,
 )
+from pwscont.system.box import Box
 from pwscont.system.contract import checked_magnitudes, jacobian_at, residual_at
 from pwscont.system.differences import Differences
 from pwscont.system.selection import Selection
@@ -95,6 +96,7 @@ __all__ = [
     "BodyPicture",
     "Border",
     "BorderedFactor",
+    "Box",
     "BringsSearches",
     "Compact",
     "Core",

@@ -30,7 +30,15 @@ MOST_DEVIATIONS = 8.0
 @final
 @dataclass(frozen=True, slots=True, eq=False)
 class Box:
-    """The bounds and periods of the n unknowns, shape (n,), infinite where there are none."""
+    """The bounds and periods of the n unknowns, shape (n,), infinite where there are none.
+
+    Examples
+    --------
+    >>> from pwscont import LCP
+    >>> from pwscont.extending import Box
+    >>> Box.of(LCP([[1.0]], q=[0.0], d=[1.0])).is_bounded
+    False
+    """
 
     lower: Array
     upper: Array
