@@ -41,7 +41,6 @@ from pwscont.basics.looks import at, short
 from pwscont.basics.quantities import checked_names
 from pwscont.basics.rounding import EPS
 from pwscont.system.abilities import check_abilities, shown_size
-from pwscont.system.differences import Differences
 from pwscont.system.system import PiecewiseLinearSystem, PiecewiseSystem, SlicewiseLinearSystem
 from pwscont.system.values import (
     broken,
@@ -62,14 +61,11 @@ METHODS = {
 }
 #: The attributes of a system that are no methods.
 VALUES = ("domain", "degree", "unique", "line_styles")
-
-
 #: Most unknowns of a system: a larger number is a slip of the pen.
 MOST_UNKNOWNS = 10**7
 #: Largest difference of two values at the same point, relative to the terms: threads sum in another
 #: order.
 MOST_ROUNDING = EPS**0.75
-
 
 #: Character, tests, gradients, residual and Jacobian of a system at a point.
 Values: TypeAlias = tuple[Character, Array, Matrix, Array, Matrix]
@@ -261,59 +257,55 @@ def refuse_wrong_jacobian(system: PiecewiseSystem, character: Character, x: Arra
     """Refuse a Jacobian that is not the derivative of H next to a point."""
     if not system.knows_jacobian:
         return  # differences need no check
-    y, direction = _beside(system.differences(float(x[-1])), x)
-    jacobian = jacobian_at(system, y[:-1], float(y[-1]), character)
 
     def residual(y: Array) -> Array:
         return residual_at(system, y[:-1], float(y[-1]), character)
 
+    def jacobian(y: Array) -> Matrix:
+        return jacobian_at(system, y[:-1], float(y[-1]), character)
+
     what = f"jacobian in {system.label(character)}"
-    _refuse_wrong_row(system, what, residual, jacobian, y, direction)
+    _refuse_wrong_derivative(system, what, jacobian, residual, x)
 
 
 def refuse_wrong_gradients(system: PiecewiseSystem, x: Array) -> None:
     """Refuse gradients that are not the derivatives of the tests next to a point, as for H."""
     if getattr(system.test_jacobian, "__func__", None) is PiecewiseSystem.test_jacobian:
         return
-    y, direction = _beside(system.differences(float(x[-1])), x)
-    gradients = system.test_jacobian(y[:-1], float(y[-1]))
 
     def test_functions(y: Array) -> Array:
         return np.array(system.test_functions(y[:-1], float(y[-1])), dtype=float)
 
-    _refuse_wrong_row(system, "test_jacobian", test_functions, gradients, y, direction)
+    def gradients(y: Array) -> Matrix:
+        return system.test_jacobian(y[:-1], float(y[-1]))
+
+    _refuse_wrong_derivative(system, "test_jacobian", gradients, test_functions, x)
 
 
-def _beside(differences: Differences, x: Array) -> tuple[Array, Array]:
-    """Return a point beside x, and a direction in which all steps stay in the interval."""
-    direction = differences.scale * generic(len(x))
-    y, reach = x + DISTANCE_TO_POINT * direction, max(STEPS) * abs(direction[-1])
-    if differences.hi - differences.lo <= 2.0 * reach:
-        direction[-1] = 0.0
-    else:
-        y[-1] = min(max(y[-1], differences.lo + reach), differences.hi - reach)
-    return y, direction
-
-
-def _refuse_wrong_row(
+def _refuse_wrong_derivative(
     system: PiecewiseSystem,
     what: str,
+    derivative: Callable[[Array], Matrix],
     function: Callable[[Array], Array],
-    matrix: Matrix,
-    x: Array,
-    direction: Array,
+    at_point: Array,
 ) -> None:
-    """Refuse a matrix with a row that is not the function's derivative along a direction."""
+    """Refuse a derivative with a row that is not the function's, along a direction by a point."""
+    differences = system.differences(float(at_point[-1]))
+    direction = differences.scale * generic(len(at_point))
+    x, reach = at_point + DISTANCE_TO_POINT * direction, max(STEPS) * abs(direction[-1])
+    if differences.hi - differences.lo <= 2.0 * reach:
+        direction[-1] = 0.0
+    else:  # all steps stay in the interval
+        x[-1] = min(max(x[-1], differences.lo + reach), differences.hi - reach)
+    matrix = derivative(x)
     slopes, terms = product(matrix, direction), product(abs(matrix), np.abs(direction))
     terms[~np.isfinite(terms)] = 0.0  # nan is wrong where the function has a slope
     quotients: list[Array] = []
     wrong = np.ones(len(slopes), dtype=bool)
     for step in STEPS:
         ahead, behind = x + step * direction, x - step * direction
-        if (
-            np.abs((ahead - behind) / (2.0 * step) - direction)
-            > EQUAL_QUOTIENTS * np.abs(direction)
-        ).any():
+        lost = np.abs((ahead - behind) / (2.0 * step) - direction)
+        if (lost > EQUAL_QUOTIENTS * np.abs(direction)).any():
             return
         after, before = function(ahead), function(behind)
         quotients.append((after - before) / (2.0 * step))
