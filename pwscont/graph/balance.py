@@ -249,19 +249,18 @@ def _is_one(a: Solution, b: Solution) -> bool:
 
 def _doubts(graph: Structure) -> Iterator[str]:
     """Yield what was found at special points and prevents a search from keeping a promise."""
-    points = [point for point in graph.special_points() if point.id >= 0]
-    of_many = {point for point in points if is_beside_infinite(graph, point.alpha)}
-    lost = [point for point in points if point.kind == Kind.STOPPED or point.lost]
+    of_many = {point for point in graph.nodes if is_beside_infinite(graph, point.alpha)}
+    lost = [point for point in graph.nodes if point.kind == Kind.STOPPED or point.lost]
     alone = [p for p in lost if not (FILL_CURVES in p.message and p in of_many)]
     yield from _stops(graph, alone)
     yield from _places(IN_PART, graph, graph.special_points(Kind.PARTIAL_CORNER))
     known = [f"{stretch.ends}" for stretch in graph.infinite if stretch[0] < stretch[1]]
     if known:
         yield f"infinitely many solutions for {graph.parameter} in {', '.join(known)}"
-    filled = [p for p in points if FILL in p.message and p not in of_many]
+    filled = [p for p in graph.nodes if FILL in p.message and p not in of_many]
     left = [p for p in filled if not all(piece.is_vertical for piece in graph.pieces_at(p.id))]
     yield from _places("solutions fill more than curves", graph, left)
-    vague = [point for point in points if point.digits < TOO_FEW_DIGITS]
+    vague = [point for point in graph.nodes if point.digits < TOO_FEW_DIGITS]
     yield from _places("hardly a digit is known", graph, vague)
 
 

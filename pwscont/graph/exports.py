@@ -57,9 +57,8 @@ def networkx_graph(graph: Structure) -> nx.MultiGraph:
     import networkx as nx  # noqa: PLC0415  it takes longer to import than most paths to follow
 
     plain, scale = nx.MultiGraph(), magnitudes(graph)
-    for point in graph.special_points():
-        if point.id >= 0:  # a start within a piece is no node
-            plain.add_node(point.id, **_of_node(point))
+    for point in graph.nodes:
+        plain.add_node(point.id, **_of_node(point))
     for piece in graph.pieces:
         plain.add_edge(piece.start, piece.end, key=piece.id, **_of_edge(piece, scale))
     return plain
@@ -256,15 +255,14 @@ def as_dict(graph: Structure, guarantee: str) -> dict[str, Any]:
     """
     sums = balance_values(graph)
     rows = [row for row in multiplicity(graph) if row[0] < row[1]]
-    component = {p.id: c for c, pieces in enumerate(graph.components()) for p in pieces}
-    nodes = [point for point in graph.special_points() if point.id >= 0]
-    attempts = [attempted(point) for point in nodes]
+    component = _component(graph)
+    attempts = [attempted(point) for point in graph.nodes]
     lo, hi = graph.interval
     return {
         "parameter": {"name": graph.parameter, "lo": lo, "hi": hi},
         "components": len(graph.components()),
         "names": list(graph.names),
-        "nodes": [_node(*pair) for pair in zip(nodes, attempts, strict=True)],
+        "nodes": [_node(*pair) for pair in zip(graph.nodes, attempts, strict=True)],
         "pieces": [
             {
                 "id": piece.id,

@@ -13,7 +13,6 @@ from pwscont.basics.arrays import Array
 from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidInputError, SystemNeededError
 from pwscont.basics.outcome import Failure
-from pwscont.basics.quantities import NAMELESS, Quantities
 from pwscont.curve.corrector import MOST_NEWTON, BorderedNewton
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.metric import Metric
@@ -33,14 +32,9 @@ from pwscont.transitions.location import locate_zero
 MOST_HALVINGS = 8
 
 
-def refine(
-    system: PiecewiseSystem | None,
-    piece: Piece,
-    alpha: float,
-    interval: tuple[float, float],
-    quantities: Quantities = NAMELESS,
-) -> Solution:
+def _refined(graph: Structure, piece: Piece, alpha: float) -> Solution:
     """Return the solution of a piece at an alpha strictly inside it, to full accuracy."""
+    system, interval = graph.system, graph.interval
     if system is None:
         x, error, digits = _on_chord(piece, alpha), np.zeros(0), 16.0
     else:
@@ -49,7 +43,7 @@ def refine(
         digits = significant(error, x, Metric.of(system, interval).scale)
         x, error = shown_points(system, x), shown_points(system, error)
     where, how = (x[:-1], alpha, piece.character, piece.label), (piece.det_sign, piece.id)
-    return Solution(*where, *how, None, error, digits, quantities)
+    return Solution(*where, *how, None, error, digits, graph.quantities)
 
 
 def solve_between(
@@ -287,10 +281,7 @@ def solutions_at(graph: Structure, alpha: float) -> list[Solution]:
     """
     check_inside(graph, alpha)
     at_nodes = [solution_at(graph, node) for node in nodes_at(graph, alpha)]
-    between = [
-        refine(graph.system, piece, alpha, graph.interval, graph.quantities)
-        for piece in pieces_through(graph, alpha)
-    ]
+    between = [_refined(graph, piece, alpha) for piece in pieces_through(graph, alpha)]
     return sorted(at_nodes + between, key=lambda solution: solution.piece)
 
 

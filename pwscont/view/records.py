@@ -138,7 +138,7 @@ def _start_of(graph: BranchGraph, point: SpecialPoint) -> int:
 
 def _branches(graph: BranchGraph) -> dict[int, int]:
     """Return the branch of each node; branches are numbered as by ``graph.components()``."""
-    alone = (p.id for p in graph.special_points() if p.id >= 0 and not graph.pieces_at(p.id))
+    alone = (p.id for p in graph.nodes if not graph.pieces_at(p.id))
     ends = [[node for p in pieces for node in (p.start, p.end)] for pieces in graph.components()]
     return {node: i for i, nodes in enumerate(ends) for node in nodes or (next(alone),)}
 
