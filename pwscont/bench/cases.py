@@ -66,15 +66,7 @@ def case_names() -> list[str]:
 
 
 def load_case(name: str, settings: Mapping[str, str] | None = None) -> Case:
-    """Return the problem or scene of a name, with the answer; only scenes take settings.
-
-    Raises
-    ------
-    UnknownAnswerError
-        If the bench does not know the answer.
-    SceneNotFoundError
-        If there is no problem and no scene of that name.
-    """
+    """Return the problem or scene of a name, with the answer; only scenes take settings."""
     return OWN[name]() if name in OWN else case_of(load_scene(name, settings))
 
 

@@ -40,13 +40,7 @@ CHECKED = (1.0, 1e3)
 
 
 def coefficients(function: UserFunction, size: int, layout: Layout) -> tuple[Matrix, Array]:
-    """Return C, csr, shape (n + m + b, n + S + 1), and c, shape (n + m + b,).
-
-    Raises
-    ------
-    InvalidSystemError
-        If the function is not affine; the message names the part that is not.
-    """
+    """Return C, csr, shape (n + m + b, n + S + 1), and c, shape (n + m + b,)."""
     zero = np.zeros(size + layout.count + 1)
     rest = _called(function, size, layout, zero)
     points = [reach * generic(len(zero), shift) for shift, reach in enumerate(CHECKED)]
@@ -180,11 +174,6 @@ def derivatives_of(lifted: LiftedFunction, points: list[Array]) -> Derivatives |
     lifted : LiftedFunction
     points : list of ndarray, shape (n + 1,)
         Points at which the function is finite.
-
-    Raises
-    ------
-    InvalidSystemError
-        If the function has a kink that no switch announces.
     """
     ways = [by_duals, by_duals_of_z, *([by_jax] if "jax" in sys.modules else [])]
     for way in ways:

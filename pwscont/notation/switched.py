@@ -166,13 +166,7 @@ def _within(z: Array, generic: Array, lower: Any, upper: Any) -> Array:
 
 
 def _first_calls(function: UserFunction, points: Sequence[Array]) -> tuple[Array, Layout]:
-    """Return the first point at which a function is finite, and the switches of the function.
-
-    Raises
-    ------
-    InvalidSystemError
-        If the function fails, or is finite at none of the points.
-    """
+    """Return the first point at which a function is finite, and the switches of the function."""
     failure: Exception | None = None
     finite: list[tuple[Array, list[Any]]] = []
     for x in points:

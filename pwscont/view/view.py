@@ -159,13 +159,7 @@ class View:
 
 
 def check_bokeh() -> None:
-    """Refuse a view if Bokeh is not installed.
-
-    Raises
-    ------
-    MissingPackageError
-        If Bokeh is not installed; the message says what to install.
-    """
+    """Refuse a view if Bokeh is not installed."""
     if find_spec("bokeh") is None:
         raise MissingPackageError(
             "a view in the browser needs Bokeh: pip install bokeh, or pip install '.[view]' in a "
