@@ -7,9 +7,10 @@ one step along the curve of one selection. A *search* (:class:`Search`) yields s
 
 A *system* may do more than :class:`pwscont.PiecewiseSystem` asks for: leave out parts that provably
 stay in one mode (:class:`Reducible`), end its curves at some interfaces (:class:`Ending`), hide
-unknowns (:class:`HidesUnknowns`), bring searches of its kind (:class:`BringsSearches`), and return
-a Jacobian that is factorised in its own way (:class:`StructuredJacobian`). :class:`Compact` is
-kept for old systems: nothing asks for essential unknowns any more.
+unknowns (:class:`HidesUnknowns`), bring searches of its kind (:class:`BringsSearches`), hand over
+what proofs need (:class:`ExactData`, :class:`ExactRates`, :class:`GivesFormula`), and return a
+Jacobian that is factorised in its own way (:class:`StructuredJacobian`). :class:`Compact` is kept
+for old systems: nothing asks for essential unknowns any more.
 
 A new kind of *scene* is a :class:`Runnable` that returns an :class:`Answer`. A scene whose
 solutions are states of a body draws the states on the body by a :class:`BodyPicture`.

@@ -197,7 +197,8 @@ def _bent(system: PiecewiseSystem, what: str, dx: Array) -> InvalidSystemError:
 
 
 def refuse_bent_ray(selection: Selection, x: Array, dx: Array, scale: Array) -> None:
-    """Refuse a selection with a second difference along the ray from ``x`` to ``x + dx``."""
+    """Refuse a selection that bends along the ray from ``x`` to ``x + dx``."""
+    # an error of the direction changes no second difference
     start, middle, end = (selection.residual(x + part * dx) for part in (0.0, 0.5, 1.0))
     sizes = abs(selection.jacobian(x))
     terms = sizes @ (np.abs(x) + np.abs(dx)) + np.abs(start) + np.abs(middle) + np.abs(end)
@@ -207,7 +208,7 @@ def refuse_bent_ray(selection: Selection, x: Array, dx: Array, scale: Array) -> 
 
 
 def refuse_stray_ray(selection: Selection, x: Array, dx: Array, scale: Array) -> None:
-    """Refuse a ray, found from the cell before (docs/theory, F11), along which H does not stay."""
+    """Refuse a ray, found from the cell before (docs/theory, F11), along which H changes."""
     rest = np.abs(selection.residual(x + dx) - selection.residual(x))
     sizes, length = abs(selection.jacobian(x)), float(np.abs(dx / scale).max())
     terms = sizes @ (np.abs(x) + np.abs(dx)) + length * (sizes @ scale)
