@@ -59,17 +59,17 @@ LONGEST_FILE = 500
 BUDGET = {
     "basics": (10, 1170),
     "intervals": (3, 380),
-    "system": (9, 2160),
+    "system": (9, 2180),
     "linear": (12, 1830),
-    "notation": (13, 2910),
-    "curve": (17, 3450),
+    "notation": (13, 2940),
+    "curve": (17, 3465),
     "enumeration": (11, 2980),
     "transitions": (18, 4420),
     "graph": (10, 2770),
-    "search": (11, 2210),
-    "continuation": (9, 3350),
+    "search": (11, 2215),
+    "continuation": (9, 3320),
     "kit": (4, 940),
-    "proof": (13, 1950),
+    "proof": (13, 1985),
     "exact": (5, 820),
     "scenes": (14, 2660),
     "view": (6, 950),
@@ -80,7 +80,7 @@ BUDGET = {
     "commands": (12, 1230),
 }
 #: Most files and classes of pwscont that the README's arch meets: bounds to lower, not to raise.
-MOST_FILES_MET, MOST_CLASSES_MET = 54, 76
+MOST_FILES_MET, MOST_CLASSES_MET = 54, 74
 
 
 def module_of(path):

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from pwscont import PiecewiseSystem, Switched, explore
+from pwscont.search.throughout import Throughout
 
 
 class Curve(PiecewiseSystem):
@@ -78,3 +79,22 @@ def test_what_was_searched_is_said():
     graph = explore(Curve(lambda z, a: z**2 + 1.0 + 0.0 * a), (0.0, 1.0))
     assert graph.guarantee == f"nothing found by {graph.searched.what}"
     assert "values of alpha between, deflated" in graph.searched.what
+
+
+def test_nothing_is_searched_inside_where_all_is_proved():
+    """The loop |z - 3| + t^2 = 1 is proved from few calls; the same with a search takes more."""
+    calls = []
+
+    def loop(z, t, sw):
+        calls.append(t)
+        return sw.abs(z - 3.0) + t * t - 1.0
+
+    counts = []
+    for search in (None, Throughout()):
+        calls.clear()
+        graph = explore(Switched(1, loop), (-1.4, 1.6), search=search)
+        counts.append(len(calls))
+        assert [graph.count(t) for t in (-1.2, 0.5, 1.2)] == [0, 2, 0]
+        assert (graph.proof is not None) == (search is None)
+        assert search or "only if not all branches were proved" in graph.searched.what
+    assert counts[0] < counts[1]

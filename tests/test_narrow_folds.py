@@ -5,7 +5,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from pwscont import BranchGraph, PiecewiseSystem, PseudoArclength, StepSize, trace
+from pwscont import BranchGraph, PiecewiseSystem, PseudoArclength, StepSize, Switched, trace
 
 SHAPES = {
     "gauss": lambda t: np.exp(-(t**2)),
@@ -90,3 +90,53 @@ def test_a_smaller_gap_finds_narrower_bumps_and_the_graph_states_it(tmp_path):
     assert "closer together along a curve than 0.0007" in graph.searched.unseen
     graph.save(tmp_path / "graph.npz")
     assert BranchGraph.load(tmp_path / "graph.npz").searched.unseen == graph.searched.unseen
+
+
+class OnALine(PiecewiseSystem):
+    """A bump in a residual that takes columns of points, or mixes the columns."""
+
+    size = 1
+
+    def __init__(self, mixes):
+        self.bump, self.mixes, self.calls = Bump("gauss", 0.01, np.random.default_rng(3)), mixes, []
+
+    def test_functions(self, z, alpha):
+        return z[:1] + 50.0
+
+    def residual(self, z, alpha, character):
+        self.calls.append(z.shape)
+        y = 0.0 * z + z.sum() if self.mixes else z
+        return self.bump.alpha(y) - alpha
+
+
+@pytest.mark.parametrize("mixes", [False, True])
+def test_h_is_asked_at_many_places_at_once_only_where_columns_are_not_mixed(mixes):
+    """A sum over all entries is right for a single point, and wrong for columns of points."""
+    system = OnALine(mixes)
+    start = system.bump.c + 0.5
+    graph = trace(system, (np.array([start]), system.bump.alpha(start)), INTERVAL)
+    folds, count = system.bump.truth()
+    assert sorted(p.alpha for p in graph.special_points("fold")) == pytest.approx(folds, abs=1e-5)
+    assert all(
+        graph.count(a) == count(a) for a in [0.37 * a + 0.63 * b for a, b in pairwise(folds)]
+    )
+    together = [shape for shape in system.calls if len(shape) == 2]
+    assert len(together) == 1 if mixes else len(together) > 1
+
+
+def test_a_formula_takes_columns_of_points():
+    """Values of a formula with nested switches are the same for columns and one by one."""
+
+    def f(z, alpha, sw):
+        inner = sw.max(z[0] - alpha, sw.abs(z[1]) - 0.3)
+        return [
+            z[0] ** 3 - sw.relu(inner) + alpha,
+            sw.clip(z[1] + alpha, -0.5, 0.5) - sw.min(z[0], 0.2),
+        ]
+
+    system, rng = Switched(2, f), np.random.default_rng(0)
+    points = rng.normal(size=(system.size + 1, 7))
+    for character in system.cells():
+        together = system.residual(points[:-1], points[-1], character)
+        single = [system.residual(x[:-1], x[-1], character) for x in points.T]
+        np.testing.assert_allclose(together.T, single, rtol=1e-13, atol=1e-13)

@@ -16,13 +16,8 @@ from pwscont.basics.errors import InvalidInputError, StartNotFoundError
 from pwscont.basics.outcome import Failure, SearchScope
 from pwscont.basics.quantities import Function, checked_record
 from pwscont.continuation.journal import Journal
-from pwscont.continuation.plan import (
-    Plan,
-    Report,
-    checked_detectors,
-    checked_interval,
-    silent,
-)
+from pwscont.continuation.plan import Plan, Report, checked_detectors, checked_interval, silent
+from pwscont.continuation.run import follow
 from pwscont.curve.error_samples import Found, is_inside
 from pwscont.curve.magnitudes import (
     Gauge,
@@ -149,7 +144,7 @@ def followed(
     plan: Plan,
     guess: Array,
     starts_of: Callable[[Plan], Iterator[Found]],
-    follow: Callable[[Plan, Iterator[Found]], BranchGraph],
+    graph_of: Callable[[Plan, Iterator[Found]], BranchGraph],
 ) -> BranchGraph:
     """Return the graph from all starts; the run begins again if the path shows other magnitudes.
 
@@ -160,21 +155,21 @@ def followed(
         The state around which magnitudes are measured if the system gives no typical magnitudes.
     starts_of : callable
         Plan -> starts of the plan; a start is computed when it is taken.
-    follow : callable
+    graph_of : callable
         (plan, starts) -> the graph.
     """
     if plan.system.gives_scale or plan.reduction:
-        return follow(plan, starts_of(plan))
+        return graph_of(plan, starts_of(plan))
     with plan.few_threads():
         plan, starts = _measured(plan, guess, starts_of)
     found: list[Found] = []
     for _ in range(REVISIONS):
         try:
-            return follow(replace(plan, gauge=Gauge(plan.metric)), _kept(starts, found))
+            return graph_of(replace(plan, gauge=Gauge(plan.metric)), _kept(starts, found))
         except MisjudgedError as wrong:
             plan = _with(plan, wrong.magnitudes)
             starts = chain(tuple(found), starts_of(plan))
-    return follow(plan, starts)
+    return graph_of(plan, starts)
 
 
 def _kept(starts: Iterator[Found], found: list[Found]) -> Iterator[Found]:
@@ -305,10 +300,10 @@ def trace(
     with Budget(limits or Limits()) as budget:
         plan = prepared(system, rough, (lo, hi), stepper, watched)
 
-        def follow(plan: Plan, found: Iterator[Found]) -> BranchGraph:
-            return plan.follow(found, parameter, report, NOT_SEARCHED, journal, budget, recorded)
+        def graph_of(plan: Plan, found: Iterator[Found]) -> BranchGraph:
+            return follow(plan, found, parameter, report, NOT_SEARCHED, journal, budget, recorded)
 
-        return followed(plan, rough[0], lambda plan: _corrected(plan, rough), follow)
+        return followed(plan, rough[0], lambda plan: _corrected(plan, rough), graph_of)
 
 
 def _corrected(plan: Plan, start: Start) -> Iterator[Found]:
@@ -425,12 +420,12 @@ def explore(
         chosen = search or _default_search(plan, around)
         searched = _searched(given, scope_of(chosen, plan.followed))
 
-        def follow(plan: Plan, found: Iterator[Found]) -> BranchGraph:
-            graph = plan.follow(found, parameter, report, searched, journal, budget, recorded)
+        def graph_of(plan: Plan, found: Iterator[Found]) -> BranchGraph:
+            graph = follow(plan, found, parameter, report, searched, journal, budget, recorded)
             graph.proof = chosen.proved(plan.followed, plan.interval)
             return graph
 
-        graph = followed(plan, guess, lambda plan: _found(plan, given, chosen), follow)
+        graph = followed(plan, guess, lambda plan: _found(plan, given, chosen), graph_of)
     if not graph.pieces and not budget.spent:
         refuse_undefined(plan.system, plan.interval)
     return graph

@@ -341,6 +341,10 @@ class FollowedBranches(KnownBranches):
         """Return the points of pieces at which alpha or an unknown is extremal."""
         return [x for edge in self.edges for x in _extremes(edge.track.points)]
 
+    def are_all(self) -> bool:
+        """Tell that nothing is proved by following branches."""
+        return False
+
 
 def _crossings(points: Array, alpha: float) -> list[Array]:
     """Return where the polygon through some points has an alpha."""

@@ -177,6 +177,8 @@ class BoxProof:
 
     def judged(self, graph: Structure, words: str) -> str:
         """Return the guarantee of a graph with what is proved, from the guarantee without."""
+        if graph.searched.spent:  # branches are missing because the run ended early
+            return words
         try:
             with np.errstate(all="ignore"):
                 wrong = next(self.disagreements(graph), None)

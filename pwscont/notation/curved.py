@@ -58,8 +58,14 @@ class SwitchedSystem(Notated, GivesFormula):
         return tests
 
     def residual(self, z: Array, alpha: float, character: Character) -> Array:
-        """Return the user's equations, then the equations of the hidden unknowns, shape (size,)."""
-        outcome = self._outcome(z, alpha, character)
+        """Return the user's equations, then the equations of the hidden unknowns, shape (size,).
+
+        For k points at once z has shape (size, k), alpha shape (k,), and the value shape (size, k).
+        """
+        if z.ndim == 1:
+            outcome = self._outcome(z, alpha, character)
+        else:
+            outcome = self._lifted.outcome(z, alpha, self._layout.modes(character.array))
         if not len(self._hidden):
             value: Array = outcome.value.copy()
             return value

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any, final
 
 import numpy as np
@@ -148,13 +149,14 @@ class Everywhere(Search):
             return np.broadcast_to(lower, (size,)), np.broadcast_to(upper, (size,))
         own = Box.of(system)
         reach = np.minimum(FAR * scale, 0.5 * own.period[:size])
-        around = np.zeros((1, size))
+        least, most = -reach, reach
         if known is not None and not np.isfinite(own.period[:size]).any():
-            around = np.vstack([around, *(x[:size] for x in known.extremes())])
+            around = np.array([np.zeros(size), *(x[:size] for x in known.extremes())])
+            least, most = (_beyond(side * around, reach) * side for side in (-1.0, 1.0))
         lower, upper = own.lower[:size], own.upper[:size]
         return (
-            np.where(np.isfinite(lower), lower, around.min(axis=0) - reach),
-            np.where(np.isfinite(upper), upper, around.max(axis=0) + reach),
+            np.where(np.isfinite(lower), lower, least),
+            np.where(np.isfinite(upper), upper, most),
         )
 
     def proved(self, system: PiecewiseSystem, interval: tuple[float, float]) -> BoxProof | None:
@@ -172,6 +174,16 @@ class Everywhere(Search):
         return SearchScope(
             f"{what}; where something is open, the default search", Guarantee.NOTHING
         )
+
+
+def _beyond(points: Array, reach: Array) -> Array:
+    """Return numbers of reaches that are one reach beyond zero, and beyond points that are far out.
+
+    A box that fits the known branches less closely is the same box when a run is resumed.
+    """
+    farthest = np.maximum(points.max(axis=0), 0.0)
+    far: Array = np.where(farthest > reach, np.ceil(farthest / reach), 0.0)
+    return (far + 1.0) * reach
 
 
 def _checked_box(box: Any) -> tuple[Any, Any]:
@@ -218,10 +230,35 @@ def _is_known(proof: BoxProof, stretch: CountedStretch, known: KnownBranches) ->
 
 
 @final
+class _Provable(KnownBranches):
+    """Known branches, and the proof of all branches for a search that asks for the proof."""
+
+    def __init__(self, known: KnownBranches, prove: Callable[[], BoxProof | None]) -> None:
+        self._known, self._prove = known, prove
+
+    def at(self, alpha: float) -> list[Array]:
+        """Return a point (z, alpha) for each known solution."""
+        return self._known.at(alpha)
+
+    def near(self, x: Array, metric: Metric) -> Array | None:
+        """Return the nearest known point, if any is near."""
+        return self._known.near(x, metric)
+
+    def extremes(self) -> list[Array]:
+        """Return the points (z, alpha) at which alpha or an unknown is extremal."""
+        return self._known.extremes()
+
+    def are_all(self) -> bool:
+        """Tell whether all branches are proved."""
+        return self._prove() is not None
+
+
+@final
 @dataclass(frozen=True, slots=True)
 class AlsoProved(Search):
     """What another search finds, then the proved solutions, if all are proved quickly.
 
+    A search that asks whether all branches are proved need not look any further.
     Nothing is proved in a run with limits. If anything stays open, the answer is that of the other
     search, and mentions no proof.
 
@@ -247,21 +284,36 @@ class AlsoProved(Search):
         known: KnownBranches,
     ) -> Iterator[Found]:
         """Yield what the search finds, then what is proved."""
-        yield from starts_of(self.search, system, metric, interval, known)
+        prove = partial(self._proof, system, metric, interval, known)
+        yield from starts_of(self.search, system, metric, interval, _Provable(known, prove))
+        if proof := prove():
+            yield from proved_starts(proof, system, metric, known)
+
+    def _proof(
+        self,
+        system: PiecewiseSystem,
+        metric: Metric,
+        interval: tuple[float, float],
+        known: KnownBranches,
+    ) -> BoxProof | None:
+        """Return the proof of all solutions, or nothing where anything stays open."""
         if shown_size(system) > MANY_UNKNOWNS or current_budget().is_limited:
-            return
+            return None
         try:
             tape = tape_of(system)
             most = MOST_WORK // ((len(tape.steps) + BESIDES) * (tape.size + 2))
             proof = self._everywhere.prove(system, metric, interval, most, known)
         except InvalidInputError:  # no formula that can be traced
-            return
-        if proof.holds:
-            yield from proved_starts(proof, system, metric, known)
+            return None
+        return proof if proof.holds else None
 
     def searched(self, system: PiecewiseSystem) -> SearchScope:
         """Return the scope of the search."""
-        return scope_of(self.search, system)
+        scope = scope_of(self.search, system)
+        if shown_size(system) > MANY_UNKNOWNS:
+            return scope
+        what = f"{scope.what}; between the ends only if not all branches were proved before"
+        return SearchScope(what, scope.promise)
 
     def proved(self, system: PiecewiseSystem, interval: tuple[float, float]) -> BoxProof | None:
         """Return what the last run proved if everything is proved, else nothing."""

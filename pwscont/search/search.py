@@ -36,6 +36,10 @@ class KnownBranches(ABC):
     def extremes(self) -> list[Array]:
         """Return the points (z, alpha) of pieces at which alpha or an unknown is extremal."""
 
+    @abstractmethod
+    def are_all(self) -> bool:
+        """Tell whether it is proved that there are no others, so that no search is needed."""
+
 
 @final
 class NothingKnown(KnownBranches):
@@ -52,6 +56,10 @@ class NothingKnown(KnownBranches):
     def extremes(self) -> list[Array]:
         """Return nothing."""
         return []
+
+    def are_all(self) -> bool:
+        """Tell that nothing is proved."""
+        return False
 
 
 #: The values that a search should yield, in words, for errors about values that are nearly right.

@@ -125,6 +125,8 @@ class Throughout(Search):
         rough = self.ends.guesses(looking.box, metric.scale[:-1], shown_size(system))
         for alpha in interval:
             yield from looking.at(alpha, rough)
+        if known.are_all():
+            return
         count = 0
         for number in range(MOST_ROUNDS):
             before = count

@@ -56,6 +56,8 @@ class Selection:
             tests, inside = tests[first], inside[first]
         self._cell: bytes | None = None
         self._gradients: Matrix | None = None
+        #: Whether the residual may be called with columns of points.
+        self.takes_columns = True
         self.bounding: Indices = tests
         #: +1 or -1 for each bounding test, the factor that makes the test positive inside.
         self.side: Array = SIDES.take(inside.view(np.uint8))
@@ -111,6 +113,23 @@ class Selection:
             there = residual(x[:-1], alpha, character)
             value[:-1] = checked_array(system, "residual", there, shape)
         return values
+
+    def residuals_together(self, points: Array) -> Array | None:
+        """Return what :meth:`residuals` returns, from a single call with points as columns.
+
+        None where H was not written for columns: numpy's functions work on columns entry by entry,
+        others need not. The caller compares the values at a point with H at that point alone.
+        """
+        if not self.takes_columns:
+            return None
+        z, alpha, values = points[:, :-1].T.copy(), points[:, -1].copy(), np.zeros(points.shape)
+        try:
+            there = self.system.residual(z, alpha, self.character)  # type: ignore[arg-type]
+            values[:, :-1] = checked_array(self.system, "residual", there, z.shape).T
+        except Exception:  # a function for a single point may fail in any way
+            self.takes_columns = False
+            return None
+        return values if np.isfinite(values).all() else None
 
     def jacobian(self, x: Array) -> Matrix:
         """Return dH_chi/dx, shape (n, n + 1)."""

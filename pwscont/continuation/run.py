@@ -1,0 +1,305 @@
+"""A run: starts are followed until no ray is left, and the pieces become the graph.
+
+A path may leave the interval at one of its ends, turn beyond, and come back. Inside the interval
+such a path is several components, which only the way outside joins. Where the search promises
+nothing, each path that leaves is followed a little further, and where the path comes back is
+another start.
+
+Failure modes and answers
+-------------------------
+- Solutions may fill more than curves. Signs of such sets are: a corner at which solutions fill a
+  cone, a piece that could not be followed, starts without a digit (as from cells that have no
+  corner), or an empty graph (as if solutions fill whole lines). A run without a sign has only
+  curves.
+- Beyond the interval H may not make sense: only straight pieces, which make sense everywhere, are
+  followed there, within the domain of the system. Whatever goes wrong says nothing about the
+  interval.
+- A path beyond goes on for ever: the path is followed over a part of the length of the interval,
+  and over no more pieces than were found inside, or a few.
+- Paths come back for ever: only a number of paths is followed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from itertools import chain, combinations, islice, pairwise
+
+import numpy as np
+
+from pwscont.basics.arrays import generic
+from pwscont.basics.budget import Budget, Limits
+from pwscont.basics.character import Character
+from pwscont.basics.errors import InvalidSystemError
+from pwscont.basics.outcome import FILL, FILL_CURVES, Guarantee, Kind, SearchScope
+from pwscont.basics.quantities import Function
+from pwscont.basics.rounding import CONFIDENCE, SAME_ALPHA
+from pwscont.continuation.assembly import assemble, mark
+from pwscont.continuation.discovery import CROSSED, Discovery, Node
+from pwscont.continuation.follow import Follower, PieceFollower, alone, default_detectors
+from pwscont.continuation.journal import Journal, Recorded
+from pwscont.continuation.plan import Plan, Report
+from pwscont.curve.curve import Curve
+from pwscont.curve.error_samples import Found, has_digits, is_inside
+from pwscont.curve.looks import gap_of
+from pwscont.curve.magnitudes import Gauge
+from pwscont.curve.metric import Metric
+from pwscont.graph import BranchGraph
+from pwscont.graph.queries import joined
+from pwscont.graph.records import Solution, Stretch
+from pwscont.graph.structure import NOT_SEARCHED
+from pwscont.system.box import Box
+from pwscont.system.selection import Selection
+from pwscont.transitions.continuum import filled_parts
+from pwscont.transitions.departures import Standing
+from pwscont.transitions.detector import SpecialPointFound
+from pwscont.transitions.ends import ended
+from pwscont.transitions.rays import Ray
+from pwscont.transitions.watch import Watch
+
+Interval = tuple[float, float]
+#: How far beyond an end of the interval a path is followed, as a part of the interval.
+PART_BEYOND = 0.25
+#: Fewest pieces over which a path is followed beyond the interval, and most paths.
+FEW_PIECES, MOST_PATHS = 20, 100
+
+
+def follow(
+    plan: Plan,
+    starts: Iterable[Found],
+    parameter: str,
+    report: Report,
+    searched: SearchScope,
+    journal: Journal | None,
+    budget: Budget,
+    record: Mapping[str, Function] | None = None,
+) -> BranchGraph:
+    """Return the graph of everything that is reached from starts of the followed system.
+
+    Where the budget is spent, the graph has what was found until then.
+    """
+    gauge = plan.gauge if journal is None else None  # a journal is of one run
+    follower: Follower = _follower(plan, gauge)
+    if journal is not None:
+        _check(journal, plan)
+        follower, starts = Recorded(follower, journal), journal.starts(starts)
+    discovery = Discovery(follower, report, budget)
+    plan.branches.edges = discovery.edges
+    if searched.promise == Guarantee.NOTHING and searched != NOT_SEARCHED:
+        starts = chain(starts, _reentries(discovery, plan))
+    without_digits: list[Found] = []
+    usable = _usable(plan, starts, without_digits)
+    # trial points may lie where H cannot be computed; values that are not finite are refused
+    with plan.few_threads(), np.errstate(all="ignore"):
+        try:
+            _follow_from(usable, plan, discovery, budget)
+        except KeyboardInterrupt as why:
+            budget.end(why)
+        if gauge and not budget.spent:
+            gauge.close()
+        discovery.close(budget.spent)
+        mark(discovery, plan.followed, plan.metric, plan.added)
+    if journal is not None and not budget.spent:
+        journal.finish()
+    infinite = () if budget.spent else _infinite(plan, discovery, bool(without_digits))
+    searched = replace(_lowered(searched, len(without_digits)), spent=budget.spent)
+    return _graph(plan, discovery, parameter, searched, record, infinite)
+
+
+def _follower(plan: Plan, gauge: Gauge | None) -> PieceFollower:
+    """Return what follows pieces, from cell to cell where only straight pieces are watched."""
+    watched = (*plan.detectors, plan.bounds) if plan.box.is_bounded else plan.detectors
+    straight = None if plan.events else alone(watched)
+    watch = Watch(watched, plan.foreign)
+    return PieceFollower(
+        plan.stepper, watch, plan.interval, plan.bounds, straight, gauge, plan.events
+    )
+
+
+def _usable(plan: Plan, starts: Iterable[Found], without_digits: list[Found]) -> Iterator[Found]:
+    """Yield the starts within the bounds with a certain digit, and keep those without a digit."""
+    scale = plan.metric.scale
+    for x, given in starts:
+        error = np.atleast_2d(given)  # searches may give one sample as a vector
+        if not has_digits(x, error, scale):
+            without_digits.append((x, error))
+        elif is_inside(plan.box, x, error, scale):
+            yield x, error
+
+
+def _follow_from(starts: Iterable[Found], plan: Plan, discovery: Discovery, budget: Budget) -> None:
+    for x, error in starts:
+        if discovery.is_beyond(x):
+            continue
+        standing = Standing.of(plan.followed, plan.metric, x, error)
+        if not discovery.has(standing):
+            discovery.add(_begun(plan, standing.departures()))
+        if budget.spent or (plan.system.unique and discovery.spans(*plan.interval)):
+            return
+
+
+def _begun(plan: Plan, arrival: SpecialPointFound) -> SpecialPointFound:
+    """Return a start, changed by the system or a detector for which it is a special point."""
+    for each in plan.added:
+        arrival = each.begun(arrival)
+    return ended(arrival)
+
+
+# -- what is said of the graph ---------------------------------------------------------------------
+
+
+def _lowered(searched: SearchScope, lost: int) -> SearchScope:
+    """Return what was searched, without a promise where starts without a digit were lost."""
+    if not lost:
+        return searched
+    what = f"{lost} of the points found not followed, for no digit of them is certain"
+    return replace(searched, what=f"{searched.what}; {what}", promise=Guarantee.NOTHING)
+
+
+def _infinite(plan: Plan, discovery: Discovery, is_part: bool) -> tuple[Stretch, ...]:
+    """Return the stretches of alpha at which solutions fill more than curves."""
+    nodes = list(discovery.nodes.values())
+    if nodes and not (is_part or any(map(_is_sign, nodes))):
+        return ()
+    alphas = [*plan.interval, *(node.place.alpha for node in nodes)]
+    one_of_many = [node.place.x for node in nodes if node.message == FILL_CURVES]
+    return joined(filled_parts(plan.followed, plan.metric, alphas, one_of_many), alphas)
+
+
+def _is_sign(node: Node) -> bool:
+    """Tell whether a special point is a sign that solutions fill more than curves."""
+    if node.lost > 0 or node.kind == Kind.STOPPED:
+        return True
+    return node.kind not in CROSSED and FILL in node.message
+
+
+def _graph(
+    plan: Plan,
+    discovery: Discovery,
+    parameter: str,
+    searched: SearchScope,
+    record: Mapping[str, Function] | None,
+    infinite: Sequence[Stretch],
+) -> BranchGraph:
+    """Return the graph of a discovery, after checking the promise of uniqueness."""
+    system, reduction = plan.system, plan.reduction
+    searched = replace(searched, gap=gap_of(plan.stepper, plan.followed))
+    if system.unique:
+        what = f"{searched.what}; at most one solution, by the system's promise"
+        searched = replace(searched, what=what, promise=Guarantee.UNIQUE)
+    metric = Metric.of(system, plan.interval) if reduction else plan.metric
+    parts = (parameter, searched, reduction, record, plan.events, infinite)
+    graph = assemble(discovery, system, metric, *parts)
+    if system.unique:
+        _check_unique(graph)
+    return graph
+
+
+def _check_unique(graph: BranchGraph) -> None:
+    """Refuse a graph with two different solutions at one alpha.
+
+    Raises
+    ------
+    InvalidSystemError
+        Naming both solutions.
+    """
+    breaks = graph.breaks()
+    for alpha in [*breaks, *(0.5 * (lo + hi) for lo, hi in pairwise(breaks))]:
+        if graph.count(alpha) > 1:
+            _check_at(graph, alpha)
+
+
+def _check_at(graph: BranchGraph, alpha: float) -> None:
+    for first, second in combinations(graph.solutions(alpha), 2):
+        if _differ(first, second):
+            raise InvalidSystemError(
+                f"{type(graph.system).__name__}.unique promises one solution at one "
+                f"{graph.parameter}, but there are two at {graph.parameter} = {alpha:.10g}: "
+                f"{first!r} and {second!r}; set unique = False"
+            )
+
+
+def _differ(first: Solution, second: Solution) -> bool:
+    """Tell whether two solutions are apart by more than their errors."""
+    apart = np.abs(first.z - second.z)
+    errors = (first.error + second.error)[:-1] if len(first.error) else np.zeros_like(apart)
+    return bool((apart > CONFIDENCE * errors).any())
+
+
+# -- paths that come back --------------------------------------------------------------------------
+
+
+def _reentries(discovery: Discovery, plan: Plan) -> Iterator[Found]:
+    """Yield the solutions at which paths come back that leave the interval.
+
+    The discovery grows while solutions are taken.
+    """
+    for ray in islice(discovery.leaving, MOST_PATHS):
+        limits = Limits(pieces=max(FEW_PIECES, len(discovery.edges)))
+        for end, beyond in _intervals_beyond(plan, ray):
+            try:
+                found = _coming_back(plan, ray, end, beyond, limits)
+            except Exception:
+                continue
+            yield from found
+
+
+def _intervals_beyond(plan: Plan, ray: Ray) -> Iterator[tuple[float, Interval]]:
+    """Yield the end of the interval at which a straight ray leaves, and the interval beyond."""
+    if not ray.curve.selection.is_straight:
+        return
+    (lo, hi), (low, high), alpha = plan.interval, plan.followed.domain, ray.state.alpha
+    same, further = SAME_ALPHA * (hi - lo), PART_BEYOND * (hi - lo)
+    if abs(alpha - lo) <= same and low < lo:
+        yield lo, (max(lo - further, low), lo)
+    if abs(alpha - hi) <= same and high > hi:
+        yield hi, (hi, min(hi + further, high))
+
+
+def _coming_back(plan: Plan, ray: Ray, end: float, beyond: Interval, limits: Limits) -> list[Found]:
+    """Return where the path of a ray comes back from an interval to the same end."""
+    watched = default_detectors(plan.stepper, beyond)
+    watch = Watch((*watched, plan.bounds) if plan.box.is_bounded else watched)
+    follower = PieceFollower(plan.stepper, watch, beyond, plan.bounds)
+    with Budget(limits) as budget:
+        discovery = Discovery(follower, lambda *_: None, budget)
+        onwards = (_ray_into(plan, ray, beyond),)
+        discovery.add(SpecialPointFound(Kind.END, ray.state.x, "", onwards))
+    reached = [node for node in list(discovery.nodes.values())[1:] if node.kind == Kind.END]
+    return [(n.place.x, n.place.error[None]) for n in reached if n.place.alpha == end]
+
+
+def _ray_into(plan: Plan, ray: Ray, interval: Interval) -> Ray:
+    """Return a ray as one that leads into another interval."""
+    scale, selection = plan.metric.scale, ray.curve.selection
+    system = plan.followed.within(*interval, scale[:-1])
+    there = Selection(system, selection.character, selection.adjacent_cells)
+    metric = Metric(scale, interval, Box.of(plan.followed).period)
+    return Ray(Curve(there, metric), ray.state, ray.interface_cells, ray.index)
+
+
+# -- journals -------------------------------------------------------------------------------------
+
+
+def _check(journal: Journal, plan: Plan) -> None:
+    """Refuse a journal of another run."""
+    facts = {
+        "system": type(plan.system).__name__,
+        "number of unknowns": str(plan.followed.size),
+        "interval": str(list(plan.interval)),
+        "stepper": repr(plan.stepper),
+        "detectors": ", ".join(type(d).__name__ for d in plan.foreign),
+        "events": plan.events.names if plan.events else "",
+    }
+    journal.check(facts, _probes(plan))
+
+
+def _probes(plan: Plan) -> list[float]:
+    """Return sums of H and of the tests at generic points: other problems have other sums."""
+    sums, system, (lo, hi) = [], plan.followed, plan.interval
+    for shift, alpha in enumerate((lo, 0.5 * (lo + hi), hi)):
+        z = plan.metric.scale[:-1] * generic(system.size, shift)
+        tests = system.test_functions(z, alpha)
+        residual = system.residual(z, alpha, Character.of(tests))
+        sums += [float(generic(len(v), shift) @ v) for v in (tests, residual)]
+    return sums
