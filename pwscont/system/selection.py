@@ -117,8 +117,9 @@ class Selection:
     def residuals_together(self, points: Array) -> Array | None:
         """Return what :meth:`residuals` returns, from a single call with points as columns.
 
-        None where H was not written for columns: numpy's functions work on columns entry by entry,
-        others need not. The caller compares the values at a point with H at that point alone.
+        None where H was not written for columns: functions of numpy work on columns entry by entry,
+        a user's functions need not. The caller compares the values at a point with H at that point
+        alone.
         """
         if not self.takes_columns:
             return None
