@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pwscont import PiecewiseSystem, PseudoArclength, StepSize, trace
+from pwscont import PiecewiseSystem, PseudoArclength, StepSize, Switched, explore, trace
 
 pytestmark = pytest.mark.sweep(3)  # the others take too long for the README's command
 
@@ -60,3 +60,12 @@ def test_folds_are_within_their_stated_errors(kind, close, largest):
         off.append((error / fold.error[:-1]).max())
     assert max(off) <= 10.0
     assert np.median(off) > 1e-3  # nor are they stated far too large
+
+
+@pytest.mark.parametrize("power", [2, 3, 4, 5])
+def test_the_error_of_a_tangential_kink_covers_its_distance(power):
+    """z = (a - 0.3)^k reaches z = 0 at a = 0.3, where Newton's method converges by a factor."""
+    curve = Switched(1, lambda z, a, sw: z - (a - 0.3) ** power + 0.5 * sw.relu(z))
+    for point in explore(curve, (-1.0, 1.0)).special_points():
+        if point.kind not in ("start", "end"):
+            assert abs(point.alpha - 0.3) <= 3.0 * point.error[-1] + 1e-15

@@ -153,3 +153,34 @@ def test_limits_end_an_equation_with_infinitely_many_branches():
     assert len(graph.pieces) == 12
     for solution in graph.solutions(0.3):
         assert np.tan(solution.z[0]) == pytest.approx(0.3, abs=1e-9)
+
+
+@pytest.mark.slow
+def test_infinitely_many_branches_far_apart_are_each_as_wide_as_one():
+    """Of tan(z) = alpha the branch through zero and many others are found, all of them true."""
+    graph = explore(Switched(1, lambda z, a, sw: np.tan(z) - a), (-1.0, 1.0))
+    assert min(abs(s.z[0] - np.arctan(0.3)) for s in graph.solutions(0.3)) < 1e-9
+    branches = [(s.z[0] - np.arctan(0.3)) / np.pi for s in graph.solutions(0.3)]
+    np.testing.assert_allclose(branches, np.round(branches), atol=1e-9)
+    assert len(set(np.round(branches))) == len(branches) > 20
+
+
+class Squared(PiecewiseSystem):
+    """(z^2 - a)^2 = 0."""
+
+    size = 1
+
+    def test_functions(self, z, alpha):
+        return z + 70.0
+
+    def residual(self, z, alpha, character):
+        return (z**2 - alpha) ** 2
+
+
+@pytest.mark.slow
+def test_a_square_is_given_up_after_a_number_of_tiny_steps():
+    """(z^2 - a)^2 vanishes twice on the curve: the graph says so, and promises nothing."""
+    graph = explore(Squared(), (-1.0, 1.0))
+    assert graph.guarantee.startswith("not balanced")
+    assert "steps stay tiny" in graph.guarantee
+    assert all(len(piece.points) < 2000 for piece in graph.pieces)

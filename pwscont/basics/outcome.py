@@ -87,6 +87,10 @@ class FailureReason(Enum):
         "the branch runs to infinity: the parameter hardly changes any more; where unknowns are "
         "far from one, give scale()"
     )
+    CREEPING = (
+        "steps stay tiny however many are taken: do the equations vanish twice on the curve, as a "
+        "square does, or is H only rounding here?"
+    )
     NO_TURN = "this stepper cannot turn at a fold; use PseudoArclength"
     UNBOUNDED = "the branch runs to infinity: nothing ends the piece at this value of the parameter"
     TOO_MANY_STEPS = (

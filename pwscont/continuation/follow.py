@@ -25,6 +25,7 @@ from pwscont.basics.errors import InvalidInputError
 from pwscont.basics.outcome import Failure, FailureReason, Kind
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.magnitudes import Gauge
+from pwscont.curve.step_size import step_size_of
 from pwscont.curve.stepper import CurvedSegment, Segment, Stepper
 from pwscont.curve.steppers import ExactLinear
 from pwscont.system.contract import refuse_wrong_jacobian
@@ -113,6 +114,8 @@ ENDLESS_CHANGE = 1e-3
 ENDLESS_STEPS = 600
 #: The parts of the way out that are compared end at these parts of the size of z.
 PARTS = 0.7, 0.85
+#: A piece creeps after this many tiny steps in turn: steps below this part of the longest step.
+MOST_TINY, TINY_PART = 300, 1e-5
 #: A piece is singular after this many steps too long to tell which event comes first.
 MOST_BLOCKED = 200
 #: Derivatives by differences are wrong if this many more steps were shortened than were not: with
@@ -255,11 +258,16 @@ class PieceFollower(Follower):
         stepper, number = self.stepper, len(reached.points)
         if number % ENDLESS_CHECK_EVERY == 0 and reached.is_endless():
             return Failure(FailureReason.ENDLESS)
+        if reached.tiny > MOST_TINY:
+            return Failure(FailureReason.CREEPING)
         if number > MANY_STEPS and (factor := reached.distance() / STRETCHED_FROM) > 1.0:
             stepper = stepper.stretched(factor)
         segment = stepper.step(reached.curve, self.interval, reached.state, before, longest)
         if not isinstance(segment, Segment | Failure):
             raise self._broken("step", "a Segment or a Failure", segment)
+        if isinstance(segment, CurvedSegment):
+            is_tiny = segment.length < TINY_PART * step_size_of(stepper).largest
+            reached.tiny = reached.tiny + 1 if is_tiny else 0
         return segment
 
     def _aimed(
@@ -339,7 +347,7 @@ class _Reached:
     def __init__(self, ray: Ray) -> None:
         self.curve, self.state, self.points = ray.curve, ray.state, [ray.state.x]
         self._before = ray.state
-        self.blocked = self._shortened = 0
+        self.blocked = self.tiny = self._shortened = 0
         self.stops: EventsAlong | None = None
         self._part = part_of(self.curve)
 

@@ -131,6 +131,8 @@ def _follow_from(starts: Iterable[Found], plan: Plan, discovery: Discovery, budg
     for x, error in starts:
         if discovery.is_beyond(x):
             continue
+        if plan.gauge:
+            plan.gauge.begin()
         standing = Standing.of(plan.followed, plan.metric, x, error)
         if not discovery.has(standing):
             discovery.add(_begun(plan, standing.departures()))

@@ -27,6 +27,7 @@ from pwscont.basics.looks import counted, named
 from pwscont.basics.outcome import Failure, FailureReason
 from pwscont.basics.rounding import CONVERGED, EPS, GUARD
 from pwscont.curve.curve import CENTRAL, FINE, RATIO, Curve, State, finer_tangent
+from pwscont.curve.error_samples import magnitude
 from pwscont.curve.newton import (
     MOST_CHORDS,
     Border,
@@ -200,7 +201,7 @@ def _polished(curve: Curve, border: Border, root: Root) -> tuple[Root, Array]:
     error = uncertainty(settled, unseen)  # more corrections hardly change the error
     for _ in range(MOST_CHORDS):
         if is_within(settled, error) and curve.metric.admits(settled.x):
-            return settled, error
+            return settled, _to_come(settled, error, root.error)
         settled = again(curve, border, settled)
     for number in range(MOST_HALVING):
         found = newton(curve, border, root.x, MOST_NEWTON)
@@ -210,8 +211,19 @@ def _polished(curve: Curve, border: Border, root: Root) -> tuple[Root, Array]:
             break
         root, error = found, uncertainty(found, unseen)
         if is_within(root, error):
-            return root, error
-    return root, np.vstack([uncertainty(root, unseen), root.error])
+            break
+    return root, _to_come(root, uncertainty(root, unseen), root.error)
+
+
+def _to_come(root: Root, error: Array, correction: Array) -> Array:
+    """Return an error, with all corrections to come where the last correction is not rounding.
+
+    Next to a multiple root the corrections of Newton's method shrink by a factor, and all of them
+    add up to a multiple of one.
+    """
+    if (root.error <= magnitude(root.x, error)).all():
+        return error
+    return np.vstack([error, SHRINKS / (1.0 - SHRINKS) * correction])
 
 
 def corrected_again(curve: Curve, state: State) -> State:

@@ -15,6 +15,7 @@ Failure modes and answers
   factor.
 - Magnitudes are far too large: a fold is as sharp as a kink, and may be passed over. The end of the
   path tells.
+- Another path begins far away, as of tan(z) = alpha: distances are from the beginning of each path.
 - An unknown that moves by no more than rounding has no magnitude, and is left out.
 - Newton's method by differences needs steps that fit: H is evaluated before Newton is used.
 - H may be flat or singular at a point: H is evaluated for changes of all sizes, and no derivative
@@ -92,6 +93,10 @@ class Gauge:
         self._away, self._farthest, self._size = np.zeros((3, len(self._scale)))
         self._first: Array | None = None
         self._before: tuple[float, float] | None = None  # alpha and distance at the last look
+
+    def begin(self) -> None:
+        """Take the next step for the first step of another path."""
+        self._first = None
 
     def see(self, x: Array, y: Array) -> None:
         """Add a step from x to y, each of shape (n + 1,).

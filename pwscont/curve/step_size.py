@@ -97,3 +97,9 @@ class StepSize:
         by_angle = (1.0 - self.least_cosine) / max(2.0 * (1.0 - cosine), NO_DIVISION_BY_ZERO)
         factor = min(max(min(by_strain, by_angle) ** 0.5, 0.5), 2.0)
         return float(min(max(length * factor, self.smallest), self.largest))
+
+
+def step_size_of(stepper: object) -> StepSize:
+    """Return the step control of a stepper, the default control of a stepper without any."""
+    found = getattr(stepper, "step_size", None)
+    return found if isinstance(found, StepSize) else StepSize()
