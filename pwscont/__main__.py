@@ -16,7 +16,7 @@ def main() -> int:
     interruptible = signal.getsignal(signal.SIGINT) is signal.default_int_handler
     if interruptible:  # there is nothing to clean up yet: end as the system does it
         signal.signal(signal.SIGINT, signal.SIG_DFL)
-    variables = import_module("pwscont.linear.threads").VARIABLES
+    variables = import_module("pwscont.linear.threads").THREADS
     if not any(name in os.environ for name in variables):
         os.environ |= dict.fromkeys(variables, "1")
     run = import_module("pwscont.commands.cli").main

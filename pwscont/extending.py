@@ -7,9 +7,10 @@ one step along the curve of one selection. A *search* (:class:`Search`) yields s
 
 A *system* may do more than :class:`pwscont.PiecewiseSystem` asks for: leave out parts that provably
 stay in one mode (:class:`Reducible`), end its curves at some interfaces (:class:`Ending`), hide
-unknowns (:class:`HidesUnknowns`), bring searches of its kind (:class:`BringsSearches`), and return
-a Jacobian that is factorised in its own way (:class:`StructuredJacobian`). :class:`Compact` is
-kept for old systems: nothing asks for essential unknowns any more.
+unknowns (:class:`HidesUnknowns`), bring searches of its kind (:class:`BringsSearches`), hand over
+what proofs need (:class:`ExactData`, :class:`ExactRates`, :class:`GivesFormula`), and return a
+Jacobian that is factorised in its own way (:class:`StructuredJacobian`). :class:`Compact` is kept
+for old systems: nothing asks for essential unknowns any more.
 
 A new kind of *scene* is a :class:`Runnable` that returns an :class:`Answer`. A scene whose
 solutions are states of a body draws the states on the body by a :class:`BodyPicture`.
@@ -18,13 +19,14 @@ solutions are states of a body draws the states on the body by a :class:`BodyPic
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from pwscont.basics.arguments import checked_kind
 from pwscont.basics.arrays import Array, Indices, Matrix, Signs, dense, finite_array, generic
 from pwscont.basics.budget import check_budget
-from pwscont.basics.looks import card, counted, named, short
+from pwscont.basics.looks import apart, card, counted, named, short, with_article
 from pwscont.basics.outcome import Failure, FailureReason, Guarantee, Kind, SearchScope
-from pwscont.basics.quantities import Function
+from pwscont.basics.quantities import Function, Quantities, as_written, spelled
 from pwscont.basics.rounding import CONFIDENCE, CONVERGED, EPS, GUARD, SAME_ALPHA
-from pwscont.continuation.plan import Report, silent, uninterrupted
+from pwscont.continuation.plan import Report, checked_interval, plan_in_words, silent, uninterrupted
 from pwscont.curve.corrector import Corrected, Corrector
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.metric import Metric
@@ -35,10 +37,13 @@ from pwscont.curve.semismooth import semismooth_newton
 from pwscont.curve.stepper import CurvedSegment, Segment, Stepper, StraightSegment
 from pwscont.graph.exports import DUST, number
 from pwscont.graph.proved import Proof
+from pwscont.graph.queries import fine_points
 from pwscont.graph.records import FEW_DIGITS, Piece, Solution, SpecialPoint, attempted
+from pwscont.linear.balance import balanced
 from pwscont.linear.bordered import BorderedFactor, Interior, row_scale
 from pwscont.linear.factor import Factor, ScaledFactor, power_of_two
 from pwscont.linear.jacobian import StructuredJacobian
+from pwscont.linear.threads import THREADS, one_thread
 from pwscont.linear.updates import RowMatrix, RowSolver, Updating, drifted
 from pwscont.search.search import KnownBranches, Search
 from pwscont.system.abilities import (
@@ -48,12 +53,19 @@ from pwscont.system.abilities import (
     Ending,
     ExactData,
     ExactMode,
+    ExactRates,
+    GivesFormula,
     HidesUnknowns,
     Recovery,
     Reducible,
     Reduction,
+    all_names,
+    completed,
+    shown_size,
 )
+from pwscont.system.box import Box
 from pwscont.system.contract import checked_magnitudes, jacobian_at, residual_at
+from pwscont.system.differences import Differences
 from pwscont.system.selection import Selection
 from pwscont.transitions.detector import Reading, SpecialPointFound, TransitionDetector
 from pwscont.transitions.location import locate_point, locate_sign_change, locate_zero
@@ -79,11 +91,13 @@ __all__ = [
     "FEW_DIGITS",
     "GUARD",
     "SAME_ALPHA",
+    "THREADS",
     "Answer",
     "Array",
     "BodyPicture",
     "Border",
     "BorderedFactor",
+    "Box",
     "BringsSearches",
     "Compact",
     "Core",
@@ -92,16 +106,19 @@ __all__ = [
     "Curve",
     "CurvedSegment",
     "DecidesCorners",
+    "Differences",
     "Ending",
     "EvolutionPath",
     "EvolutionState",
     "Evolver",
     "ExactData",
     "ExactMode",
+    "ExactRates",
     "Factor",
     "Failure",
     "FailureReason",
     "Function",
+    "GivesFormula",
     "GraphAnswer",
     "Guarantee",
     "HidesUnknowns",
@@ -117,6 +134,7 @@ __all__ = [
     "Piece",
     "Predictor",
     "Proof",
+    "Quantities",
     "Ray",
     "Reading",
     "Recovery",
@@ -147,13 +165,21 @@ __all__ = [
     "Way",
     "WaysOn",
     "accepted",
+    "all_names",
+    "apart",
+    "as_written",
     "attempted",
+    "balanced",
     "card",
     "check_budget",
+    "checked_interval",
+    "checked_kind",
     "checked_magnitudes",
+    "completed",
     "counted",
     "dense",
     "drifted",
+    "fine_points",
     "finite_array",
     "generic",
     "jacobian_at",
@@ -166,14 +192,19 @@ __all__ = [
     "named",
     "newton",
     "number",
+    "one_thread",
+    "plan_in_words",
     "power_of_two",
     "residual_at",
     "row_scale",
     "semismooth_newton",
     "short",
+    "shown_size",
     "silent",
+    "spelled",
     "uninterrupted",
     "values_within",
+    "with_article",
 ]
 
 

@@ -50,7 +50,8 @@ if TYPE_CHECKING:
     from pwscont.evolution.memory import SystemWithMemory
     from pwscont.evolution.scene import EvolutionScene
     from pwscont.exact.prove import prove
-    from pwscont.kit import check_detector, check_search, check_stepper
+    from pwscont.kit.seams import check_detector, check_search, check_stepper
+    from pwscont.kit.system import check_system
     from pwscont.notation.problems import LCP, AbsNormal, Complementarity
     from pwscont.notation.switched import Switched
     from pwscont.proof.everywhere import Everywhere
@@ -70,7 +71,6 @@ if TYPE_CHECKING:
     )
     from pwscont.studies.result import StudyResult
     from pwscont.studies.study import Study
-    from pwscont.system.check import check_system
     from pwscont.two_parameters.axes import Axes
     from pwscont.two_parameters.exact_plane import plane
     from pwscont.two_parameters.locus import FoldLocus, TransitionLocus
@@ -184,10 +184,10 @@ LATER = {
     "SystemWithMemory": "pwscont.evolution.memory",
     "TransitionLocus": "pwscont.two_parameters.locus",
     "View": "pwscont.view.view",
-    "check_detector": "pwscont.kit",
-    "check_search": "pwscont.kit",
-    "check_stepper": "pwscont.kit",
-    "check_system": "pwscont.system.check",
+    "check_detector": "pwscont.kit.seams",
+    "check_search": "pwscont.kit.seams",
+    "check_stepper": "pwscont.kit.seams",
+    "check_system": "pwscont.kit.system",
     "draw_counts": "pwscont.scenes.paths",
     "evolve": "pwscont.evolution.evolve",
     "plane": "pwscont.two_parameters.exact_plane",

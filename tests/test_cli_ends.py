@@ -20,7 +20,7 @@ from sweeps import swept
 from pwscont import BranchGraph, PiecewiseLinearSystem, trace
 from pwscont.commands.cli import main
 from pwscont.commands.options import spread
-from pwscont.linear.threads import VARIABLES
+from pwscont.linear.threads import THREADS
 from pwscont.scenes import registry
 from pwscont.scenes.registry import BrokenSceneError, load_scene
 
@@ -294,7 +294,7 @@ def test_a_package_without_a_name(monkeypatch):
 SHOW = """
 import os, sys
 from pwscont.__main__ import main
-from pwscont.linear.threads import VARIABLES
+from pwscont.linear.threads import THREADS
 assert "numpy" not in sys.modules
 import pwscont.commands
 sys.argv = ["pwscont", "--version"]
@@ -303,7 +303,7 @@ try:
 except SystemExit:
     pass
 assert "numpy" in sys.modules
-print({name: os.environ.get(name) for name in VARIABLES})
+print({name: os.environ.get(name) for name in THREADS})
 """
 
 
@@ -311,11 +311,11 @@ print({name: os.environ.get(name) for name in VARIABLES})
 @pytest.mark.sweep(2)
 def test_the_command_line_limits_threads_before_numpy_is_loaded(chosen):
     """Whoever sets one decides: OpenBLAS heeds its own variable before OMP_NUM_THREADS."""
-    environment = {key: value for key, value in os.environ.items() if key not in VARIABLES} | chosen
+    environment = {key: value for key, value in os.environ.items() if key not in THREADS} | chosen
     done = subprocess.run(
         [sys.executable, "-c", SHOW], env=environment, capture_output=True, text=True, check=True
     )
-    limited = dict.fromkeys(VARIABLES, None) | chosen if chosen else dict.fromkeys(VARIABLES, "1")
+    limited = dict.fromkeys(THREADS, None) | chosen if chosen else dict.fromkeys(THREADS, "1")
     assert done.stdout.splitlines()[-1] == str(limited)
 
 
@@ -328,7 +328,7 @@ def seen(monkeypatch):
     def report(*_):
         numbers.extend(info["num_threads"] for info in blas(threadpoolctl))
 
-    for name in VARIABLES:
+    for name in THREADS:
         monkeypatch.delenv(name, raising=False)
     with threadpoolctl.threadpool_limits(2, user_api="blas"):
         if not all(info["num_threads"] == 2 for info in blas(threadpoolctl)):

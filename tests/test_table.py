@@ -7,9 +7,9 @@ import pytest
 
 from pwscont import Switched, check_system, explore
 from pwscont.commands.cli import main
+from pwscont.kit.inspection import Defect
+from pwscont.kit.system import Report
 from pwscont.scenes.registry import load_scene
-from pwscont.system.check import Report
-from pwscont.system.inspection import Defect
 
 
 def slow(*names):

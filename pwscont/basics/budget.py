@@ -103,19 +103,7 @@ def check_budget() -> None:
 
 @final
 class Budget:
-    """The budget of a run, which lasts as long as the ``with`` block of the budget.
-
-    Parameters
-    ----------
-    limits : Limits
-    clock : callable
-        Returns the time in seconds.
-
-    Attributes
-    ----------
-    spent : str
-        What ran out, in words; empty while every limit allows more.
-    """
+    """The budget of a run, which lasts as long as its ``with`` block; ``clock`` tells seconds."""
 
     def __init__(self, limits: Limits, clock: Callable[[], float] = time.monotonic) -> None:
         self._limits, self._clock = limits, clock

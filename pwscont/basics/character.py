@@ -89,9 +89,7 @@ class Character:
 
     def with_sign(self, i: int, sign: bool) -> Character:
         """Return the character in which test function ``i`` has the given sign."""
-        signs = bytearray(self._signs)
-        signs[i] = bool(sign)
-        return self._of_bytes(bytes(signs))
+        return self.with_signs((i,), (sign,))
 
     def with_signs(self, tests: Iterable[int], chosen: Iterable[bool]) -> Character:
         """Return the character in which some test functions have the given signs."""

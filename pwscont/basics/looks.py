@@ -27,7 +27,14 @@ def counted(count: int | float, noun: str) -> str:
 
 
 def with_article(noun: str) -> str:
-    """Return a noun with the article, such as ``a fold`` or ``an isolated solution``."""
+    """Return a noun with the article.
+
+    Examples
+    --------
+    >>> from pwscont.extending import with_article
+    >>> with_article("fold"), with_article("isolated solution")
+    ('a fold', 'an isolated solution')
+    """
     return f"{'an' if noun[:1].lower() in set('aeio') else 'a'} {noun}"
 
 
@@ -37,7 +44,14 @@ def short(words: str) -> str:
 
 
 def apart(lo: float, hi: float) -> tuple[str, str]:
-    """Return the ends of an interval in at least eight digits, in more where eight are equal."""
+    """Return the ends of an interval in at least eight digits, in more where eight are equal.
+
+    Examples
+    --------
+    >>> from pwscont.extending import apart
+    >>> apart(0.0, 1.0), apart(1.0, 1.0 + 1e-9)
+    (('0', '1'), ('1', '1.000000001'))
+    """
     part = (hi - lo) / max(abs(lo), abs(hi), 1e-300)
     needed = DIGITS_OF_DIFFERENCE - log10(part) if part > 0.0 else 0.0
     digits = min(max(DIGITS_SHOWN, ceil(needed)), 17)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import unicodedata
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from difflib import get_close_matches
 from functools import cached_property
 from math import isfinite
@@ -15,6 +15,7 @@ import numpy as np
 
 from pwscont.basics.arrays import Array
 from pwscont.basics.errors import InvalidInputError, InvalidSystemError, UnknownNameError
+from pwscont.basics.looks import UNNAMED, state
 
 Function = Callable[[Array, float], float]
 Naming = Callable[[], Iterable[str]] | Sequence[str] | None
@@ -35,7 +36,14 @@ CONDITION = "; a condition such as z[0] > 0.5 is no number, z[0] - 0.5 is one"
 
 
 def spelled(name: str) -> str:
-    """Return a name with Greek letters in words, such as ``lambda_t`` for ``λ_t``."""
+    """Return a name with Greek letters in words.
+
+    Examples
+    --------
+    >>> from pwscont.extending import spelled
+    >>> spelled("λ_t")
+    'lambda_t'
+    """
     return "".join(_letter(letter) for letter in name)
 
 
@@ -49,54 +57,38 @@ def _letter(letter: str) -> str:
 
 
 def as_written(name: str, known: Iterable[str]) -> str:
-    """Return the known name that is meant: the same name, or the name with Greek letters."""
+    """Return the known name that is meant: the same name, or the name with Greek letters.
+
+    Examples
+    --------
+    >>> from pwscont.extending import as_written
+    >>> as_written("lambda_t", ["u_t", "λ_t"])
+    'λ_t'
+    """
     names = list(known)
     meant = [other for other in names if spelled(other) == spelled(name)]
     return name if name in names or len(meant) != 1 else meant[0]
 
 
 def checked_record(record: Any, names: Iterable[str] = ()) -> Mapping[str, Function]:
-    """Return the quantities that a user records, or say which name or function does not fit.
-
-    Parameters
-    ----------
-    record : mapping of str to callable, or None
-        Each callable takes (z, alpha) and returns a float.
-    names : iterable of str
-        The names of the unknowns.
-
-    Raises
-    ------
-    InvalidInputError
-        If ``record`` is no mapping, a name is no text, empty or has another meaning, or a function
-        cannot be called.
-    """
+    """Return the functions of (z, alpha) that a user records by name, or refuse a misfit."""
     if record is None:
         return {}
     if not isinstance(record, Mapping):
         raise InvalidInputError(f"record must map names to functions of (z, alpha), got {record!r}")
     taken = TAKEN.union(names)
     for name, function in record.items():
-        _check_entry(name, function, taken)
+        if not isinstance(name, str) or not name:
+            raise InvalidInputError(f"record: names are texts that are not empty, got {name!r}")
+        if name in taken:
+            raise InvalidInputError(f"record: the name {name!r} is taken; choose another one")
+        if not callable(function):
+            raise InvalidInputError(f"record {name!r} must be a function of (z, alpha)")
     return dict(record)
 
 
-def _check_entry(name: Any, function: Any, taken: frozenset[str]) -> None:
-    if not isinstance(name, str) or not name:
-        raise InvalidInputError(f"record: names are texts that are not empty, got {name!r}")
-    if name in taken:
-        raise InvalidInputError(f"record: the name {name!r} is taken; choose another one")
-    if not callable(function):
-        raise InvalidInputError(f"record {name!r} must be a function of (z, alpha)")
-
-
 def checked_names(names: tuple[str, ...], size: int) -> tuple[str, ...]:
-    """Return the names of all unknowns, or raise an error that names the fault.
-
-    Raises
-    ------
-    InvalidSystemError
-    """
+    """Return the names of all unknowns, or raise an error that names the fault."""
     if len(names) != size:
         raise InvalidSystemError(
             f"names() must return {size} names, one for each unknown, got {len(names)}"
@@ -119,6 +111,14 @@ class Quantities:
     elsewhere : iterable of str
         Names of quantities that a file has at special points only, without the functions of these
         quantities.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pwscont.extending import Quantities
+    >>> known = Quantities(("u_n", "u_t"), {"length": lambda z, alpha: float(z @ z) ** 0.5})
+    >>> [known.value(name, np.array([3.0, 4.0]), 0.0) for name in ("u_t", "length")]
+    [4.0, 5.0]
     """
 
     def __init__(
@@ -163,6 +163,13 @@ class Quantities:
             return tuple(f"z[{i}]" for i in range(size))
         return checked_names(self._names, size)
 
+    def in_words(self, z: Array) -> str:
+        """Return the first unknowns of a state with names; names that do not fit are left out."""
+        try:
+            return state(self.names(len(z)), z)
+        except InvalidSystemError:
+            return state(UNNAMED, z)
+
     def value(self, name: str, z: Array, alpha: float) -> float:
         """Return an unknown, or a recorded quantity, at a state.
 
@@ -175,18 +182,16 @@ class Quantities:
         InvalidInputError
             If the function of a recorded quantity fails, or returns no finite float.
         """
-        if name in self.record:
-            return _recorded(name, self.record[name], z, alpha)
-        names = self.names(len(z))
-        if name not in names and name not in self._elsewhere:
+        names = () if name in self.record else self.names(len(z))
+        if name not in (*self.record, *names, *self._elsewhere):
             name = as_written(name, (*names, *self.record))
         if name in self.record:
             return _recorded(name, self.record[name], z, alpha)
-        if name not in names and name in self._elsewhere:
+        if name in names:
+            return float(z[self._components[name] if self.is_named else names.index(name)])
+        if name in self._elsewhere:
             raise UnknownNameError(ONLY_SPECIAL.format(name))
-        if name not in names:
-            raise UnknownNameError(_unknown(name, [*names, *self.record]))
-        return float(z[self._components[name] if self.is_named else names.index(name)])
+        raise UnknownNameError(_unknown(name, [*names, *self.record]))
 
     def recorded(self, z: Array, alpha: float) -> dict[str, float]:
         """Return all recorded quantities at a state; errors as for :meth:`value`."""
@@ -194,14 +199,13 @@ class Quantities:
 
     def attempted(self, z: Array, alpha: float) -> dict[str, float | str]:
         """Return all recorded quantities at a state, or the reason for each that fails."""
-        return dict(self._attempts(z, alpha))
-
-    def _attempts(self, z: Array, alpha: float) -> Iterator[tuple[str, float | str]]:
+        found: dict[str, float | str] = {}
         for name in self.record:
             try:
-                yield name, self.value(name, z, alpha)
+                found[name] = self.value(name, z, alpha)
             except InvalidInputError as error:
-                yield name, str(error)
+                found[name] = str(error)
+        return found
 
 
 @final
@@ -225,25 +229,17 @@ def _recorded(name: str, function: Function, z: Array, alpha: float) -> float:
 
 
 def evaluated(what: str, function: Callable[..., Any], z: Array, alpha: float) -> float:
-    """Return the value of a user's function of (z, alpha).
-
-    Raises
-    ------
-    InvalidInputError
-        If the function fails, or returns no finite float; the message begins with ``what``.
-    """
+    """Return the value of a user's function of (z, alpha); messages begin with ``what``."""
     try:
         value = function(z.copy(), alpha)  # a copy: users may work in place
     except Exception as error:
-        raise InvalidInputError(
-            f"{what} failed at alpha = {alpha:.8g}: {type(error).__name__}: {error}, {_words(z)}"
-        ) from error
+        why = f"{type(error).__name__}: {error}, {_words(z)}"
+        raise InvalidInputError(f"{what} failed at alpha = {alpha:.8g}: {why}") from error
     if not _is_finite(value):
         hint = CONDITION if isinstance(value, bool | np.bool_) else ""
-        got = " ".join(repr(value).split())[:80]
+        got = f"{' '.join(repr(value).split())[:80]}, {_words(z)}{hint}"
         raise InvalidInputError(
-            f"{what} must return a finite float, at alpha = {alpha:.8g} it returned {got}, "
-            f"{_words(z)}{hint}"
+            f"{what} must return a finite float, at alpha = {alpha:.8g} it returned {got}"
         )
     return float(value)
 

@@ -29,11 +29,10 @@ from pwscont.bench.truth.problems import (
 )
 from pwscont.bench.truth.rational import straight_pieces
 from pwscont.bench.truth.slicewise import cellwise_pieces
-from pwscont.extending import Array, Metric, uninterrupted
+from pwscont.extending import Array, Metric, Reducible, uninterrupted
 from pwscont.scenes.answer import Runnable
 from pwscont.scenes.registry import load_scene, scene_names
 from pwscont.scenes.scene import Scene
-from pwscont.system.abilities import reduction_of
 
 #: Number of values of alpha at which the answer is compared with an enumeration.
 CHECKS = 37
@@ -67,15 +66,7 @@ def case_names() -> list[str]:
 
 
 def load_case(name: str, settings: Mapping[str, str] | None = None) -> Case:
-    """Return the problem or scene of a name, with the answer; only scenes take settings.
-
-    Raises
-    ------
-    UnknownAnswerError
-        If the bench does not know the answer.
-    SceneNotFoundError
-        If there is no problem and no scene of that name.
-    """
+    """Return the problem or scene of a name, with the answer; only scenes take settings."""
     return OWN[name]() if name in OWN else case_of(load_scene(name, settings))
 
 
@@ -87,7 +78,7 @@ def case_of(runnable: Runnable) -> Case:
     system, interval = scene.system, scene.interval
     if not isinstance(system, SlicewiseLinearSystem):
         raise UnknownAnswerError("its system is not affine in z, and no closed form is known")
-    if reduction_of(system, interval):
+    if isinstance(system, Reducible) and system.reduction(*interval):
         raise UnknownAnswerError("parts of its system are left out while it is followed")
     cells = prod(len(block.modes) for block in system.blocks())
     if cells <= MOST_CELLS:

@@ -26,13 +26,7 @@ def run(
     quick: bool,
     settings: Mapping[str, str] | None = None,
 ) -> int:
-    """Measure problems, default all problems with a known answer, and return the exit status.
-
-    Raises
-    ------
-    InvalidInputError
-        If the answer of a named problem is not known.
-    """
+    """Measure problems, default all problems with a known answer, and return the exit status."""
     if output:
         make_directory(output)
     cases, left_out = _load(names, quick, settings or {})

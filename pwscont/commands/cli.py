@@ -11,9 +11,9 @@ from io import TextIOWrapper
 from pathlib import Path
 
 from pwscont import PwscontError
-from pwscont.commands import bench_arguments, sweep_arguments, view_arguments
 from pwscont.commands.options import add_looks, add_scene, complete, spread, with_examples
 from pwscont.commands.run import run_scene
+from pwscont.commands.subcommands import add_bench, add_sweep, add_view
 from pwscont.scenes.registry import (
     add_settings,
     described_package,
@@ -112,9 +112,9 @@ def _parser() -> argparse.ArgumentParser:
         action="store_true",
         help="go on with the interrupted run that wrote to DIR; begin where there is none",
     )
-    view_arguments.add_to(commands)
-    sweep_arguments.add_to(commands)
-    bench_arguments.add_to(commands)
+    add_view(commands)
+    add_sweep(commands)
+    add_bench(commands)
     return parser
 
 

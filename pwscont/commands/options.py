@@ -167,13 +167,7 @@ def _factor(text: str) -> float:
 
 
 def look_of(options: argparse.Namespace, scene: Runnable) -> Look:
-    """Return the look of pictures that the options ask for.
-
-    Raises
-    ------
-    InvalidInputError
-        If an option is about bodies, and the scene draws none.
-    """
+    """Return the look of pictures that the options ask for."""
     given = {name: getattr(options, name) for name in OPTIONS if getattr(options, name) is not None}
     if given and not options.output:
         raise InvalidInputError(f"--{next(iter(given))} needs -o DIR: pictures are written there")

@@ -34,13 +34,7 @@ def write_origin(path: Path, origin: Origin) -> None:
 
 
 def read_origin(path: Path) -> Origin | None:
-    """Return the scene that a file of a graph names, None where the file names no scene.
-
-    Raises
-    ------
-    GraphFileError
-        If what the file says is no scene.
-    """
+    """Return the scene that a file of a graph names, None where the file names no scene."""
     with ZipFile(path) as file:
         if MEMBER not in file.namelist():
             return None

@@ -31,13 +31,7 @@ def run_scene(options: argparse.Namespace) -> int:
 
 @contextmanager
 def _failing_in_words(scene: Runnable, settings: Sequence[tuple[str, str]]) -> Iterator[None]:
-    """Turn an error of numerics into the message that a scene cannot be computed.
-
-    Raises
-    ------
-    InvalidInputError
-        If the arithmetic of the scene fails, for example with a setting that is nan.
-    """
+    """Turn an error of numerics into the message that a scene cannot be computed."""
     try:
         yield
     except PwscontError:
@@ -93,11 +87,6 @@ def write_whole(
     """Write the files of an answer into a directory, all or none, and return the files.
 
     The file of a graph names the scene of the graph.
-
-    Raises
-    ------
-    InvalidInputError
-        If the files cannot be written.
     """
     try:
         with TemporaryDirectory(dir=directory, prefix=".unfinished-") as temporary:
@@ -130,14 +119,7 @@ def _solved(scene: Runnable, at: Sequence[float]) -> Answer:
 
 @contextmanager
 def _journalled(scene: Runnable, output: Path | None, resume: bool) -> Iterator[Runnable]:
-    """Yield the scene with a journal if files are written, then delete the journal.
-
-    Raises
-    ------
-    InvalidInputError
-        If the directory holds an unfinished run that the user may want to keep, or if the scene
-        keeps no journal to resume from.
-    """
+    """Yield the scene with a journal if files are written, then delete the journal."""
     path = output / f"{scene.name}.journal" if output and scene.resumable else None
     _check_unfinished(scene, path, resume)
     if path is None:
@@ -188,13 +170,7 @@ def _make_way(path: Path) -> None:
 
 
 def make_directory(directory: Path) -> None:
-    """Create the output directory, before any work.
-
-    Raises
-    ------
-    InvalidInputError
-        If the directory cannot be made.
-    """
+    """Create the output directory, before any work."""
     try:
         directory.mkdir(parents=True, exist_ok=True)
     except OSError as error:

@@ -26,13 +26,7 @@ MOST_LISTED = 5
 
 
 def run(options: argparse.Namespace) -> int:
-    """Run a sweep by the command line's options, and return the exit status: 1 if all failed.
-
-    Raises
-    ------
-    InvalidInputError
-        If a setting is varied twice, or an option needs a directory.
-    """
+    """Run a sweep by the command line's options, and return the exit status: 1 if all failed."""
     measures = options.measure or [DEFAULT_MEASURE]
     scene = RegisteredScene(options.scene, dict(options.settings))
     study = Study(scene, _over(options.over), measures)

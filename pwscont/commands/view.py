@@ -75,15 +75,7 @@ def _say(words: str) -> None:
 
 
 def check_page(page: Path) -> None:
-    """Refuse, before any work, a page that cannot be written, or any page without Bokeh.
-
-    Raises
-    ------
-    InvalidInputError
-        If the file is a directory, or the parent directory does not exist.
-    MissingPackageError
-        If Bokeh is not installed.
-    """
+    """Refuse, before any work, a page that cannot be written, or any page without Bokeh."""
     check_bokeh()
     if page.is_dir():
         raise InvalidInputError(f"cannot write {page}: it is a directory")
@@ -92,12 +84,7 @@ def check_page(page: Path) -> None:
 
 
 def check_named(page: Path) -> None:
-    """Refuse a file whose name does not end like a page's, such as the name of a graph.
-
-    Raises
-    ------
-    InvalidInputError
-    """
+    """Refuse a file whose name does not end like a page's, such as the name of a graph."""
     if page.suffix.lower() not in PAGES and not page.is_dir():
         raise InvalidInputError(f"cannot write {page}: the name of a page ends with .html")
 

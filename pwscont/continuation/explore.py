@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, finite_array, product
+from pwscont.basics.arguments import check_callable, checked_kind
+from pwscont.basics.arrays import Array, finite_array
 from pwscont.basics.budget import Budget, Limits
 from pwscont.basics.errors import InvalidInputError, StartNotFoundError
-from pwscont.basics.given import check_callable, checked_kind
 from pwscont.basics.outcome import Failure, SearchScope
 from pwscont.basics.quantities import Function, checked_record
 from pwscont.continuation.journal import Journal
@@ -34,16 +34,10 @@ from pwscont.graph.structure import NOT_SEARCHED
 from pwscont.search import Search
 from pwscont.search.default_search import default_search
 from pwscont.search.search import scope_of, starts_of
-from pwscont.system.abilities import completed, shown_size
-from pwscont.system.contract import (
-    check_contract,
-    check_declaration,
-    check_parameter,
-    refuse_wrong_gradients,
-    refuse_wrong_jacobian,
-)
-from pwscont.system.promises import check_promises, refuse_extreme_rows, refuse_undefined
-from pwscont.system.system import PiecewiseLinearSystem, PiecewiseSystem
+from pwscont.system.abilities import completed, formula_of, shown_size
+from pwscont.system.contract import check_declaration, check_parameter
+from pwscont.system.promises import check_start, refuse_undefined
+from pwscont.system.system import PiecewiseSystem
 from pwscont.transitions import TransitionDetector
 from pwscont.transitions.departures import settled
 from pwscont.transitions.events import Events
@@ -142,14 +136,7 @@ def prepared(
     z, alpha = start
     check_declaration(system)
     plan = Plan.of(system, interval, stepper, detectors)
-    sample = check_contract(plan.system, z, alpha)
-    terms = product(abs(sample.jacobian), plan.system.differences(alpha).scale)
-    refuse_extreme_rows(plan.system, np.abs(sample.residual) + terms)
-    check_promises(plan.system, interval, sample)
-    if not isinstance(system, PiecewiseLinearSystem):
-        with np.errstate(all="ignore"):
-            refuse_wrong_jacobian(plan.system, sample.character, sample.x)
-            refuse_wrong_gradients(plan.system, sample.x)
+    check_start(plan.system, interval, z, alpha)
     return plan
 
 
@@ -454,7 +441,7 @@ def explore(
 def _default_search(plan: Plan, around: list[Array]) -> Search:
     """Return the default search; if the system is a formula, with proofs where these are quick."""
     search = default_search(plan.followed, plan.interval, around)
-    if not hasattr(plan.followed, "formula"):
+    if formula_of(plan.followed) is None:
         return search
     from pwscont.proof.everywhere import AlsoProved  # noqa: PLC0415  for formulas only
 

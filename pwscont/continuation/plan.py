@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from math import isfinite
 from typing import Any, final
 
+from pwscont.basics.arguments import checked_kind
 from pwscont.basics.arrays import Array
 from pwscont.basics.budget import INTERRUPTED
 from pwscont.basics.errors import InvalidInputError
-from pwscont.basics.given import checked_kind
+from pwscont.basics.quantities import Function
 from pwscont.continuation.follow import default_detectors
 from pwscont.continuation.known import FollowedBranches
 from pwscont.curve.magnitudes import Gauge
@@ -22,6 +23,7 @@ from pwscont.curve.steppers import ExactLinear
 from pwscont.graph import BranchGraph
 from pwscont.linear.threads import FACTORISED, MULTIPLIED, few_threads
 from pwscont.search import Search
+from pwscont.search.default_search import default_search
 from pwscont.search.search import scope_of
 from pwscont.system.abilities import Reduction, reduction_of, shown_size
 from pwscont.system.box import Box
@@ -30,6 +32,7 @@ from pwscont.system.system import PiecewiseLinearSystem, PiecewiseSystem
 from pwscont.transitions import TransitionDetector
 from pwscont.transitions.ends import NO_BOUNDS, Bounds
 from pwscont.transitions.events import Events, checked_events
+from pwscont.transitions.user_event import Stop
 
 Report = Callable[[int, float], None]
 
@@ -39,7 +42,15 @@ def silent(pieces: int, alpha: float) -> None:
 
 
 def checked_interval(system: PiecewiseSystem, interval: tuple[float, float]) -> tuple[float, float]:
-    """Return the interval as two floats, or say what is wrong with it."""
+    """Return the interval of a run as two floats, or refuse what is no pair in the domain.
+
+    Examples
+    --------
+    >>> from pwscont import LCP
+    >>> from pwscont.extending import checked_interval
+    >>> checked_interval(LCP([[1.0]], q=[0.0], d=[1.0]), (0, 1))
+    (0.0, 1.0)
+    """
     if system is None:
         raise InvalidInputError("system must be a PiecewiseSystem, got None")
     checked_kind("system", system, PiecewiseSystem)
@@ -183,13 +194,7 @@ class Plan:
 def checked_detectors(
     system: PiecewiseSystem, detectors: Any, events: Any
 ) -> tuple[TransitionDetector | Events, ...]:
-    """Return the detectors that a caller adds, that of the events last.
-
-    Raises
-    ------
-    InvalidInputError
-        If a detector is no :class:`~pwscont.TransitionDetector`, or an event is no function.
-    """
+    """Return the detectors that a caller adds, that of the events last, or refuse what is none."""
     added = tuple(detectors) if isinstance(detectors, Iterable) else (detectors,)
     for detector in added:
         checked_kind("each of detectors", detector, TransitionDetector)
@@ -208,3 +213,27 @@ def uninterrupted(graph: BranchGraph) -> BranchGraph:
     if graph.searched.spent == INTERRUPTED:
         raise KeyboardInterrupt
     return graph
+
+
+def plan_in_words(
+    system: PiecewiseSystem,
+    interval: tuple[float, float],
+    *,
+    stepper: Stepper | None = None,
+    detectors: Iterable[TransitionDetector] = (),
+    events: Mapping[str, Function | Stop] | None = None,
+    search: Search | None = None,
+) -> dict[str, str]:
+    """Return the parts of a run of :func:`pwscont.explore` in words; errors as of explore.
+
+    Examples
+    --------
+    >>> from pwscont import LCP
+    >>> from pwscont.extending import plan_in_words
+    >>> plan_in_words(LCP([[2.0]], q=[0.0], d=[-1.0]), (-1.0, 1.0))["steps"]
+    'ExactLinear()'
+    """
+    lo, hi = checked_interval(system, interval)
+    watched = checked_detectors(system, detectors, events)
+    plan = Plan.of(system, (lo, hi), stepper, watched)
+    return plan.told(search or default_search(plan.followed, (lo, hi)))

@@ -37,8 +37,8 @@ from typing import final
 
 import numpy as np
 
+from pwscont.basics.arguments import needed_kind
 from pwscont.basics.arrays import Array
-from pwscont.basics.given import needed_kind
 from pwscont.basics.outcome import Failure, FailureReason
 from pwscont.basics.rounding import CONFIDENCE, EPS
 from pwscont.curve.corrector import BorderedNewton, Corrected, Corrector, zero

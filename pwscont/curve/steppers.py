@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import final
 
-from pwscont.basics.given import needed_kind
+from pwscont.basics.arguments import needed_kind
 from pwscont.basics.outcome import Failure, FailureReason
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.pseudo_arclength import land_on

@@ -6,10 +6,10 @@ from collections.abc import Callable, Mapping, Sequence
 from math import isfinite
 from typing import Any
 
+from pwscont.basics.arguments import check_callable, checked_kind, needed_kind
 from pwscont.basics.arrays import Array
 from pwscont.basics.budget import Budget, Limits
 from pwscont.basics.errors import InvalidInputError, InvalidSystemError
-from pwscont.basics.given import check_callable, checked_kind, needed_kind
 from pwscont.basics.quantities import Function, Quantities, checked_names, checked_record
 from pwscont.continuation.journal import Journal
 from pwscont.continuation.plan import Report, silent

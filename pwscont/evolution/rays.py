@@ -17,10 +17,10 @@ from typing import TYPE_CHECKING, Any, final
 
 import numpy as np
 
+from pwscont.basics.arguments import needed_kind
 from pwscont.basics.arrays import Array, finite_array
 from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidInputError, InvalidSystemError
-from pwscont.basics.given import needed_kind
 from pwscont.basics.outcome import Failure, Kind
 from pwscont.basics.rounding import EPS, GUARD
 from pwscont.curve.curve import Curve

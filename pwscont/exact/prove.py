@@ -17,7 +17,7 @@ from pwscont.exact.rates import RatesProof
 from pwscont.graph.branch_graph import BranchGraph
 from pwscont.graph.records import Solution
 from pwscont.search.enumeration import Solutions
-from pwscont.system.abilities import ExactData, shown_size
+from pwscont.system.abilities import ExactData, ExactRates, shown_size
 from pwscont.system.system import PiecewiseSystem
 
 #: A solution is the proved solution if closer than this part of the largest unknown, or than
@@ -100,7 +100,7 @@ def prove(given: Any, alpha: float | None = None) -> CountProof | PiecesProof | 
     >>> prove(explore(LCP([[1, 2], [2, 1]], q=[-1, -1], d=[1, 0]), (-1.0, 2.0))).statements[0]
     'complete, proved: 3 pieces and 2 transitions'
     """
-    if hasattr(getattr(given, "system", None), "exact_rates"):
+    if isinstance(getattr(given, "system", None), ExactRates):
         return RatesProof(given)
     system, alpha, known = _given(given, alpha)
     if not isinstance(system, ExactData):

@@ -22,13 +22,7 @@ from pwscont.basics.errors import GraphFileError
 
 
 def write_archive(path: str | Path, header: Mapping[str, Any], arrays: Mapping[str, Any]) -> None:
-    """Write a header, as JSON, and arrays by name.
-
-    Raises
-    ------
-    GraphFileError
-        If the file cannot be written.
-    """
+    """Write a header, as JSON, and arrays by name, or raise a GraphFileError."""
     content = BytesIO()
     named: dict[str, Any] = {"header": np.array(json.dumps(header)), **arrays}
     # not compressed: digits are random, and compressing them takes ten times as long as all else
@@ -41,13 +35,7 @@ def write_archive(path: str | Path, header: Mapping[str, Any], arrays: Mapping[s
 
 
 def read_archive(path: str | Path, kind: str, names: Sequence[str]) -> tuple[Any, dict[str, Any]]:
-    """Read the header and the arrays with these names; ``kind`` names the file in errors.
-
-    Raises
-    ------
-    GraphFileError
-        If the file cannot be read, is damaged, or is something else.
-    """
+    """Return the header and the arrays with these names, or raise a GraphFileError."""
     try:
         # opened here: numpy would leave an unreadable file open
         with Path(path).open("rb") as raw, np.load(raw, allow_pickle=False) as stored:
@@ -87,16 +75,9 @@ class DamagedError(Exception):
 @final
 @dataclass(frozen=True, slots=True)
 class Fields:
-    """A JSON object, and the name of the object in messages.
+    """A JSON object read from a file, and the name of the object in messages, such as "node 3".
 
     All methods raise :class:`DamagedError` where an entry is missing or of another type.
-
-    Parameters
-    ----------
-    name : str
-        Such as ``"node 3"``.
-    data : object
-        The value read from the file; a value that is no JSON object is refused.
     """
 
     name: str

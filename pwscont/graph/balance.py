@@ -17,7 +17,7 @@ Failure modes and answers
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from itertools import combinations, pairwise
 
 import numpy as np
@@ -33,8 +33,7 @@ from pwscont.basics.outcome import (
     Guarantee,
     Kind,
 )
-from pwscont.basics.rounding import CONFIDENCE, SAME_ALPHA
-from pwscont.graph.archive import DamagedError
+from pwscont.basics.rounding import CONFIDENCE
 from pwscont.graph.queries import (
     check_inside,
     index_at,
@@ -45,76 +44,33 @@ from pwscont.graph.queries import (
     pieces_through,
     solutions_at,
 )
-from pwscont.graph.records import Piece, Solution, SpecialPoint
+from pwscont.graph.records import Solution, SpecialPoint
 from pwscont.graph.structure import Structure, connected
 
-
-def check_references(
-    points: Sequence[SpecialPoint], pieces: Sequence[Piece], starts: Sequence[SpecialPoint]
-) -> None:
-    """Refuse numbers that stand twice, and pieces and starts that refer to nothing."""
-    nodes, known = {point.id for point in points}, {piece.id for piece in pieces}
-    if len(nodes) < len(points) or len(known) < len(pieces) or -1 in nodes:
-        raise DamagedError("each node and each piece needs an id of its own, from 0 on")
-    for piece in pieces:
-        if not {piece.start, piece.end} <= nodes:
-            raise DamagedError(f"piece {piece.id} begins or ends at a node that is not there")
-    for start in starts:
-        if start.piece not in known:
-            raise DamagedError(f"a start lies on piece {start.piece}, which is not there")
-
-
-def check_places(
-    points: Sequence[SpecialPoint], pieces: Sequence[Piece], interval: tuple[float, float]
-) -> None:
-    """Refuse points outside the interval, and characters of different lengths."""
-    slack = SAME_ALPHA * max(*map(abs, interval), interval[1] - interval[0])
-    lo, hi = interval[0] - slack, interval[1] + slack
-    for point in points:
-        if not lo <= point.alpha <= hi:
-            raise DamagedError(f"node {point.id} lies outside the interval: {point.alpha}")
-    for piece in pieces:
-        if not (lo <= piece.interval[0] and piece.interval[1] <= hi):
-            raise DamagedError(f"piece {piece.id} leaves the interval: {piece.interval}")
-    if len({len(bytes(piece.character)) for piece in pieces}) > 1:
-        raise DamagedError("pieces have different numbers of signs")
-
-
-#: Kinds of points at which a branch may end because the system or the user ends branches.
-ON_PURPOSE = ("end", "event")
+#: Kinds of points at which a branch may end, the kind first that explains the end best.
+EXPLAINING = (Kind.END, Kind.EVENT, Kind.STOPPED)
 
 
 def loose_ends(graph: Structure) -> dict[SpecialPoint, int]:
-    """Return the points within the interval at which the sum of signs jumps, and the jumps."""
-    jumps, found = _jumps(graph), {}
-    for nodes in _joined_by_verticals(graph, [node for node, jump in jumps.items() if jump]):
-        points = [graph.point(node) for node in nodes]
-        jump = sum(jumps.get(node, 0) for node in nodes)
-        if jump and not any(graph.same(points[0].alpha, end) for end in graph.interval):
-            found[min(points, key=_suspicion)] = jump
-    return found
+    """Return the points within the interval at which the sum of signs jumps, and the jumps.
 
-
-def _jumps(graph: Structure) -> dict[int, int]:
-    """Return by how much the sum of signs grows from left to right at each node."""
+    Of points that vertical pieces join, the point counts that explains the jump best.
+    """
     jumps: dict[int, int] = defaultdict(int)
     for piece in graph.pieces:
         first, last = piece.track.start.alpha, piece.track.end.alpha
         sign = piece.det_sign if first < last else -piece.det_sign
         jumps[piece.start] += sign
         jumps[piece.end] -= sign
-    return jumps
-
-
-def _joined_by_verticals(graph: Structure, nodes: Iterable[int]) -> Iterator[set[int]]:
-    """Yield sets of nodes: nodes joined by vertical pieces together, every other node alone."""
-    yield from connected(nodes, ((piece.start, piece.end) for piece in graph.verticals))
-
-
-def _suspicion(point: SpecialPoint) -> int:
-    """Return a key that sorts points: ends on purpose, then stops, then other kinds."""
-    order = (*ON_PURPOSE, Kind.STOPPED)
-    return order.index(point.kind) if point.kind in order else len(order)
+    verticals = ((piece.start, piece.end) for piece in graph.verticals)
+    found = {}
+    for nodes in connected((node for node, jump in jumps.items() if jump), verticals):
+        points = [graph.point(node) for node in nodes]
+        jump = sum(jumps[node] for node in nodes)
+        if jump and not any(graph.same(points[0].alpha, end) for end in graph.interval):
+            order = [point for kind in EXPLAINING for point in points if point.kind == kind]
+            found[(order or points)[0]] = jump
+    return found
 
 
 def is_on_purpose(graph: Structure, point: SpecialPoint) -> bool:
@@ -133,13 +89,12 @@ def leaves_upright(graph: Structure, point: SpecialPoint) -> bool:
     return runs and is_beside_infinite(graph, point.alpha)
 
 
-def _may_end(graph: Structure, point: SpecialPoint) -> bool:
-    """Tell whether a branch ends at a point on purpose, or runs to infinity at one alpha."""
-    return is_on_purpose(graph, point) or leaves_upright(graph, point)
-
-
 def balance_at(graph: Structure, alpha: float) -> int:
-    """Return the sum of signs at an alpha, see :meth:`pwscont.BranchGraph.balance`."""
+    """Return the sum of the signs of det(dH/dz) over all solutions at ``alpha``.
+
+    Where solutions stay bounded the sum is the same at every regular alpha; if not, a
+    branch is missing. The converse does not hold: a missed pair cancels.
+    """
     check_inside(graph, alpha)
     nodes = sum(index_at(graph, node) for node in nodes_at(graph, alpha))
     return nodes + sum(piece.det_sign for piece in pieces_through(graph, alpha))
@@ -152,17 +107,18 @@ def balances(graph: Structure) -> list[int]:
 
 
 def balance_values(graph: Structure) -> list[int]:
-    """Return the different sums of signs, see :meth:`pwscont.BranchGraph.balance_values`."""
+    """Return the different values of the balance, ascending: one value if nothing is missing.
+
+    A stretch of alpha that is no longer than the uncertainty of the special points around it
+    does not count: such a stretch may not exist, for the ends may be in the opposite order.
+    """
     return sorted({value for value, _ in _judged(graph)})
 
 
 def _judged(graph: Structure) -> list[tuple[int, tuple[float, float]]]:
-    """Return balance and ends of the stretches that are longer than their ends are uncertain.
-
-    If no stretch is longer, return all stretches. Stretches with infinitely many solutions are left
-    out: the signs of the pieces around such a stretch say nothing.
-    """
+    """Return balance and ends of stretches that are longer than uncertain, with finite numbers."""
     pairs = zip(balances(graph), pairwise(graph.breaks()), strict=True)
+    # where solutions are infinitely many, the signs of the pieces around say nothing
     everything = [row for row in pairs if not is_infinite(graph, 0.5 * sum(row[1]))]
     return [row for row in everything if not _is_blurred(graph, *row[1])] or everything
 
@@ -176,13 +132,33 @@ def _is_blurred(graph: Structure, lo: float, hi: float) -> bool:
     return bool(first >= last)
 
 
+def is_balanced(graph: Structure) -> bool:
+    """Tell whether the balance is the same at every regular alpha of the interval.
+
+    Where the system knows the degree (+1 for Coulomb friction), the balance must equal the
+    degree. Stretches too short to be judged do not count, see :meth:`balance_values`.
+    """
+    return not unbalanced(graph)
+
+
 def unbalanced(graph: Structure) -> list[tuple[float, float]]:
-    """Return where the sum of signs is wrong, see :meth:`pwscont.BranchGraph.unbalanced`."""
+    """Return the stretches in which the balance is not what the balance must be.
+
+    Without a known degree: the stretches whose balance differs from the most frequent one, each
+    without the signs of branches that end on purpose.
+    """
     judged = _judged(graph)
     degree = graph.system.degree if graph.system else None
     if degree is None:
-        ends = [(p, n) for p, n in loose_ends(graph).items() if _may_end(graph, p)]
-        judged = [(value - _ended(ends, gap), gap) for value, gap in judged]
+        ends = [
+            (point.alpha, jump)
+            for point, jump in loose_ends(graph).items()
+            if is_on_purpose(graph, point) or leaves_upright(graph, point)
+        ]
+        judged = [
+            (value - sum(jump for alpha, jump in ends if alpha < 0.5 * sum(gap)), gap)
+            for value, gap in judged
+        ]
         values = [value for value, _ in judged]
         degree = max(values, key=values.count, default=None)
     merged: list[tuple[float, float]] = []
@@ -192,11 +168,6 @@ def unbalanced(graph: Structure) -> list[tuple[float, float]]:
         else:
             merged.append((lo, hi))
     return merged
-
-
-def _ended(ends: list[tuple[SpecialPoint, int]], gap: tuple[float, float]) -> int:
-    """Return by how much the ends to the left of a stretch change the balance."""
-    return sum(jump for point, jump in ends if point.alpha < 0.5 * sum(gap))
 
 
 #: A special point known to fewer digits may hide another special point: then no search keeps a
@@ -241,8 +212,9 @@ def _causes(graph: Structure, gaps: list[Gap]) -> Iterator[str]:
     stopped = [point for point in ends if point.kind == Kind.STOPPED or point.lost]
     on_purpose = [point for point in ends if is_on_purpose(graph, point)]
     twice = [gap for gap in gaps if _stands_twice(graph, gap)]
-    explained = {gap for gap in gaps if any(_touches(graph, gap, p) for p in stopped + on_purpose)}
-    partial = _searched_in_part(graph)
+    known = np.array([point.alpha for point in stopped + on_purpose])
+    explained = {gap for gap in gaps if any(graph.same(known, end).any() for end in gap)}
+    partial = graph.special_points(Kind.PARTIAL_CORNER)
     missing = [gap for gap in gaps if not partial and gap not in explained and gap not in twice]
     if missing:
         yield f"at least one branch missing in {_listed(missing)}"
@@ -251,16 +223,6 @@ def _causes(graph: Structure, gaps: list[Gap]) -> Iterator[str]:
     yield from _stops(graph, stopped)
     yield from _places(IN_PART, graph, partial)
     yield from _places("a branch ends on purpose", graph, on_purpose)
-
-
-def _searched_in_part(graph: Structure) -> list[SpecialPoint]:
-    """Return the corners whose pieces, and the signs along interfaces, are not all certain."""
-    return graph.special_points(Kind.PARTIAL_CORNER)
-
-
-def _touches(graph: Structure, gap: Gap, point: SpecialPoint) -> bool:
-    """Tell whether a stretch begins or ends at a point."""
-    return any(bool(graph.same(point.alpha, end)) for end in gap)
 
 
 def _listed(gaps: Iterable[Gap]) -> str:
@@ -287,33 +249,19 @@ def _is_one(a: Solution, b: Solution) -> bool:
 
 def _doubts(graph: Structure) -> Iterator[str]:
     """Yield what was found at special points and prevents a search from keeping a promise."""
-    points = [point for point in graph.special_points() if point.id >= 0]
-    lost = [point for point in points if point.kind == Kind.STOPPED or point.lost]
-    yield from _stops(graph, [point for point in lost if not _is_one_of_many(graph, point)])
-    yield from _places(IN_PART, graph, _searched_in_part(graph))
+    of_many = {point for point in graph.nodes if is_beside_infinite(graph, point.alpha)}
+    lost = [point for point in graph.nodes if point.kind == Kind.STOPPED or point.lost]
+    alone = [p for p in lost if not (FILL_CURVES in p.message and p in of_many)]
+    yield from _stops(graph, alone)
+    yield from _places(IN_PART, graph, graph.special_points(Kind.PARTIAL_CORNER))
     known = [f"{stretch.ends}" for stretch in graph.infinite if stretch[0] < stretch[1]]
     if known:
         yield f"infinitely many solutions for {graph.parameter} in {', '.join(known)}"
-    filled = [
-        point
-        for point in points
-        if FILL in point.message
-        and _leaves_its_alpha(graph, point)
-        and not is_beside_infinite(graph, point.alpha)
-    ]
-    yield from _places("solutions fill more than curves", graph, filled)
-    vague = [point for point in points if point.digits < TOO_FEW_DIGITS]
+    filled = [p for p in graph.nodes if FILL in p.message and p not in of_many]
+    left = [p for p in filled if not all(piece.is_vertical for piece in graph.pieces_at(p.id))]
+    yield from _places("solutions fill more than curves", graph, left)
+    vague = [point for point in graph.nodes if point.digits < TOO_FEW_DIGITS]
     yield from _places("hardly a digit is known", graph, vague)
-
-
-def _leaves_its_alpha(graph: Structure, point: SpecialPoint) -> bool:
-    """Tell whether a piece that is not vertical leaves from a special point."""
-    return not all(piece.is_vertical for piece in graph.pieces_at(point.id))
-
-
-def _is_one_of_many(graph: Structure, point: SpecialPoint) -> bool:
-    """Tell whether a special point stands where solutions are known to be infinitely many."""
-    return FILL_CURVES in point.message and is_beside_infinite(graph, point.alpha)
 
 
 def _stops(graph: Structure, points: list[SpecialPoint]) -> Iterator[str]:

@@ -5,20 +5,16 @@ from __future__ import annotations
 from collections.abc import Mapping
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, final
+from typing import Any, final
 
-from pwscont.basics.errors import InvalidSystemError
 from pwscont.basics.outcome import Guarantee
 from pwscont.basics.quantities import Function
-from pwscont.graph import balance, exports, queries, storage
+from pwscont.graph import balance as signs
+from pwscont.graph import exports, queries, storage
 from pwscont.graph.balance import WORDS, verdict
 from pwscont.graph.proved import BoxProof
-from pwscont.graph.records import Solution, Stretch
 from pwscont.graph.structure import Structure
 from pwscont.system.system import PiecewiseSystem
-
-if TYPE_CHECKING:
-    import networkx as nx
 
 
 @final
@@ -69,104 +65,19 @@ class BranchGraph(Structure):
     #: What is proved of the solutions, see :class:`pwscont.Everywhere`; None for nothing.
     proof: Any = None
 
-    def count(self, alpha: float) -> int | float:
-        """Return the number of solutions at ``alpha``; infinite where they fill a segment or more.
-
-        A solution at which two pieces meet counts once.
-        """
-        return queries.count_at(self, alpha)
-
-    def solutions(self, alpha: float) -> list[Solution]:
-        """Return all solutions at ``alpha`` that the graph holds, corrected to full accuracy.
-
-        Where solutions are infinitely many, as on a vertical piece, the ends of the segments are
-        returned.
-
-        Raises
-        ------
-        InvalidInputError
-            If alpha lies outside the interval.
-        SystemNeededError
-            If a curved piece must be corrected and the graph was loaded without a system.
-        """
-        return queries.solutions_at(self, alpha)
-
-    def solution_at(self, node: int) -> Solution:
-        """Return a special point as one of the solutions at its alpha."""
-        return queries.solution_at(self, node)
-
-    def multiplicity(self) -> list[Stretch]:
-        """Return ``(lo, hi, count)`` for successive stretches with the same number of solutions.
-
-        ``lo_closed`` and ``hi_closed`` say whether the number holds at the ends as well. A single
-        value of alpha is an entry of its own where solutions are infinitely many, and where the
-        numbers on both sides agree and another number holds between, as at a branch point. A fold
-        lies in no stretch: :meth:`with_count` and :meth:`count` tell the number there.
-        """
-        return queries.multiplicity(self)
-
-    def with_count(self, count: int | float) -> list[Stretch]:
-        """Return all stretches and single values of alpha with exactly ``count`` solutions."""
-        return queries.with_count(self, count)
-
-    def is_beside_infinite(self, alpha: float) -> bool:
-        """Tell whether there are infinitely many solutions at ``alpha`` or next to ``alpha``."""
-        return queries.is_beside_infinite(self, alpha)
-
-    def balance(self, alpha: float) -> int:
-        """Return the sum of the signs of det(dH/dz) over all solutions at ``alpha``.
-
-        Where solutions stay bounded the sum is the same at every regular alpha; if not, a
-        branch is missing. The converse does not hold: a missed pair cancels.
-        """
-        return balance.balance_at(self, alpha)
-
-    def balances(self) -> list[int]:
-        """Return the balance within each interval between successive special points."""
-        return balance.balances(self)
-
-    def balance_values(self) -> list[int]:
-        """Return the different values of the balance, ascending: one value if nothing is missing.
-
-        A stretch of alpha that is no longer than the uncertainty of the special points around it
-        does not count: such a stretch may not exist, for the ends may be in the opposite order.
-        """
-        return balance.balance_values(self)
-
-    def is_balanced(self) -> bool:
-        """Tell whether the balance is the same at every regular alpha of the interval.
-
-        Where the system knows the degree (+1 for Coulomb friction), the balance must equal the
-        degree. Stretches too short to be judged do not count, see :meth:`balance_values`.
-        """
-        return not balance.unbalanced(self)
-
-    def unbalanced(self) -> list[tuple[float, float]]:
-        """Return the stretches in which the balance is not what the balance must be.
-
-        Without a known degree: the stretches whose balance differs from the most frequent one, each
-        without the signs of branches that end on purpose.
-        """
-        return balance.unbalanced(self)
-
-    @cached_property
-    def nx(self) -> nx.MultiGraph:
-        """The branch graph as a new networkx graph with plain attributes.
-
-        All attributes are numbers and texts, which :func:`networkx.write_graphml` and the like can
-        write. The networkx graph is made when first asked for; changing the networkx graph does not
-        change the branch graph.
-
-        Nodes are the ids of special points. Nodes have ``kind``, ``alpha``, ``message``, ``name``,
-        the recorded quantities, and ``z``, the state as a JSON list. (The array is
-        ``graph.point(node).z``; a single unknown is ``graph.point(node)["u_t"]``.)
-
-        The key of an edge is the id of the piece. Edges have this ``piece``, ``label``,
-        ``det_sign``, ``character`` (a text of + and -), ``alpha_lo``, ``alpha_hi``, and ``length``:
-        the sum of the chords between stored points in (z, alpha), where alpha is measured by the
-        interval and each unknown by the largest magnitude in the graph.
-        """
-        return exports.networkx_graph(self)
+    count = queries.count_at
+    solutions = queries.solutions_at
+    solution_at = queries.solution_at
+    multiplicity = queries.multiplicity
+    with_count = queries.with_count
+    is_beside_infinite = queries.is_beside_infinite
+    balance = signs.balance_at
+    balances = signs.balances
+    balance_values = signs.balance_values
+    is_balanced = signs.is_balanced
+    unbalanced = signs.unbalanced
+    nx = cached_property(exports.networkx_graph)
+    to_dataframe = exports.data_frame
 
     @cached_property
     def guarantee(self) -> str:
@@ -200,27 +111,7 @@ class BranchGraph(Structure):
         GraphFileError
             If the file cannot be written.
         """
-        storage.write(
-            path,
-            storage.Contents(
-                self.nodes,
-                self.pieces,
-                self.starts,
-                self.interval,
-                self.parameter,
-                self.searched,
-                self._names_to_keep(),
-                self.infinite,
-                self.proof if isinstance(self.proof, BoxProof) else None,
-            ),
-        )
-
-    def _names_to_keep(self) -> tuple[str, ...] | None:
-        """Return the names for a file, None for names that do not fit: the numbers are kept."""
-        try:
-            return self.names if self.quantities.is_named and self.nodes else None
-        except InvalidSystemError:
-            return None
+        storage.write(path, self, self.proof if isinstance(self.proof, BoxProof) else None)
 
     @classmethod
     def load(
@@ -250,53 +141,14 @@ class BranchGraph(Structure):
             If the system has another number of unknowns or tests than the graph, or other
             solutions, or names and functions of ``record`` do not fit.
         """
-        file = storage.read(path)
-        own = system and storage.adopted(path, file.pieces, file.points, file.interval, system)
-        graph = cls(
-            file.points,
-            file.pieces,
-            file.interval,
-            starts=file.starts,
-            system=own,
-            parameter=file.parameter,
-            searched=file.searched,
-            record=record,
-            names=None if system else file.names,
-            infinite=file.infinite,
-        )
-        if file.pieces or system is None:  # no point would show that the system is another one
-            graph.proof = file.proof
+        contents, proof = storage.read(path)
+        if system is not None:
+            own = storage.adopted(path, contents, system)
+            contents |= {"system": own, "names": None}
+        graph = cls(**contents, record=record)
+        if graph.pieces or system is None:  # no point would show that the system is another one
+            graph.proof = proof
         return graph
-
-    def to_dataframe(self, rows: str) -> Any:
-        """Return a pandas data frame.
-
-        Parameters
-        ----------
-        rows : {"pieces", "points", "special"}
-            "pieces": one row for each piece, with id, component, start, end, label, character,
-            det_sign, alpha_lo, alpha_hi, number of points and length (see :attr:`nx`).
-            "points": one row for each stored point of every piece, with piece, component, label,
-            alpha, all unknowns by name and the recorded quantities.
-            "special": one row for each special point, with id (-1 for a start within a piece),
-            kind, name, alpha, message, all unknowns by name, the recorded quantities, the
-            estimated error of alpha and the number of digits known.
-
-            An unknown whose name is that of another column, such as ``alpha`` or ``name``, is
-            called by the place among the unknowns, ``z[i]``.
-
-        Returns
-        -------
-        pandas.DataFrame
-
-        Raises
-        ------
-        InvalidInputError
-            If ``rows`` is another word, or a recorded quantity fails.
-        MissingPackageError
-            If pandas is not installed.
-        """
-        return exports.data_frame(self, rows)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the graph as plain lists and numbers."""

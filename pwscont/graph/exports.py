@@ -39,13 +39,26 @@ FIXED = frozenset(
 
 
 def networkx_graph(graph: Structure) -> nx.MultiGraph:
-    """Return a networkx graph with plain attributes, for :attr:`pwscont.BranchGraph.nx`."""
+    """Return the branch graph as a new networkx graph with plain attributes.
+
+    All attributes are numbers and texts, which :func:`networkx.write_graphml` and the like can
+    write. The networkx graph is made when first asked for; changing the networkx graph does not
+    change the branch graph.
+
+    Nodes are the ids of special points. Nodes have ``kind``, ``alpha``, ``message``, ``name``,
+    the recorded quantities, and ``z``, the state as a JSON list. (The array is
+    ``graph.point(node).z``; a single unknown is ``graph.point(node)["u_t"]``.)
+
+    The key of an edge is the id of the piece. Edges have this ``piece``, ``label``,
+    ``det_sign``, ``character`` (a text of + and -), ``alpha_lo``, ``alpha_hi``, and ``length``:
+    the sum of the chords between stored points in (z, alpha), where alpha is measured by the
+    interval and each unknown by the largest magnitude in the graph.
+    """
     import networkx as nx  # noqa: PLC0415  it takes longer to import than most paths to follow
 
     plain, scale = nx.MultiGraph(), magnitudes(graph)
-    for point in graph.special_points():
-        if point.id >= 0:  # a start within a piece is no node
-            plain.add_node(point.id, **_of_node(point))
+    for point in graph.nodes:
+        plain.add_node(point.id, **_of_node(point))
     for piece in graph.pieces:
         plain.add_edge(piece.start, piece.end, key=piece.id, **_of_edge(piece, scale))
     return plain
@@ -73,11 +86,7 @@ def _of_edge(piece: Piece, scale: Array) -> dict[str, Any]:
 
 
 def magnitudes(graph: Structure) -> Array:
-    """Return the largest magnitude of each unknown, 1 instead of zero, and the interval's length.
-
-    Magnitudes are taken from the graph, not from the system, so that lengths are the same for a
-    graph that was read from a file.
-    """
+    """Return the largest magnitude of each unknown, 1 for zero, and the interval's length."""
     each = [np.abs(piece.z).max(axis=0) for piece in graph.pieces]
     largest = np.max(each, axis=0) if each else np.zeros(0)
     lo, hi = graph.interval
@@ -93,7 +102,33 @@ def length(piece: Piece, scale: Array) -> float:
 
 
 def data_frame(graph: Structure, rows: str) -> Any:
-    """Return a pandas data frame, for :meth:`pwscont.BranchGraph.to_dataframe`."""
+    """Return a pandas data frame.
+
+    Parameters
+    ----------
+    rows : {"pieces", "points", "special"}
+        "pieces": one row for each piece, with id, component, start, end, label, character,
+        det_sign, alpha_lo, alpha_hi, number of points and length (see :attr:`nx`).
+        "points": one row for each stored point of every piece, with piece, component, label,
+        alpha, all unknowns by name and the recorded quantities.
+        "special": one row for each special point, with id (-1 for a start within a piece),
+        kind, name, alpha, message, all unknowns by name, the recorded quantities, the
+        estimated error of alpha and the number of digits known.
+
+        An unknown whose name is that of another column, such as ``alpha`` or ``name``, is
+        called by the place among the unknowns, ``z[i]``.
+
+    Returns
+    -------
+    pandas.DataFrame
+
+    Raises
+    ------
+    InvalidInputError
+        If ``rows`` is another word, or a recorded quantity fails.
+    MissingPackageError
+        If pandas is not installed.
+    """
     tables = {"pieces": _pieces, "points": _points, "special": _special}
     if rows not in tables:
         raise InvalidInputError(f"rows must be one of {', '.join(tables)}, got {rows!r}")
@@ -215,24 +250,19 @@ def as_html(graph: Structure, guarantee: str) -> str:
 def as_dict(graph: Structure, guarantee: str) -> dict[str, Any]:
     """Return nodes, pieces, multiplicity and balance as lists and numbers.
 
-    ``parameter`` has the name of alpha, and the interval. The ``name`` of a node is that of an
-    event, empty for other kinds.
-    ``stretches`` are the rows of ``multiplicity`` with open and closed ends; ``between`` has the
-    single values of alpha with another number of solutions. Infinitely many are None. ``names``
-    are the names of the components of every state. A ``recorded`` quantity that failed is None,
-    and ``not_recorded`` then says why.
+    ``between`` has the single values of alpha with another number of solutions than the
+    ``stretches`` around. Infinitely many, and a ``recorded`` quantity that failed, are None.
     """
     sums = balance_values(graph)
     rows = [row for row in multiplicity(graph) if row[0] < row[1]]
-    component = {p.id: c for c, pieces in enumerate(graph.components()) for p in pieces}
-    nodes = [point for point in graph.special_points() if point.id >= 0]
-    attempts = [attempted(point) for point in nodes]
+    component = _component(graph)
+    attempts = [attempted(point) for point in graph.nodes]
     lo, hi = graph.interval
     return {
         "parameter": {"name": graph.parameter, "lo": lo, "hi": hi},
         "components": len(graph.components()),
         "names": list(graph.names),
-        "nodes": [_node(*pair) for pair in zip(nodes, attempts, strict=True)],
+        "nodes": [_node(*pair) for pair in zip(graph.nodes, attempts, strict=True)],
         "pieces": [
             {
                 "id": piece.id,

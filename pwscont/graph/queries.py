@@ -13,7 +13,6 @@ from pwscont.basics.arrays import Array
 from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidInputError, SystemNeededError
 from pwscont.basics.outcome import Failure
-from pwscont.basics.quantities import NAMELESS, Quantities
 from pwscont.curve.corrector import MOST_NEWTON, BorderedNewton
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.metric import Metric
@@ -21,7 +20,6 @@ from pwscont.curve.newton import Border, newton
 from pwscont.curve.pseudo_arclength import SLOWEST
 from pwscont.curve.stepper import CurvedSegment
 from pwscont.enumeration.filled import Filled
-from pwscont.graph.archive import DamagedError, Fields
 from pwscont.graph.records import Piece, Solution, SpecialPoint, Stretch, significant
 from pwscont.graph.structure import Structure
 from pwscont.linear.factorise import bordered, last_unit
@@ -34,30 +32,9 @@ from pwscont.transitions.location import locate_zero
 MOST_HALVINGS = 8
 
 
-def refine(
-    system: PiecewiseSystem | None,
-    piece: Piece,
-    alpha: float,
-    interval: tuple[float, float],
-    quantities: Quantities = NAMELESS,
-) -> Solution:
-    """Return the solution of a piece at an alpha strictly inside it, to full accuracy.
-
-    Parameters
-    ----------
-    system : PiecewiseSystem or None
-    piece : Piece
-    alpha : float
-    interval : tuple of float
-        The interval of the graph, for the metric.
-    quantities : Quantities
-        The unknowns and recorded quantities by name.
-
-    Raises
-    ------
-    SystemNeededError
-        If the piece is curved and there is no system to correct with.
-    """
+def _refined(graph: Structure, piece: Piece, alpha: float) -> Solution:
+    """Return the solution of a piece at an alpha strictly inside it, to full accuracy."""
+    system, interval = graph.system, graph.interval
     if system is None:
         x, error, digits = _on_chord(piece, alpha), np.zeros(0), 16.0
     else:
@@ -66,7 +43,7 @@ def refine(
         digits = significant(error, x, Metric.of(system, interval).scale)
         x, error = shown_points(system, x), shown_points(system, error)
     where, how = (x[:-1], alpha, piece.character, piece.label), (piece.det_sign, piece.id)
-    return Solution(*where, *how, None, error, digits, quantities)
+    return Solution(*where, *how, None, error, digits, graph.quantities)
 
 
 def solve_between(
@@ -76,13 +53,10 @@ def solve_between(
     alpha: float,
     interval: tuple[float, float],
 ) -> tuple[Array, Array]:
-    """Solve {H_chi = 0, alpha fixed} between two points of a piece, shape (k, n + 1).
+    """Return the point with this alpha between points of a piece, shape (k, n + 1), and its error.
 
-    Returns
-    -------
-    x, error : ndarray, shape (n + 1,)
-        The solution and the estimated error. Where Newton fails, or might lead to another sheet
-        close by: a point of the cubic, and an error as large as the chord.
+    Where Newton fails, or might lead to another sheet close by: a point of the cubic, and an error
+    as large as the chord.
     """
     a, b = _around(points, alpha)
     curve = Curve(Selection(system, character), Metric.of(system, interval))
@@ -103,14 +77,14 @@ def _located(
     """Return the cubic between two points, the position of an alpha, and the solution there."""
     for segment in _cubics(curve, a, b):
         s = _where(segment, alpha)
-        found = locate_zero(segment, _at(alpha, len(a)), (0.0, segment.length), s)
+        found = locate_zero(segment, _border(alpha, len(a)), (0.0, segment.length), s)
         if isinstance(found, State):
             found.x[-1] = alpha
             return segment, s, (found.x, found.size)
     return segment, s, None
 
 
-def _at(alpha: float, size: int) -> Border:
+def _border(alpha: float, size: int) -> Border:
     """Return the border that falls to zero where a point has an alpha."""
     row = -last_unit(size)
     return lambda x: (alpha - float(x[-1]), row)
@@ -121,7 +95,7 @@ def _is_sure(segment: CurvedSegment, s: float, alpha: float) -> bool:
     if segment.curve.selection.is_straight:
         return True
     x = segment.near(s)
-    root = newton(segment.curve, _at(alpha, len(x)), x, MOST_NEWTON)
+    root = newton(segment.curve, _border(alpha, len(x)), x, MOST_NEWTON)
     return not isinstance(root, Failure) and root.contraction <= SLOWEST
 
 
@@ -137,7 +111,7 @@ def _middle(segment: CurvedSegment) -> Array | None:
 def fine_points(
     system: PiecewiseSystem, piece: Piece, interval: tuple[float, float], parts: int
 ) -> Array:
-    """Return points along a piece, from start to end: those of the cubics between stored points.
+    """Return points along a piece, from start to end, with each step cut into ``parts``.
 
     A step was taken only where the cubic solves the selection to a tolerance (docs/theory, F14).
 
@@ -146,13 +120,21 @@ def fine_points(
     system : PiecewiseSystem
     piece : Piece
     interval : tuple of float
-        The interval of the graph, for the metric.
+        The interval of the graph.
     parts : int
-        In how many parts each step is cut.
 
     Returns
     -------
     ndarray, shape (k, n + 1)
+
+    Examples
+    --------
+    >>> from pwscont import Switched, trace
+    >>> from pwscont.extending import fine_points
+    >>> graph = trace(Switched(1, lambda z, t, sw: z**3 - t), ([0.5], 0.1), (0.1, 0.9))
+    >>> (piece,) = graph.pieces
+    >>> len(fine_points(graph.system, piece, (0.1, 0.9), 4)) == 4 * (len(piece.points) - 1) + 1
+    True
     """
     points = [completed_point(system, x) for x in piece.points]
     curve = Curve(Selection(system, piece.character), Metric.of(system, interval))
@@ -167,10 +149,8 @@ def fine_points(
 def _cubics(curve: Curve, a: Array, b: Array) -> list[CurvedSegment]:
     """Return cubics between two points of a curve, the one closest to the curve first.
 
-    At a point where two curves cross the Jacobian gives no direction, and next to such a point the
-    direction is that of an error. Guesses for the direction are then the parabola through the two
-    points with the known direction at the other point, and the chord. The residual in the middle
-    tells how close a cubic is to the curve.
+    Where two curves cross, the Jacobian gives no direction: guesses are the parabola with the known
+    direction at the other point, and the chord.
     """
     chord = curve.metric.normalised(b - a)
     if curve.selection.is_straight:
@@ -190,8 +170,8 @@ def _cubic(curve: Curve, start: tuple[Array, Array], end: tuple[Array, Array]) -
 
 
 def _residual_in_the_middle(segment: CurvedSegment) -> float:
-    residual = segment.curve.selection.residual(segment.near(0.5 * segment.length))
-    size = float(np.linalg.norm(residual))
+    middle = segment.near(0.5 * segment.length)
+    size = float(np.linalg.norm(segment.curve.selection.residual(middle)))
     return size if math.isfinite(size) else math.inf
 
 
@@ -239,36 +219,15 @@ def _on_chord(piece: Piece, alpha: float) -> Array:
     return x
 
 
-#: Which entries of a row in a file tell whether an end is closed.
-IS_CLOSED = [False, False, True, True]
-
-
 def joined(parts: Iterable[Filled], known: Sequence[float]) -> tuple[Stretch, ...]:
-    """Return the stretches that some parts cover together, in order.
-
-    Parameters
-    ----------
-    parts : iterable of Filled
-    known : sequence of float
-        Values of alpha. An end that rounding does not tell from a known value, or from zero, takes
-        that value.
-    """
+    """Return the stretches that parts cover together; ends at known values of alpha are these."""
     ends = [*known, 0.0]
-    rows = sorted(
-        (
-            Stretch(
-                _settled(part.lo, part.blur, ends),
-                _settled(part.hi, part.blur, ends),
-                math.inf,
-                part.lo_closed,
-                part.hi_closed,
-            )
-            for part in parts
-        ),
-        key=lambda stretch: (stretch[0], not stretch.lo_closed),
-    )
+    rows: list[Stretch] = []
     found: list[Stretch] = []
-    for new in rows:
+    for part in parts:
+        lo, hi = (_settled(end, part.blur, ends) for end in (part.lo, part.hi))
+        rows.append(Stretch(lo, hi, math.inf, part.lo_closed, part.hi_closed))
+    for new in sorted(rows, key=lambda stretch: (stretch[0], not stretch.lo_closed)):
         if found and _touch(found[-1], new):
             found[-1] = _both(found[-1], new)
         else:
@@ -292,33 +251,15 @@ def _touch(a: Stretch, b: Stretch) -> bool:
 def _both(a: Stretch, b: Stretch) -> Stretch:
     """Return the union of two stretches that touch; ``a`` begins first."""
     hi = max(a[1], b[1])
-    hi_closed = (a.hi_closed and a[1] == hi) or (b.hi_closed and b[1] == hi)
+    hi_closed = any(one.hi_closed and one[1] == hi for one in (a, b))
     return Stretch(a[0], hi, math.inf, a.lo_closed, hi_closed)
 
 
-def rows_of(stretches: Iterable[Stretch]) -> list[list[float | bool]]:
-    """Return stretches as rows for a file: two ends, and whether each end is closed."""
-    return [[*row[:2], row.lo_closed, row.hi_closed] for row in stretches]
-
-
-def read_stretches(header: Fields, interval: tuple[float, float]) -> tuple[Stretch, ...]:
-    """Return the stretches of a file, which old files lack."""
-    return tuple(_read(header, interval))
-
-
-def _read(header: Fields, interval: tuple[float, float]) -> Iterator[Stretch]:
-    for row in header.items("infinite") if header.has("infinite") else ():
-        if not isinstance(row, list) or [type(one) is bool for one in row] != IS_CLOSED:
-            raise DamagedError("infinite must be rows of two ends, and whether they are closed")
-        ends = Fields("infinite", {"lo": row[0], "hi": row[1]})
-        lo, hi = ends.finite("lo"), ends.finite("hi")
-        if not interval[0] <= lo <= hi <= interval[1]:
-            raise DamagedError(f"infinitely many solutions outside the interval: {lo} to {hi}")
-        yield Stretch(lo, hi, math.inf, *row[2:])
-
-
 def count_at(graph: Structure, alpha: float) -> int | float:
-    """Return the number of solutions at an alpha, see :meth:`pwscont.BranchGraph.count`."""
+    """Return the number of solutions at ``alpha``; infinite where they fill a segment or more.
+
+    A solution at which two pieces meet counts once.
+    """
     check_inside(graph, alpha)
     if is_infinite(graph, alpha):
         return math.inf
@@ -326,13 +267,21 @@ def count_at(graph: Structure, alpha: float) -> int | float:
 
 
 def solutions_at(graph: Structure, alpha: float) -> list[Solution]:
-    """Return all solutions at an alpha, see :meth:`pwscont.BranchGraph.solutions`."""
+    """Return all solutions at ``alpha`` that the graph holds, corrected to full accuracy.
+
+    Where solutions are infinitely many, as on a vertical piece, the ends of the segments are
+    returned.
+
+    Raises
+    ------
+    InvalidInputError
+        If alpha lies outside the interval.
+    SystemNeededError
+        If a curved piece must be corrected and the graph was loaded without a system.
+    """
     check_inside(graph, alpha)
     at_nodes = [solution_at(graph, node) for node in nodes_at(graph, alpha)]
-    between = [
-        refine(graph.system, piece, alpha, graph.interval, graph.quantities)
-        for piece in pieces_through(graph, alpha)
-    ]
+    between = [_refined(graph, piece, alpha) for piece in pieces_through(graph, alpha)]
     return sorted(at_nodes + between, key=lambda solution: solution.piece)
 
 
@@ -341,34 +290,33 @@ def solution_at(graph: Structure, node: int) -> Solution:
     point, pieces = graph.point(node), graph.pieces_at(node)
     if not pieces:
         return _isolated(graph, point)
-    piece, index = pieces[0], index_at(graph, node)
-    return Solution(
-        z=point.z,
-        alpha=point.alpha,
-        character=piece.character,
-        label=piece.label,
-        det_sign=index,
-        piece=piece.id,
-        kind=point.kind,
-        error=point.error,
-        digits=point.digits,
-        quantities=point.quantities,
-    )
+    piece = pieces[0]
+    return _at(point, piece.character, piece.label, index_at(graph, node), piece.id)
+
+
+def _at(point: SpecialPoint, character: Character, label: str, index: int, piece: int) -> Solution:
+    """Return a special point as a solution."""
+    known = (point.kind, point.error, point.digits, point.quantities)
+    return Solution(point.z, point.alpha, character, label, index, piece, *known)
 
 
 def _isolated(graph: Structure, point: SpecialPoint) -> Solution:
     """Return a solution from which no piece leaves, in the cell of the point itself."""
-    character, label = Character(()), "unknown"
-    if graph.system is not None:
-        z = completed(graph.system, point.z, point.alpha)
-        character = graph.system.character(z, point.alpha)
-        label = graph.system.label(character)
-    known = (point.kind, point.error, point.digits, point.quantities)
-    return Solution(point.z, point.alpha, character, label, 0, -1, *known)
+    if graph.system is None:
+        return _at(point, Character(()), "unknown", 0, -1)
+    z = completed(graph.system, point.z, point.alpha)
+    character = graph.system.character(z, point.alpha)
+    return _at(point, character, graph.system.label(character), 0, -1)
 
 
 def multiplicity(graph: Structure) -> list[Stretch]:
-    """Return the numbers of solutions, see :meth:`pwscont.BranchGraph.multiplicity`."""
+    """Return ``(lo, hi, count)`` for successive stretches with the same number of solutions.
+
+    ``lo_closed`` and ``hi_closed`` say whether the number holds at the ends as well. A single
+    value of alpha is an entry of its own where solutions are infinitely many, and where the
+    numbers on both sides agree and another number holds between, as at a branch point. A fold
+    lies in no stretch: :meth:`with_count` and :meth:`count` tell the number there.
+    """
     breaks = graph.breaks()
     counts = [count_at(graph, alpha) for alpha in breaks]
     return list(_merged([*_between(graph, breaks, counts)], counts))
@@ -419,15 +367,11 @@ def with_count(graph: Structure, count: int | float) -> list[Stretch]:
 
 
 def index_at(graph: Structure, node: int) -> int:
-    """Return the index of the solution at a node: the sum of the signs of the pieces on the right.
-
-    At the right end of the interval the pieces on the left count; elsewhere the two sums agree.
-    """
-    alpha, pieces = graph.point(node).alpha, graph.pieces_at(node)
-    right = [p for p in pieces if not p.is_vertical and graph.same(p.interval[0], alpha)]
-    left = [p for p in pieces if not p.is_vertical and graph.same(p.interval[1], alpha)]
-    at_hi = bool(graph.same(alpha, graph.interval[1]))
-    return sum(piece.det_sign for piece in (left if at_hi else right))
+    """Return the sum of the signs of the pieces to the right of a node; at the last alpha, left."""
+    alpha = graph.point(node).alpha
+    side = 1 if graph.same(alpha, graph.interval[1]) else 0
+    beside = (p for p in graph.pieces_at(node) if graph.same(p.interval[side], alpha))
+    return sum(piece.det_sign for piece in beside if not piece.is_vertical)
 
 
 def check_inside(graph: Structure, alpha: float) -> None:
@@ -458,12 +402,10 @@ def nodes_at(graph: Structure, alpha: float) -> list[int]:
 
 
 def _merged(rows: list[Stretch], counts: list[int | float]) -> Iterator[Stretch]:
-    """Yield stretches, joined where the number goes on.
+    """Yield stretches, joined where the number goes on; ``counts`` has the numbers at the breaks.
 
-    A break with another number, such as a branch point or an isolated solution, stands alone where
-    the numbers on both sides agree, and where the number is infinite. A fold with the mean of the
-    numbers on both sides lies in no stretch. ``counts`` has the numbers at the breaks: the
-    beginnings of all stretches, and the last end.
+    A break with another number stands alone where the numbers on both sides agree, and where the
+    number is infinite; a fold, with the mean of both, lies in no stretch.
     """
     whole = rows[0]
     if counts[0] == math.inf != whole[2]:

@@ -11,15 +11,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import TypeAlias, final
+from typing import Any, TypeAlias, final
 
 import numpy as np
 import numpy.typing as npt
 
 from pwscont.basics.arrays import Array, largest
 from pwscont.basics.character import Character
-from pwscont.basics.errors import InvalidSystemError
-from pwscont.basics.looks import apart, card, counted, short, state
+from pwscont.basics.looks import apart, card, counted, short
 from pwscont.basics.outcome import Kind
 from pwscont.basics.quantities import NAMELESS, Quantities
 from pwscont.basics.rounding import SAME_ALPHA
@@ -34,15 +33,7 @@ Digits = npt.NDArray[np.uint16]
 
 @final
 class Place:
-    """A point (z, alpha) with the estimate of its error.
-
-    Parameters
-    ----------
-    x : ndarray, shape (n + 1,)
-        The point, which nobody may write to.
-    error : ndarray, shape (n + 1,)
-        The estimated error of each component, not negative.
-    """
+    """A point x = (z, alpha), not to be written to, with the estimated error of each component."""
 
     __slots__ = ("_digits", "x")
 
@@ -74,13 +65,7 @@ def from_first_digits(digits: Digits) -> Array:
 @final
 @dataclass(slots=True, eq=False)  # not frozen: to make thousands of frozen records takes long
 class Track:
-    """The points of a piece: the two ends, shared with special points, and the points between.
-
-    Attributes
-    ----------
-    start, end : Place
-    inner : ndarray, shape (k - 2, n + 1)
-    """
+    """The points of a piece: the two ends, shared with special points, and the points between."""
 
     start: Place
     inner: Array
@@ -114,28 +99,16 @@ ALL_DIGITS = 16.0
 
 
 def significant(error: Array, values: Array, scale: Array) -> float:
-    """Return how many decimal digits of ``values`` are significant, by the estimated error.
-
-    The error of each value is compared with the size of the value or, where larger, with the
-    typical magnitude: so the number does not depend on units. The number is 16 where the error is
-    rounding.
-    """
+    """Return how many digits of ``values`` are significant, by the error in typical magnitudes."""
     off = largest(error / np.maximum(np.abs(values), scale))
     return min(ALL_DIGITS, max(0.0, -math.log10(off))) if off > 0.0 else ALL_DIGITS
 
 
 @final
 class Messages:
-    """The messages of a special point in the two orientations.
+    """The messages of a special point in the two orientations, or a function that makes these.
 
-    Words for thousands of points take long to make, and few words are ever read: a function may be
-    given instead, which is called when the words are first asked for.
-
-    Parameters
-    ----------
-    words : tuple of two str, or callable
-        The messages for the positive and for the negative orientation, or a function without
-        arguments that returns this tuple.
+    Words for thousands of points take long to make, and few words are ever read.
     """
 
     __slots__ = ("_words",)
@@ -158,20 +131,8 @@ class Messages:
 FEW_DIGITS = 6.0
 
 
-def _no_error() -> Array:
-    return np.zeros(0)
-
-
 def _value_of(state: SpecialPoint | Solution, name: str) -> float:
-    """Return an unknown by the name that the system gives, or a recorded quantity.
-
-    Raises
-    ------
-    UnknownNameError
-        If there is no such name; the message lists similar names.
-    InvalidInputError
-        If the function of a recorded quantity fails, or returns no finite float.
-    """
+    """Return an unknown by the name that the system gives, or a recorded quantity."""
     return state.quantities.value(name, state.z, state.alpha)
 
 
@@ -256,22 +217,13 @@ class SpecialPoint:
         return self.message if self.kind == Kind.EVENT else self.events
 
     def __repr__(self) -> str:
-        what = f"{self.kind}, alpha={self.alpha:.10g}, {_by_name(self)}"
+        what = f"{self.kind}, alpha={self.alpha:.10g}, {self.quantities.in_words(self.z)}"
         return f"SpecialPoint({self.id}: {what}{f', {short(self.message)}' * bool(self.message)})"
 
     def _repr_html_(self) -> str:
-        rows = [("alpha", f"{self.alpha:.10g}"), ("state", _by_name(self))]
+        rows = [("alpha", f"{self.alpha:.10g}"), ("state", self.quantities.in_words(self.z))]
         more = [("message", short(self.message)), ("digits", f"{self.digits:.3g}")]
         return card(f"SpecialPoint {self.id}: {self.kind}", [*rows, *more])
-
-
-def _by_name(record: SpecialPoint | Solution) -> str:
-    """Return the state of a record with names; a repr does not fail where names do not fit."""
-    z = record.z
-    try:
-        return state(record.quantities.names(len(z)), z)
-    except InvalidSystemError:
-        return state(NAMELESS.names(len(z)), z)
 
 
 @final
@@ -388,7 +340,7 @@ class Solution:
     det_sign: int
     piece: int
     kind: str | None = None
-    error: Array = field(default_factory=_no_error)
+    error: Array = field(default_factory=lambda: np.zeros(0))
     digits: float = 16.0
     quantities: Quantities = NAMELESS
 
@@ -397,13 +349,18 @@ class Solution:
     def __repr__(self) -> str:
         where = f"{short(self.label)}{f', {self.kind}' if self.kind else ''}"
         what = f"alpha={self.alpha:.10g}, det {self.det_sign:+d}"
-        return f"Solution({where}, {what}, {_by_name(self)})"
+        return f"Solution({where}, {what}, {self.quantities.in_words(self.z)})"
 
     def _repr_html_(self) -> str:
-        rows = [("mode", short(self.label)), ("state", _by_name(self))]
+        rows = [("mode", short(self.label)), ("state", self.quantities.in_words(self.z))]
         more = [("det", f"{self.det_sign:+d}"), ("digits", f"{self.digits:.3g}")]
         title = f"Solution at alpha = {self.alpha:.10g}{f', {self.kind}' if self.kind else ''}"
         return card(title, [*rows, *more])
+
+
+def attributes(record: Any, *names: str) -> dict[str, Any]:
+    """Return some attributes of a record by name."""
+    return {name: getattr(record, name) for name in names}
 
 
 def attempted(state: SpecialPoint | Solution) -> dict[str, float | str]:

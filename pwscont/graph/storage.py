@@ -11,17 +11,20 @@ Failure modes and answers
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from contextlib import suppress
+from functools import partial
+from math import inf
 from pathlib import Path
-from typing import Any, final
+from typing import Any, TypeAlias
 
 import numpy as np
 
 from pwscont.basics.arrays import Array
 from pwscont.basics.character import Character
-from pwscont.basics.errors import GraphFileError, InvalidInputError
+from pwscont.basics.errors import GraphFileError, InvalidInputError, InvalidSystemError
 from pwscont.basics.outcome import Guarantee, SearchScope, kind_of
 from pwscont.basics.quantities import Kept, Quantities
+from pwscont.basics.rounding import SAME_ALPHA
 from pwscont.graph.archive import (
     DamagedError,
     Fields,
@@ -30,9 +33,7 @@ from pwscont.graph.archive import (
     stacked,
     write_archive,
 )
-from pwscont.graph.balance import check_places, check_references
 from pwscont.graph.proved import BoxProof
-from pwscont.graph.queries import read_stretches, rows_of
 from pwscont.graph.records import (
     Messages,
     Piece,
@@ -41,9 +42,11 @@ from pwscont.graph.records import (
     Stretch,
     Track,
     attempted,
+    attributes,
     first_digits,
     from_first_digits,
 )
+from pwscont.graph.structure import Structure
 from pwscont.system.abilities import completed, shown_size
 from pwscont.system.selection import unexplained
 from pwscont.system.system import PiecewiseSystem
@@ -57,128 +60,123 @@ LARGEST = 1e150
 ARRAYS = ("nodes", "starts", "errors", "points")
 
 
-@final
-@dataclass(frozen=True, slots=True)
-class Contents:
-    """The content of a file; ``names`` are those of the unknowns, None for default names."""
-
-    points: Sequence[SpecialPoint]
-    pieces: Sequence[Piece]
-    starts: Sequence[SpecialPoint]
-    interval: tuple[float, float]
-    parameter: str
-    searched: SearchScope
-    names: tuple[str, ...] | None
-    infinite: tuple[Stretch, ...] = ()
-    proof: BoxProof | None = None
+#: The arguments of :class:`pwscont.BranchGraph`, as a file has them.
+Contents: TypeAlias = dict[str, Any]
 
 
-def write(path: str | Path, contents: Contents) -> None:
-    """Write a graph; the file appears whole or not at all.
-
-    Raises
-    ------
-    GraphFileError
-        If the file cannot be written.
-    """
-    points, starts = contents.points, contents.starts
+def write(path: str | Path, graph: Structure, proof: BoxProof | None) -> None:
+    """Write a graph; the file appears whole or not at all."""
     arrays = {
-        "nodes": stacked([point.z for point in points]),
-        "starts": stacked([start.z for start in starts]),
-        "errors": first_digits(stacked([point.error for point in (*points, *starts)])),
-        "points": stacked([piece.points for piece in contents.pieces]),
+        "nodes": stacked([point.z for point in graph.nodes]),
+        "starts": stacked([start.z for start in graph.starts]),
+        "errors": first_digits(stacked([p.error for p in (*graph.nodes, *graph.starts)])),
+        "points": stacked([piece.points for piece in graph.pieces]),
     }
-    write_archive(path, _header(contents), arrays)
+    write_archive(path, _header(graph, proof), arrays)
 
 
-def _header(contents: Contents) -> dict[str, Any]:
+def _header(graph: Structure, proof: BoxProof | None) -> dict[str, Any]:
     """Return the header: all of a graph that is not an array of numbers."""
-    searched = contents.searched
-    header = {
+    searched = graph.searched
+    header: dict[str, Any] = {
         "format": FORMAT,
         "version": VERSION,
-        "interval": contents.interval,
-        "parameter": contents.parameter,
+        "interval": graph.interval,
+        "parameter": graph.parameter,
         "searched": [searched.what, int(searched.promise), searched.spent],
         "gap": searched.gap,
-        "nodes": [_node_header(point) for point in contents.points],
-        "starts": [_node_header(start) for start in contents.starts],
-        "pieces": [_piece_header(piece) for piece in contents.pieces],
-        "infinite": rows_of(contents.infinite),
+        "nodes": [_node_header(point) for point in graph.nodes],
+        "starts": [_node_header(start) for start in graph.starts],
+        "pieces": [_piece_header(piece) for piece in graph.pieces],
+        "infinite": [[*row[:2], row.lo_closed, row.hi_closed] for row in graph.infinite],
     }
-    names = {} if contents.names is None else {"names": contents.names}
-    proof = {"proof": contents.proof.plain()} if contents.proof is not None else {}
-    return header | names | proof
+    with suppress(InvalidSystemError):  # names that do not fit: the numbers are kept
+        if graph.quantities.is_named and graph.nodes:
+            header["names"] = graph.names
+    if proof is not None:
+        header["proof"] = proof.plain()
+    return header
 
 
 def _node_header(point: SpecialPoint) -> dict[str, Any]:
     """Return the header of a special point; for a recorded value that fails, a text says why."""
-    return {
-        "id": point.id,
-        "kind": str(point.kind),
-        "alpha": float(point.alpha),
-        "message": point.message,
-        "backward": point.backward,
-        "piece": point.piece,
-        "digits": point.digits,
-        "lost": point.lost,
-        "recorded": attempted(point),
-        "events": point.events,
-    }
+    names = "id", "message", "backward", "piece", "digits", "lost", "events"
+    values = {"kind": str(point.kind), "alpha": float(point.alpha), "recorded": attempted(point)}
+    return attributes(point, *names) | values
 
 
 def _piece_header(piece: Piece) -> dict[str, Any]:
-    return {
-        "id": piece.id,
-        "start": piece.start,
-        "end": piece.end,
-        "signs": str(piece.character),
-        "label": piece.label,
-        "det_sign": piece.det_sign,
-        "count": len(piece.track.inner) + 2,
-    }
+    values = {"signs": str(piece.character), "count": len(piece.track.inner) + 2}
+    return attributes(piece, "id", "start", "end", "label", "det_sign") | values
 
 
-def read(path: str | Path) -> Contents:
-    """Read what :func:`write` wrote.
-
-    Raises
-    ------
-    GraphFileError
-        If the file cannot be read, is damaged, or is something else.
-    """
+def read(path: str | Path) -> tuple[Contents, BoxProof | None]:
+    """Read what :func:`write` wrote, or refuse a file that is damaged or something else."""
     header, arrays = read_archive(path, FORMAT, ARRAYS)
     try:
         fields = Fields("the header", header)
-        _check_format(path, fields)
-        return _contents(fields, arrays)
+        if fields.entry("format") != FORMAT:
+            raise GraphFileError(f"{path} holds {fields.entry('format')!r}, not a {FORMAT}")
+        if (version := fields.entry("version")) != VERSION:
+            words = f"{path} has format version {version}; this pwscont reads {VERSION}"
+            raise GraphFileError(words)
+        return _contents(fields, arrays), _proof(fields)
     except DamagedError as error:
         raise damaged(path, FORMAT, error) from error
 
 
-def _check_format(path: str | Path, header: Fields) -> None:
-    if header.entry("format") != FORMAT:
-        raise GraphFileError(f"{path} holds {header.entry('format')!r}, not a {FORMAT}")
-    if header.entry("version") != VERSION:
-        raise GraphFileError(
-            f"{path} has format version {header.entry('version')}; this pwscont reads {VERSION}"
-        )
-
-
 def _contents(header: Fields, arrays: dict[str, Any]) -> Contents:
-    rows = _StoredRows.of(arrays)
-    names = _names(header, rows)
-    errors = iter(rows.errors)
-    points = [_node(*row, names) for row in rows.each("nodes", header.objects("nodes"), errors)]
-    starts = [_node(*row, names) for row in rows.each("starts", header.objects("starts"), errors)]
-    pieces = _pieces(header.objects("pieces"), rows)
-    interval = _interval(header)
-    check_references(points, pieces, starts)
-    check_places(points, pieces, interval)
-    searched = _searched(header)
-    parameter, infinite = header.text("parameter"), read_stretches(header, interval)
-    proof = _proof(header)
-    return Contents(points, pieces, starts, interval, parameter, searched, names, infinite, proof)
+    nodes, starts, errors, points = (_table(name, arrays[name]) for name in ARRAYS)
+    sizes = {t.shape[1] for t in (nodes, starts, errors[:, :-1], points[:, :-1]) if len(t)}
+    if len(sizes) > 1:
+        raise DamagedError("nodes, starts and points have different numbers of unknowns")
+    if len(errors) != len(nodes) + len(starts) or (errors < 0.0).any():
+        raise DamagedError("errors must be one row for each node and start, none negative")
+    names, interval = _names(header, next(iter(sizes), None)), _interval(header)
+    contents: Contents = {
+        "points": _special_points(header, "nodes", nodes, errors[: len(nodes)], names),
+        "starts": _special_points(header, "starts", starts, errors[len(nodes) :], names),
+        "pieces": _pieces(header.objects("pieces"), points),
+        "interval": interval,
+        "searched": _searched(header),
+        "parameter": header.text("parameter"),
+        "infinite": tuple(_stretches(header, interval)),
+        "names": names,
+    }
+    _check_references(contents["points"], contents["pieces"], contents["starts"])
+    _check_places(contents["points"], contents["pieces"], interval)
+    return contents
+
+
+def _check_references(
+    points: Sequence[SpecialPoint], pieces: Sequence[Piece], starts: Sequence[SpecialPoint]
+) -> None:
+    """Refuse numbers that stand twice, and pieces and starts that refer to nothing."""
+    nodes, known = {point.id for point in points}, {piece.id for piece in pieces}
+    if len(nodes) < len(points) or len(known) < len(pieces) or -1 in nodes:
+        raise DamagedError("each node and each piece needs an id of its own, from 0 on")
+    for piece in pieces:
+        if not {piece.start, piece.end} <= nodes:
+            raise DamagedError(f"piece {piece.id} begins or ends at a node that is not there")
+    for start in starts:
+        if start.piece not in known:
+            raise DamagedError(f"a start lies on piece {start.piece}, which is not there")
+
+
+def _check_places(
+    points: Sequence[SpecialPoint], pieces: Sequence[Piece], interval: tuple[float, float]
+) -> None:
+    """Refuse points outside the interval, and characters of different lengths."""
+    slack = SAME_ALPHA * max(*map(abs, interval), interval[1] - interval[0])
+    lo, hi = interval[0] - slack, interval[1] + slack
+    for point in points:
+        if not lo <= point.alpha <= hi:
+            raise DamagedError(f"node {point.id} lies outside the interval: {point.alpha}")
+    for piece in pieces:
+        if not lo <= min(piece.interval) <= max(piece.interval) <= hi:
+            raise DamagedError(f"piece {piece.id} leaves the interval: {piece.interval}")
+    if len({len(bytes(piece.character)) for piece in pieces}) > 1:
+        raise DamagedError("pieces have different numbers of signs")
 
 
 def _proof(header: Fields) -> BoxProof | None:
@@ -191,54 +189,14 @@ def _proof(header: Fields) -> BoxProof | None:
         raise DamagedError(f"the proof makes no sense: {error}") from error
 
 
-def _names(header: Fields, rows: _StoredRows) -> tuple[str, ...] | None:
+def _names(header: Fields, unknowns: int | None) -> tuple[str, ...] | None:
     """Return the names of the unknowns, which old files lack."""
     if not header.has("names"):
         return None
-    names = header.items("names", rows.unknowns)
+    names = header.items("names", unknowns)
     if not all(isinstance(name, str) for name in names):
         raise DamagedError("names must be texts")
     return tuple(names)
-
-
-@final
-@dataclass(frozen=True, slots=True)
-class _StoredRows:
-    """The arrays of a file, finite: n columns for states, n + 1 for errors and points of pieces."""
-
-    nodes: Array
-    starts: Array
-    errors: Array
-    points: Array
-
-    @classmethod
-    def of(cls, arrays: dict[str, Any]) -> _StoredRows:
-        rows = cls(*(_table(name, arrays[name]) for name in ARRAYS))
-        if len({len(states.T) for states in rows._states}) > 1:
-            raise DamagedError("nodes, starts and points have different numbers of unknowns")
-        if len(rows.errors) != len(rows.nodes) + len(rows.starts) or (rows.errors < 0.0).any():
-            raise DamagedError("errors must be one row for each node and start, none negative")
-        return rows
-
-    @property
-    def _states(self) -> list[Array]:
-        """All arrays that have rows, without alpha."""
-        everything = (self.nodes, self.starts, self.errors[:, :-1], self.points[:, :-1])
-        return [states for states in everything if len(states)]
-
-    @property
-    def unknowns(self) -> int | None:
-        """The number of unknowns, None where there is no state."""
-        return next((states.shape[1] for states in self._states), None)
-
-    def each(
-        self, name: str, headers: list[Fields], errors: Iterator[Array]
-    ) -> list[tuple[Fields, Array, Array]]:
-        """Return each header with the state and the next error."""
-        rows = getattr(self, name)
-        if len(rows) != len(headers):
-            raise DamagedError(f"there are {len(headers)} {name} with {len(rows)} states")
-        return [(*row, next(errors)) for row in zip(headers, rows, strict=True)]
 
 
 def _table(name: str, values: Any) -> Array:
@@ -250,6 +208,15 @@ def _table(name: str, values: Any) -> Array:
     if not (np.abs(numbers) <= LARGEST).all():
         raise DamagedError(f"{name} must be finite, and at most {LARGEST:g}")
     return numbers
+
+
+def _special_points(
+    header: Fields, kind: str, states: Array, errors: Array, names: tuple[str, ...] | None
+) -> list[SpecialPoint]:
+    headers = header.objects(kind)
+    if len(states) != len(headers):
+        raise DamagedError(f"there are {len(headers)} {kind} with {len(states)} states")
+    return [_node(*row, names) for row in zip(headers, states, errors, strict=True)]
 
 
 def _node(header: Fields, z: Array, error: Array, names: tuple[str, ...] | None) -> SpecialPoint:
@@ -275,13 +242,13 @@ def _recorded(header: Fields) -> dict[str, Kept]:
     return {name: Kept(values.finite_or_text(name)) for name in values.data}
 
 
-def _pieces(headers: list[Fields], rows: _StoredRows) -> list[Piece]:
+def _pieces(headers: list[Fields], points: Array) -> list[Piece]:
     """Return the pieces, each with the next rows of the points."""
     counts = [header.integer("count", 2) for header in headers]
-    if sum(counts) != len(rows.points):
-        raise DamagedError(f"pieces have {sum(counts)} points, there are {len(rows.points)}")
-    parts = np.split(rows.points, np.cumsum(counts, dtype=int)[:-1]) if counts else []
-    return [_piece(header, points) for header, points in zip(headers, parts, strict=True)]
+    if sum(counts) != len(points):
+        raise DamagedError(f"pieces have {sum(counts)} points, there are {len(points)}")
+    parts = np.split(points, np.cumsum(counts, dtype=int)[:-1]) if counts else []
+    return [_piece(*row) for row in zip(headers, parts, strict=True)]
 
 
 def _piece(header: Fields, points: Array) -> Piece:
@@ -293,21 +260,15 @@ def _piece(header: Fields, points: Array) -> Piece:
         start=header.integer("start", 0),
         end=header.integer("end", 0),
         character=Character.read(signs),
-        naming=_Name(header.text("label")),
+        naming=partial(_name, header.text("label")),
         track=Track.of(points),
         det_sign=header.integer("det_sign", -MOST),  # any number along an interface
     )
 
 
-@final
-@dataclass(frozen=True, slots=True)
-class _Name:
-    """The name that the system gave to a piece's character."""
-
-    name: str
-
-    def __call__(self, character: Character) -> str:
-        return self.name
+def _name(name: str, character: Character) -> str:
+    """Return the name that the system gave to a piece's character."""
+    return name
 
 
 def _interval(header: Fields) -> tuple[float, float]:
@@ -328,26 +289,31 @@ def _searched(header: Fields) -> SearchScope:
     return SearchScope(searched.text("what"), Guarantee(promise), searched.text("spent"), gap)
 
 
+#: Which entries of a row in a file tell whether an end is closed.
+IS_CLOSED = [False, False, True, True]
+
+
+def _stretches(header: Fields, interval: tuple[float, float]) -> Iterator[Stretch]:
+    """Yield the stretches with infinitely many solutions, which old files lack."""
+    for row in header.items("infinite") if header.has("infinite") else ():
+        if not isinstance(row, list) or [type(one) is bool for one in row] != IS_CLOSED:
+            raise DamagedError("infinite must be rows of two ends, and whether they are closed")
+        ends = Fields("infinite", {"lo": row[0], "hi": row[1]})
+        lo, hi = ends.finite("lo"), ends.finite("hi")
+        if not interval[0] <= lo <= hi <= interval[1]:
+            raise DamagedError(f"infinitely many solutions outside the interval: {lo} to {hi}")
+        yield Stretch(lo, hi, inf, *row[2:])
+
+
 #: Components larger than this, or smaller than 1 / this, are not of the order of 1.
 ORDER_OF_ONE = 8.0
 #: At about this many pieces of a graph the equations are checked.
 MOST_CHECKED = 4
 
 
-def adopted(
-    path: str | Path,
-    pieces: Sequence[Piece],
-    points: Sequence[SpecialPoint],
-    interval: tuple[float, float],
-    system: PiecewiseSystem,
-) -> PiecewiseSystem:
-    """Return the system of a graph, fitted to the interval and solutions of the graph.
-
-    Raises
-    ------
-    InvalidInputError
-        If the system has another number of unknowns or tests, or other solutions.
-    """
+def adopted(path: str | Path, contents: Contents, system: PiecewiseSystem) -> PiecewiseSystem:
+    """Return the system of a graph, fitted to the graph, or refuse another graph's system."""
+    pieces, points, interval = (contents[name] for name in ("pieces", "points", "interval"))
     if pieces:
         _check_numbers(path, system, points[0], pieces[0])
     fitted = _fitted(system, interval, points)
@@ -360,18 +326,12 @@ def _check_numbers(
     path: str | Path, system: PiecewiseSystem, point: SpecialPoint, piece: Piece
 ) -> None:
     """Refuse a system that has another number of unknowns or tests than the graph."""
-    unknowns, name = len(point.z), type(system).__name__
-    if unknowns != (size := shown_size(system)):
-        raise InvalidInputError(
-            f"{path} is of another system: it has {unknowns} unknowns, {name} has {size}"
-        )
-    tests = len(bytes(piece.character))
-    z = completed(system, point.z, point.alpha)
-    given = len(bytes(system.character(z, point.alpha)))
-    if tests != given:
-        raise InvalidInputError(
-            f"{path} is of another system: it has {tests} tests, {name} has {given}"
-        )
+    name, words = type(system).__name__, f"{path} is of another system: it has"
+    if len(point.z) != (size := shown_size(system)):
+        raise InvalidInputError(f"{words} {len(point.z)} unknowns, {name} has {size}")
+    z, stored = completed(system, point.z, point.alpha), len(bytes(piece.character))
+    if stored != (tests := len(bytes(system.character(z, point.alpha)))):
+        raise InvalidInputError(f"{words} {stored} tests, {name} has {tests}")
 
 
 def _fitted(

@@ -41,19 +41,6 @@ def connected(members: Iterable[int], pairs: Iterable[Pair]) -> list[set[int]]:
     return list(sets.values())
 
 
-def shortest_way(members: Iterable[int], pairs: Iterable[Pair], a: int, b: int) -> list[int]:
-    """Return the members on a shortest way from ``a`` to ``b``; empty where no way exists."""
-    import networkx as nx  # noqa: PLC0415  it takes longer to import than most paths to follow
-
-    graph = nx.Graph()
-    graph.add_nodes_from(members)
-    graph.add_edges_from(pairs)
-    try:
-        return list(nx.shortest_path(graph, a, b))
-    except nx.NetworkXNoPath:
-        return []
-
-
 #: A word as similar as this to the word of a kind is a misspelt word.
 MISSPELT = 0.7
 NOT_SEARCHED = SearchScope("nothing but the component through the start", Guarantee.NOTHING)
@@ -82,11 +69,10 @@ class Structure:
         self.searched = searched
         self.system = system
         self.parameter = parameter
-        given, within = list(points), list(starts)
+        self._points, within = list(points), list(starts)
         #: The unknowns and recorded quantities of the states, by name.
-        self.quantities = _quantities([*given, *within], system, record, names)
+        self.quantities = _quantities([*self._points, *within], system, record, names)
         self.starts = tuple(_asked(point, self.quantities) for point in within)
-        self._given = given
         self._by_id = {piece.id: piece for piece in sorted(pieces, key=lambda piece: piece.id)}
 
     @cached_property
@@ -97,7 +83,7 @@ class Structure:
     @cached_property
     def _nodes(self) -> dict[int, SpecialPoint]:
         """The special points by id, whose states are asked by the names of the graph."""
-        return {point.id: _asked(point, self.quantities) for point in self._given}
+        return {point.id: _asked(point, self.quantities) for point in self._points}
 
     @cached_property
     def nodes(self) -> tuple[SpecialPoint, ...]:
@@ -116,10 +102,11 @@ class Structure:
     @property
     def names(self) -> tuple[str, ...]:
         """The names of the unknowns; empty where a graph has neither a system nor points."""
-        some = (
-            shown_size(self.system) if self.system else next((len(p.z) for p in self.nodes), None)
+        if self.system is None and not self.nodes:
+            return ()
+        return self.quantities.names(
+            shown_size(self.system) if self.system else len(self.nodes[0].z)
         )
-        return () if some is None else self.quantities.names(some)
 
     def special_points(self, kind: str | None = None) -> list[SpecialPoint]:
         """Return all special points, or the special points of a given kind.
@@ -154,11 +141,9 @@ class Structure:
     def components(self) -> list[list[Piece]]:
         """Return the pieces of each connected component, in the order along the branches."""
         pairs = ((piece.start, piece.end) for piece in self.pieces)
-        return [self._at_any(nodes) for nodes in connected(self._nodes, pairs)]
-
-    def _at_any(self, nodes: set[int]) -> list[Piece]:
-        ids = {piece.id for node in nodes for piece in self._touching[node]}
-        return [self._by_id[i] for i in sorted(ids)]
+        parts = connected(self._nodes, pairs)
+        ids = [{piece.id for node in part for piece in self._touching[node]} for part in parts]
+        return [[self._by_id[i] for i in sorted(some)] for some in ids]
 
     def itinerary(self, component: Sequence[Piece], orientation: int = 1) -> list[SpecialPoint]:
         """Return the special points of a component in the order of an orientation.
@@ -191,10 +176,15 @@ class Structure:
             From the piece of ``a`` to the piece of ``b``; empty where no way connects the
             solutions.
         """
-        touching = ((piece.id for piece in self.pieces_at(node)) for node in self._nodes)
-        pairs = chain.from_iterable(combinations(ids, 2) for ids in touching)
-        way = shortest_way((piece.id for piece in self.pieces), pairs, a.piece, b.piece)
-        return [self._by_id[i] for i in way]
+        import networkx as nx  # noqa: PLC0415  it takes longer to import than most paths to follow
+
+        beside = nx.Graph()
+        beside.add_nodes_from(self._by_id)
+        for pieces in self._touching.values():
+            beside.add_edges_from(combinations([piece.id for piece in pieces], 2))
+        if not nx.has_path(beside, a.piece, b.piece):
+            return []
+        return [self._by_id[i] for i in nx.shortest_path(beside, a.piece, b.piece)]
 
     def same(self, a: Array | float, b: float) -> Any:
         """Tell whether values of alpha differ by rounding only."""
@@ -206,10 +196,7 @@ class Structure:
         return 0.0 if bool(self.same(alpha, 0.0)) else alpha
 
     def breaks(self) -> list[float]:
-        """Return the ends of the interval and the alphas of all nodes, without repetition.
-
-        The ends of stretches with infinitely many solutions belong to the list.
-        """
+        """Return the ends of the interval and of stretches, and the alphas of nodes, each once."""
         lo, hi = self.interval
         breaks = [lo]
         ends = [end for stretch in self.infinite for end in stretch[:2]]

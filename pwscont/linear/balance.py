@@ -36,6 +36,14 @@ def balanced(terms: Any, size: int) -> tuple[Array, Array]:
     Returns
     -------
     ndarray, ndarray, shapes (size,) and (m,)
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pwscont.extending import balanced
+    >>> u, v = balanced(np.array([[2.0, 0.0, 6.0], [0.0, 5.0, 5.0]]), 2)
+    >>> [float(x) for x in np.round(u, 3)], [float(x) for x in np.round(v, 3)]
+    ([3.0, 1.0], [6.0, 5.0])
     """
     from scipy.sparse.linalg import lsqr  # noqa: PLC0415  only where magnitudes are not given
 

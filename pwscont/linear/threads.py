@@ -8,14 +8,13 @@ environment variables before BLAS is loaded; a Python program has loaded BLAS al
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from contextlib import AbstractContextManager, nullcontext
 from functools import cache
 from importlib import import_module
 from typing import Any
 
 #: Environment variables that BLAS libraries and OpenMP read: any value that the user sets holds.
-VARIABLES = (
+THREADS = (
     "OPENBLAS_NUM_THREADS",
     "MKL_NUM_THREADS",
     "BLIS_NUM_THREADS",
@@ -36,24 +35,17 @@ def few_threads(size: int, small: int = FACTORISED, few: int = FEW) -> AbstractC
 
 
 def one_thread() -> AbstractContextManager[Any]:
-    """Let BLAS use a single thread, unless the user has set a number."""
-    decided = any(name in os.environ for name in VARIABLES)
+    """Let BLAS use a single thread, unless the user has set a number.
+
+    Examples
+    --------
+    >>> from pwscont.extending import one_thread
+    >>> with one_thread():
+    ...     pass
+    """
+    decided = any(name in os.environ for name in THREADS)
     controller = None if decided else _controller()
     return controller.limit(limits=1, user_api="blas") if controller else nullcontext()
-
-
-@contextmanager
-def one_thread_in_children() -> Iterator[None]:
-    """Let BLAS use a single thread in processes that begin here, unless the user sets a number."""
-    if any(name in os.environ for name in VARIABLES):
-        yield
-        return
-    os.environ |= dict.fromkeys(VARIABLES, "1")
-    try:
-        yield
-    finally:
-        for name in VARIABLES:
-            del os.environ[name]
 
 
 @cache

@@ -14,14 +14,14 @@ import numpy as np
 import scipy.sparse as sp
 
 from pwscont import Character
-from pwscont.extending import Array, Indices, Matrix
+from pwscont.extending import Array, GivesFormula, Indices, Matrix
 from pwscont.notation.derivatives import Derivatives
 from pwscont.notation.function import Function, LiftedFunction, Outcome
 from pwscont.notation.notated import Given, Notated
 
 
 @final
-class SwitchedSystem(Notated):
+class SwitchedSystem(Notated, GivesFormula):
     """A curved system written with switches; made by :func:`pwscont.Switched`."""
 
     def __init__(

@@ -27,11 +27,10 @@ import numpy as np
 import scipy.sparse as sp
 
 from pwscont import InvalidSystemError
-from pwscont.extending import EPS, GUARD, Array, Indices, Matrix, Signs, dense, generic
+from pwscont.extending import EPS, GUARD, Array, Differences, Indices, Matrix, Signs, dense, generic
 from pwscont.notation.dual import Dual, as_dual, value_of
 from pwscont.notation.function import LiftedFunction, Pick, UserFunction
 from pwscont.notation.layout import Layout
-from pwscont.system.differences import Differences
 
 #: Part of the sum of the terms' magnitudes by which a function promised to be affine may differ
 #: from the affine model: half of the digits, for C may come from differences of values.
@@ -41,13 +40,7 @@ CHECKED = (1.0, 1e3)
 
 
 def coefficients(function: UserFunction, size: int, layout: Layout) -> tuple[Matrix, Array]:
-    """Return C, csr, shape (n + m + b, n + S + 1), and c, shape (n + m + b,).
-
-    Raises
-    ------
-    InvalidSystemError
-        If the function is not affine; the message names the part that is not.
-    """
+    """Return C, csr, shape (n + m + b, n + S + 1), and c, shape (n + m + b,)."""
     zero = np.zeros(size + layout.count + 1)
     rest = _called(function, size, layout, zero)
     points = [reach * generic(len(zero), shift) for shift, reach in enumerate(CHECKED)]
@@ -181,11 +174,6 @@ def derivatives_of(lifted: LiftedFunction, points: list[Array]) -> Derivatives |
     lifted : LiftedFunction
     points : list of ndarray, shape (n + 1,)
         Points at which the function is finite.
-
-    Raises
-    ------
-    InvalidSystemError
-        If the function has a kink that no switch announces.
     """
     ways = [by_duals, by_duals_of_z, *([by_jax] if "jax" in sys.modules else [])]
     for way in ways:

@@ -228,13 +228,7 @@ def is_traced(thing: Any) -> bool:
 
 
 def as_operand(thing: Any) -> Any:
-    """Return a Dual or an array of floats; a list or box that contains Duals becomes a single Dual.
-
-    Raises
-    ------
-    UntraceableError
-        If the thing is neither.
-    """
+    """Return a Dual or an array of floats; a list or box that contains Duals becomes one Dual."""
     if isinstance(thing, Dual) or (type(thing) is np.ndarray and thing.dtype == float):
         return thing  # nearly always
     if is_traced(thing):

@@ -10,8 +10,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from pwscont import InvalidInputError
-from pwscont.extending import Array, Matrix, finite_array
-from pwscont.linear.balance import balanced
+from pwscont.extending import Array, Matrix, balanced, finite_array
 from pwscont.notation.dual import Dual, as_dual, as_operand, joined
 from pwscont.notation.notated import Notated
 from pwscont.notation.switched import Switched

@@ -18,8 +18,9 @@ from pwscont.notation.layout import Layout
 from pwscont.notation.notated import Given, Notated
 from pwscont.notation.straight import SwitchedLinearSystem, assembled
 from pwscont.notation.switches import common_form
-from pwscont.system.contract import MOST_UNKNOWNS
 
+#: More unknowns do not fit into the memory of a computer.
+MOST_UNKNOWNS = 10**7
 #: Number of points of ``TRIED`` whose finite outcomes show the switches of a function.
 SURVEYED = 3
 #: Magnitudes of the points that are tried: a large and a small magnitude first, for tanh(100 z) is
@@ -165,13 +166,7 @@ def _within(z: Array, generic: Array, lower: Any, upper: Any) -> Array:
 
 
 def _first_calls(function: UserFunction, points: Sequence[Array]) -> tuple[Array, Layout]:
-    """Return the first point at which a function is finite, and the switches of the function.
-
-    Raises
-    ------
-    InvalidSystemError
-        If the function fails, or is finite at none of the points.
-    """
+    """Return the first point at which a function is finite, and the switches of the function."""
     failure: Exception | None = None
     finite: list[tuple[Array, list[Any]]] = []
     for x in points:

@@ -114,11 +114,6 @@ def common_form(forms: Any) -> Any:
     """Return the kinds of bounds of each entry from the kinds at points, shape (points, entries).
 
     Bounds that meet, or cross, at some points only count as two bounds.
-
-    Raises
-    ------
-    InvalidSystemError
-        If a lower bound is above the upper bound at all points, or bounds become infinite.
     """
     if (forms == CROSSED).all(axis=0).any():
         raise InvalidSystemError("sw.clip needs lower <= upper, but lower is larger")
@@ -129,13 +124,7 @@ def common_form(forms: Any) -> Any:
 
 
 def _alike(name: str, *arguments: Any) -> list[Any]:
-    """Return the arguments of a switch, broadcast to a common shape.
-
-    Raises
-    ------
-    InvalidSystemError
-        If the arguments do not broadcast, or are no real numbers.
-    """
+    """Return the arguments of a switch, broadcast to a common shape."""
     operands = [_operand(name, each) for each in arguments]
     if len({each.shape for each in operands}) == 1:
         return operands

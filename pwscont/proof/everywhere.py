@@ -23,7 +23,7 @@ from pwscont.proof.formulas import check_tape, tape_of
 from pwscont.proof.proof import counted_proof
 from pwscont.search.default_search import default_search
 from pwscont.search.search import KnownBranches, NothingKnown, Search, scope_of, starts_of
-from pwscont.system.abilities import completed, shown_size
+from pwscont.system.abilities import completed, formula_of, shown_size
 from pwscont.system.box import Box
 from pwscont.system.system import PiecewiseSystem
 from pwscont.transitions.departures import settled
@@ -134,7 +134,7 @@ class Everywhere(Search):
         with np.errstate(all="ignore"):
             cover = covered(tape, box, scale, self.seconds, most)
             proof = counted_proof(tape, box, scale, cover)
-        formula = getattr(system, "formula", system)
+        formula = formula_of(system) or system
         self._last.update(formula=formula, interval=interval, key=key, proof=proof)
         return proof
 
@@ -161,7 +161,7 @@ class Everywhere(Search):
 
     def proved(self, system: PiecewiseSystem, interval: tuple[float, float]) -> BoxProof | None:
         """Return the proof of the last run, if the run was of this formula and interval."""
-        formula = getattr(system, "formula", system)
+        formula = formula_of(system) or system
         is_last = self._last.get("formula") is formula and self._last.get("interval") == interval
         return self._last["proof"] if is_last else None
 

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, final
 
 from pwscont import BranchGraph
 from pwscont.extending import Solution, attempted, counted, named
-from pwscont.graph.exports import Attempt, not_recorded, recorded
 from pwscont.scenes.answer import DEFAULT_LOOK, Answer, Look
 from pwscont.scenes.panels import Shown
 from pwscont.scenes.table import report
@@ -41,10 +41,11 @@ class GraphAnswer(Answer):
         found = [solution for alpha in self.at for solution in self.graph.solutions(alpha)]
         attempts = [attempted(solution) for solution in found]
         solutions = [_solution(*pair) for pair in zip(found, attempts, strict=True)]
-        graph, failed = self.graph.to_dict(), not_recorded(attempts)
-        for key, failures in failed.items():
-            failed[key] = graph.get(key, []) + failures
-        return {"scene": self.scene.name} | graph | {"solutions": solutions} | failed
+        answer = {"scene": self.scene.name} | self.graph.to_dict() | {"solutions": solutions}
+        failed = [why for one in attempts for why in one.values() if isinstance(why, str)]
+        if failed:
+            answer["not_recorded"] = answer.get("not_recorded", []) + failed
+        return answer
 
     def explored(self) -> tuple[Shown, BranchGraph]:
         """Return the scene and the branch graph."""
@@ -61,11 +62,11 @@ class GraphAnswer(Answer):
         return [picture, file]
 
 
-def _solution(solution: Solution, attempt: Attempt) -> dict[str, Any]:
+def _solution(solution: Solution, attempt: Mapping[str, float | str]) -> dict[str, Any]:
     return {
         "alpha": solution.alpha,
         "z": solution.z.tolist(),
-        "recorded": recorded(attempt),
+        "recorded": {k: None if isinstance(v, str) else v for k, v in attempt.items()},
         "label": solution.label,
         "det_sign": solution.det_sign,
         "kind": solution.kind and str(solution.kind),

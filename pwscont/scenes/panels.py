@@ -12,8 +12,7 @@ from typing import Any, Protocol, TypeAlias, final
 import numpy as np
 
 from pwscont import BranchGraph, Character, InvalidInputError, PiecewiseSystem
-from pwscont.basics.quantities import Quantities, as_written, spelled
-from pwscont.extending import Array, Function, Indices
+from pwscont.extending import Array, Function, Indices, Quantities, as_written, spelled
 
 #: The states of a contact node.
 CONTACT_STATES = ("no contact", "stick", "slip+", "slip-")
@@ -126,13 +125,7 @@ class Drawn:
 
     @classmethod
     def of(cls, graph: BranchGraph, what: What) -> Drawn:
-        """Return the quantity for an index, a name or a function.
-
-        Raises
-        ------
-        InvalidInputError
-            If there is no such quantity; UnknownNameError lists similar names.
-        """
+        """Return the quantity for an index, a name or a function."""
         if isinstance(what, Integral):
             return cls._component(graph, int(what))
         if isinstance(what, str):
@@ -175,11 +168,6 @@ def quantity_named(name: str, unknowns: Sequence[str], record: Mapping[str, Func
     """Return the name of an unknown or a recorded quantity, asked for by name or index.
 
     Greek letters may be given in words, ``lambda_t`` for ``λ_t``.
-
-    Raises
-    ------
-    UnknownNameError
-        If the name is not known; the message lists similar names.
     """
     if name.isdecimal() and name not in record and int(name) < len(unknowns):
         return unknowns[int(name)]

@@ -17,13 +17,18 @@ from pwscont import (
     TransitionDetector,
     explore,
 )
-from pwscont.basics.given import checked_kind
-from pwscont.continuation.plan import Plan, checked_detectors, checked_interval
-from pwscont.extending import Function, Report, silent, uninterrupted
+from pwscont.extending import (
+    Function,
+    Report,
+    checked_interval,
+    checked_kind,
+    plan_in_words,
+    silent,
+    uninterrupted,
+)
 from pwscont.scenes.answer import Answer, Runnable, values_within
 from pwscont.scenes.graph_answer import GraphAnswer
 from pwscont.scenes.panels import BodyPicture, Panel, ParameterPath, check_drawn, quantity_named
-from pwscont.search.default_search import default_search
 
 
 @final
@@ -147,10 +152,14 @@ class Scene(Runnable):
 
     def plan(self) -> dict[str, str]:
         """Return the parts of the run, {name: words}, without following a branch."""
-        interval = checked_interval(self.system, self.interval)
-        watched = checked_detectors(self.system, self.detectors, self.events)
-        plan = Plan.of(self.system, interval, self.stepper, watched)
-        return plan.told(self.search or default_search(plan.followed, interval))
+        return plan_in_words(
+            self.system,
+            self.interval,
+            stepper=self.stepper,
+            detectors=self.detectors,
+            events=self.events,
+            search=self.search,
+        )
 
     def solve(self, at: Sequence[float], report: Report) -> Answer:
         """Return the branch graph of the interval, and the solutions at values of alpha."""

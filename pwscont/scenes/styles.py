@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from pwscont.basics.quantities import spelled
+from pwscont.extending import spelled
 
 #: The Greek letter for each word.
 GREEK = {spelled(letter): letter for letter in "αβγδεζηθικλμνξοπρστυφχψωΓΔΘΛΞΠΣΦΨΩ"}

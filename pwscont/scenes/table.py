@@ -14,7 +14,6 @@ from math import isinf
 import numpy as np
 
 from pwscont import BranchGraph
-from pwscont.basics.looks import apart
 from pwscont.extending import (
     CONFIDENCE,
     DUST,
@@ -24,10 +23,10 @@ from pwscont.extending import (
     Piece,
     Solution,
     SpecialPoint,
+    apart,
     counted,
     number,
 )
-from pwscont.graph.exports import magnitudes
 from pwscont.scenes.panels import Shown
 
 #: Kinds of points whose solutions are like the solutions around them, and need no remark.
@@ -156,7 +155,8 @@ def _balance(graph: BranchGraph) -> str:
 
 def _solutions(scene: Shown, graph: BranchGraph, alpha: float, full: bool) -> Iterator[str]:
     found = graph.solutions(alpha)
-    largest = magnitudes(graph)[:-1] if graph.pieces else 0.0
+    sizes = [np.abs(piece.z).max(axis=0) for piece in graph.pieces]
+    largest = np.max(sizes, axis=0) if sizes else 0.0
     given = number(alpha) if float(number(alpha)) == alpha else repr(float(alpha))
     yield f"{counted(len(found), 'solution')} at {graph.parameter} = {given}"
     for i, solution in enumerate(found, start=1):

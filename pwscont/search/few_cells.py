@@ -36,8 +36,8 @@ from pwscont.linear.factorise import last_unit
 from pwscont.search.linear_batch import LinearBatch
 from pwscont.system.contract import jacobian_at, residual_at
 from pwscont.system.promises import checked_necessary, is_bent, refuse_bent, refuse_bent_tests
-from pwscont.system.returned import expect
 from pwscont.system.system import PiecewiseLinearSystem, characters, number_of_cells
+from pwscont.system.values import expect
 
 #: Most unknowns of a system that is solved in a batch; larger systems gain nothing.
 FEW_UNKNOWNS = 64

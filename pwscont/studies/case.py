@@ -21,7 +21,7 @@ from platform import python_version
 from typing import final
 
 from pwscont import PwscontError
-from pwscont.linear.threads import one_thread
+from pwscont.extending import one_thread
 from pwscont.studies.measures import ExploredCase, Measure, Measured
 from pwscont.studies.problem import Grid, Problem, Setting
 

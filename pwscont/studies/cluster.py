@@ -17,7 +17,7 @@ from itertools import islice
 from typing import Any
 
 from pwscont import InvalidInputError, MissingPackageError
-from pwscont.linear.threads import one_thread
+from pwscont.extending import one_thread
 from pwscont.studies.case import CaseRunner, StudyRow, versions
 
 #: Number of cases that are sent ahead; more cases would fill the scheduler's memory.
@@ -35,14 +35,6 @@ def on_cluster(run: CaseRunner, numbers: Iterable[int], address: str) -> Iterato
     numbers : iterable of int
     address : str
         The address of the scheduler, such as ``tcp://10.0.0.1:8786``.
-
-    Raises
-    ------
-    MissingPackageError
-        If Dask is not installed.
-    InvalidInputError
-        If no scheduler answers at the address, workers have different versions, or the scheduler
-        goes away.
     """
     distributed = _distributed()
     with _client(distributed, address) as client:

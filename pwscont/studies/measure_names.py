@@ -65,15 +65,7 @@ FORMS = ", ".join([*SIMPLE, *(f"{name}={form}" for name, (form, _) in WITH_VALUE
 
 
 def measure_named(text: str) -> Measure:
-    """Return the measure of a name, such as ``critical=friction:0.1:5``.
-
-    Raises
-    ------
-    UnknownNameError
-        If no measure has this name; the message lists similar names.
-    InvalidInputError
-        If the value behind the name does not have the form that the measure takes.
-    """
+    """Return the measure of a name, such as ``critical=friction:0.1:5``."""
     name, sign, value = text.partition("=")
     if name in SIMPLE and not sign:
         return SIMPLE[name]()
@@ -99,10 +91,6 @@ def checked_measures(given: Mapping[str, Any] | Iterable[str]) -> dict[str, Meas
     ----------
     given : mapping of str to Measure, callable or str, or iterable of str
         A callable takes a :class:`pwscont.BranchGraph`; a text is the name of a measure.
-
-    Raises
-    ------
-    InvalidInputError, UnknownNameError
     """
     if isinstance(given, str):
         raise InvalidInputError(f"measure must be several names, as in [{given!r}], got a text")

@@ -378,13 +378,7 @@ class CriticalValue(Measure):
 
 
 def plain(value: Any) -> Measured:
-    """Return a measured value as plain Python objects, equal in files and processes.
-
-    Raises
-    ------
-    InvalidInputError
-        If the value is not a number, a text or a sequence of numbers and texts.
-    """
+    """Return a measured value as plain Python objects, equal in files and processes."""
     if isinstance(value, np.generic | np.ndarray):
         value = value.tolist()
     if isinstance(value, list | tuple):

@@ -59,11 +59,6 @@ class Store:
     ----------
     path : path or None
         The file, which is created if missing; None for memory.
-
-    Raises
-    ------
-    InvalidInputError
-        If the file cannot be opened, is in use, is damaged, or is no store.
     """
 
     def __init__(self, path: str | Path | None = None) -> None:
@@ -108,13 +103,7 @@ class Store:
         self._data.close()
 
     def add(self, row: StudyRow) -> None:
-        """Write a row.
-
-        Raises
-        ------
-        InvalidInputError
-            If the row cannot be written.
-        """
+        """Write a row."""
         self._write(row.case, json.dumps(_parts(row)))
 
     @property

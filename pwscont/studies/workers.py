@@ -15,6 +15,7 @@ Failure modes and answers
 
 from __future__ import annotations
 
+import os
 import pickle
 import signal
 from collections import Counter, deque
@@ -25,7 +26,7 @@ from multiprocessing.connection import Connection, wait
 from typing import Any, final
 
 from pwscont import InvalidInputError
-from pwscont.linear.threads import one_thread_in_children
+from pwscont.extending import THREADS
 from pwscont.studies.case import CaseRunner, StudyRow
 
 #: Number of processes that a case may end before the case fails.
@@ -66,6 +67,19 @@ def _no_interrupts() -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
+@contextmanager
+def _one_thread() -> Iterator[None]:
+    """Let BLAS use a single thread in processes that begin here, unless the user sets a number."""
+    decided = any(name in os.environ for name in THREADS)
+    chosen = {} if decided else dict.fromkeys(THREADS, "1")
+    os.environ |= chosen
+    try:
+        yield
+    finally:
+        for name in chosen:
+            del os.environ[name]
+
+
 @final
 class Worker:
     """A process that runs cases.
@@ -82,7 +96,7 @@ class Worker:
         self.case: int | None = None
         self.is_ready = False
         self._pipe, far = SPAWN.Pipe()
-        with one_thread_in_children(), _no_interrupts():
+        with _one_thread(), _no_interrupts():
             self._process = SPAWN.Process(target=serve, args=(far,), daemon=True)
             self._process.start()
         far.close()

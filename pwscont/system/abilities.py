@@ -16,8 +16,8 @@ import numpy as np
 
 from pwscont.basics.arrays import Array, Indices
 from pwscont.basics.character import Character
-from pwscont.basics.errors import InvalidSystemError
 from pwscont.system.system import PiecewiseSystem
+from pwscont.system.values import broken
 
 
 class Compact(ABC):
@@ -57,10 +57,8 @@ def end_of(system: PiecewiseSystem, character: Character, tests: frozenset[int])
     """Return why a curve of a system ends where ``tests`` vanish, None for a curve that goes on."""
     why = system.end(character, tests) if isinstance(system, Ending) else None
     if not (why is None or isinstance(why, str)):
-        raise InvalidSystemError(
-            f"{type(system).__name__}.end must return why a curve ends, a text, or None where it "
-            f"goes on, got {why!r}"
-        )
+        words = "must return why a curve ends, a text, or None where it goes on"
+        raise broken(system, "end", f"{words}, got {why!r}")
     return why
 
 
@@ -87,12 +85,30 @@ class HidesUnknowns(ABC):
 
 
 def shown_size(system: PiecewiseSystem) -> int:
-    """Return the number of unknowns that a user knows."""
+    """Return the number of unknowns that a user knows.
+
+    Examples
+    --------
+    >>> from pwscont import LCP
+    >>> from pwscont.extending import shown_size
+    >>> shown_size(LCP([[1.0]], q=[0.0], d=[1.0]))
+    1
+    """
     return system.shown if isinstance(system, HidesUnknowns) else system.size
 
 
 def completed(system: PiecewiseSystem, z: Array, alpha: float) -> Array:
-    """Return all unknowns from the unknowns that a user knows."""
+    """Return all unknowns from the unknowns that a user knows.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pwscont import Switched
+    >>> from pwscont.extending import completed
+    >>> nested = Switched(1, lambda z, t, sw: z - sw.relu(sw.relu(z - t) - 1.0))
+    >>> completed(nested, np.array([2.0]), 0.5).size
+    2
+    """
     return system.with_hidden(z, alpha) if isinstance(system, HidesUnknowns) else z
 
 
@@ -111,7 +127,15 @@ def shown_points(system: PiecewiseSystem, points: Array) -> Array:
 
 
 def all_names(system: PiecewiseSystem) -> tuple[str, ...]:
-    """Return a name for every unknown, including hidden unknowns."""
+    """Return a name for every unknown, including hidden unknowns.
+
+    Examples
+    --------
+    >>> from pwscont import Switched
+    >>> from pwscont.extending import all_names
+    >>> all_names(Switched(1, lambda z, t, sw: z - sw.relu(sw.relu(z - t) - 1.0)))
+    ('z[0]', 'hidden[0]')
+    """
     names = tuple(system.names())
     return (*names, *(f"hidden[{i}]" for i in range(system.size - len(names))))
 
@@ -186,6 +210,32 @@ class ExactData(ABC):
         return None
 
 
+class ExactRates(ABC):
+    """A system with memory that hands over its law of friction as exact numbers, for proofs."""
+
+    __slots__ = ()
+
+    @abstractmethod
+    def exact_rates(self) -> tuple[Array, Array, Array, Array]:
+        """Return A (n, n), N and T (p, n), and F (p,) of contact with friction."""
+
+
+class GivesFormula(ABC):
+    """A system made from a function f(z, alpha, sw) of a user, which proofs evaluate anew."""
+
+    __slots__ = ()
+
+    @property
+    @abstractmethod
+    def formula(self) -> Any:
+        """The user's function of (z, alpha, sw)."""
+
+
+def formula_of(system: PiecewiseSystem) -> Any:
+    """Return the formula of a system, None for a system that is a class of its own."""
+    return system.formula if isinstance(system, GivesFormula) else None
+
+
 class Reducible(ABC):
     """A system that may know a smaller system with the same solutions."""
 
@@ -253,15 +303,11 @@ class Reduction:
 
     def points(self, points: Array, size: int) -> Array:
         """Return points (..., z, alpha) with the unknowns left out put back."""
-        if self.recovery is not None:
-            return self.recovery.points(points)
-        return self._put_back(points, size)
+        return self.recovery.points(points) if self.recovery else self._put_back(points, size)
 
     def errors(self, errors: Array, size: int) -> Array:
         """Return errors of points, with the errors of the unknowns left out."""
-        if self.recovery is not None:
-            return self.recovery.errors(errors)
-        return self._put_back(errors, size)
+        return self.recovery.errors(errors) if self.recovery else self._put_back(errors, size)
 
     def _put_back(self, points: Array, size: int) -> Array:
         full = np.zeros((*points.shape[:-1], size + 1))
@@ -270,10 +316,8 @@ class Reduction:
 
     def state(self, z: Array) -> Array:
         """Return the unknowns that remain of a state of the full system."""
-        if self.recovery is not None:
-            return self.recovery.state(z)
-        kept: Array = z[self.kept]
-        return kept
+        state: Array = self.recovery.state(z) if self.recovery else z[self.kept]
+        return state
 
     def character(self, character: Character) -> Character:
         """Return the character of the full system."""
@@ -282,6 +326,7 @@ class Reduction:
         return Character.of(np.where(signs, 1.0, -1.0))
 
 
+#: The abilities that a system of a user may have, for :func:`check_abilities`.
 ABILITIES = (
     Ending,
     Reducible,
@@ -291,22 +336,14 @@ ABILITIES = (
     DecidesCorners,
     ExactData,
 )
-#: The methods of all abilities.
-METHODS = [(name, ability) for ability in ABILITIES for name in sorted(ability.__abstractmethods__)]
 
 
 def check_abilities(system: PiecewiseSystem) -> None:
-    """Refuse a method that is never called as the system does not derive from the ability.
-
-    Raises
-    ------
-    InvalidSystemError
-    """
+    """Refuse a method that is never called, as the system does not derive from the ability."""
     kind = type(system)
-    for method, ability in METHODS:
-        if callable(getattr(kind, method, None)) and not isinstance(system, ability):
-            raise InvalidSystemError(
-                f"{kind.__name__}.{method} would never be called, for {kind.__name__} does not "
-                f"derive from pwscont.extending.{ability.__name__}: let it, or give the method "
-                "another name"
-            )
+    for ability in ABILITIES:
+        for method in sorted(ability.__abstractmethods__):
+            if callable(getattr(kind, method, None)) and not isinstance(system, ability):
+                words = f"would never be called, for {kind.__name__} does not derive from"
+                what = f"pwscont.extending.{ability.__name__}: let it, or give the method"
+                raise broken(system, method, f"{words} {what} another name")

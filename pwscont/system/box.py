@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, final
 import numpy as np
 
 from pwscont.basics.arrays import Array
-from pwscont.basics.errors import InvalidSystemError
+from pwscont.system.values import broken
 
 if TYPE_CHECKING:
     from pwscont.system.system import PiecewiseSystem
@@ -30,16 +30,14 @@ MOST_DEVIATIONS = 8.0
 @final
 @dataclass(frozen=True, slots=True, eq=False)
 class Box:
-    """The bounds and periods of the n unknowns.
+    """The bounds and periods of the n unknowns, shape (n,), infinite where there are none.
 
-    Attributes
-    ----------
-    lower, upper : ndarray, shape (n,)
-        Infinite if there is no bound.
-    period : ndarray, shape (n,)
-        Infinite if an unknown is not periodic.
-    is_bounded, is_periodic : bool
-        Whether there is any bound, and any period.
+    Examples
+    --------
+    >>> from pwscont import LCP
+    >>> from pwscont.extending import Box
+    >>> Box.of(LCP([[1.0]], q=[0.0], d=[1.0])).is_bounded
+    False
     """
 
     lower: Array
@@ -56,34 +54,23 @@ class Box:
 
     @classmethod
     def of(cls, system: PiecewiseSystem) -> Box:
-        """Return the box of a system.
-
-        Raises
-        ------
-        InvalidSystemError
-            If bounds() or periods() do not fit the number of unknowns, or make no sense.
-        """
-        name, size = type(system).__name__, system.size
+        """Return the box of a system, or refuse bounds and periods that do not fit."""
         bounds = system.bounds()
         if not isinstance(bounds, tuple | list) or len(bounds) != 2:
-            raise InvalidSystemError(f"{name}.bounds() must return (lower, upper), got {bounds!r}")
+            raise broken(system, "bounds()", f"must return (lower, upper), got {bounds!r}")
         periods = system.periods()
         if _are_infinite(*bounds, periods):
-            return _everywhere(size)
-        lower, upper = (_broadcast(f"{name}.bounds()", end, size) for end in bounds)
-        period = _broadcast(f"{name}.periods()", periods, size)
+            return _everywhere(system.size)
+        lower, upper = (_broadcast(system, "bounds()", end) for end in bounds)
+        period = _broadcast(system, "periods()", periods)
         period[period == 0.0] = np.inf
         if not (lower < upper).all():
             i = int(np.flatnonzero(~(lower < upper))[0])
-            raise InvalidSystemError(
-                f"{name}.bounds() needs lower < upper, but for {system.names()[i]} they are "
-                f"{lower[i]} and {upper[i]}"
-            )
+            words = f"needs lower < upper, but for {system.names()[i]} they are"
+            raise broken(system, "bounds()", f"{words} {lower[i]} and {upper[i]}")
         if not (period > 0.0).all():
-            raise InvalidSystemError(
-                f"{name}.periods() must return positive numbers, infinite where an unknown is not "
-                f"periodic, got {period[~(period > 0.0)][0]}"
-            )
+            words = "must return positive numbers, infinite where an unknown is not periodic"
+            raise broken(system, "periods()", f"{words}, got {period[~(period > 0.0)][0]}")
         return cls(lower, upper, period)
 
     def contains(self, z: Array, error: Array) -> bool:
@@ -91,20 +78,17 @@ class Box:
         return bool(((z >= self.lower - error) & (z <= self.upper + error)).all())
 
     def centre(self, scale: Array) -> Array:
-        """Return the point nearest to zero that is a typical magnitude inside the bounds.
-
-        The middle, for an interval shorter than two magnitudes.
-        """
+        """Return the point nearest to zero that is a typical magnitude inside the bounds."""
+        # the middle, for an interval shorter than two magnitudes
         depth = np.minimum(scale, 0.5 * (self.upper - self.lower))
         return np.clip(np.zeros(len(depth)), self.lower + depth, self.upper - depth)
 
     def guess(
         self, normal: Array, even: Array, deviation: Array, near: Array | None = None
     ) -> Array:
-        """Return a random point inside, made of random numbers.
+        """Return a random point inside, of normal numbers and of even numbers in (-1/2, 1/2).
 
-        ``normal`` are normally distributed, ``even`` evenly in (-1/2, 1/2). The point is normally
-        distributed with this deviation around ``near``, or around the centre. Around the centre, an
+        The point is normally distributed around ``near`` or the centre; around the centre, an
         unknown with a narrow range or a short period is distributed evenly over the range.
         """
         if near is not None:
@@ -144,14 +128,14 @@ def _everywhere(size: int) -> Box:
     return Box(*ends)
 
 
-def _broadcast(what: str, values: Any, size: int) -> Array:
-    """Return values, which may be infinite, as numbers of shape (size,)."""
+def _broadcast(system: PiecewiseSystem, method: str, values: Any) -> Array:
+    """Return values, which may be infinite, as numbers of shape (n,)."""
+    shape = (system.size,)
     try:
-        array = np.array(np.broadcast_to(np.asarray(values, dtype=float), (size,)))
+        array = np.array(np.broadcast_to(np.asarray(values, dtype=float), shape))
     except (TypeError, ValueError) as error:
-        raise InvalidSystemError(
-            f"{what} must return numbers that can be broadcast to shape ({size},), got {values!r}"
-        ) from error
+        words = f"must return numbers that can be broadcast to shape {shape}, got {values!r}"
+        raise broken(system, method, words) from error
     if np.isnan(array).any():
-        raise InvalidSystemError(f"{what} must return numbers, got {values!r}")
+        raise broken(system, method, f"must return numbers, got {values!r}")
     return array

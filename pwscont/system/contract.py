@@ -18,10 +18,9 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
 from inspect import isfunction, signature
 from itertools import pairwise
-from typing import Any, final
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -42,8 +41,9 @@ from pwscont.basics.looks import at, short
 from pwscont.basics.quantities import checked_names
 from pwscont.basics.rounding import EPS
 from pwscont.system.abilities import check_abilities, shown_size
-from pwscont.system.differences import Differences
-from pwscont.system.returned import (
+from pwscont.system.system import PiecewiseLinearSystem, PiecewiseSystem, SlicewiseLinearSystem
+from pwscont.system.values import (
+    broken,
     checked_array,
     checked_matrix,
     expect,
@@ -51,7 +51,6 @@ from pwscont.system.returned import (
     own_matrix,
     refuse_unusual,
 )
-from pwscont.system.system import PiecewiseLinearSystem, PiecewiseSystem, SlicewiseLinearSystem
 
 #: The methods that a system may override -> the arguments in words.
 METHODS = {
@@ -62,48 +61,18 @@ METHODS = {
 }
 #: The attributes of a system that are no methods.
 VALUES = ("domain", "degree", "unique", "line_styles")
-
-
 #: Most unknowns of a system: a larger number is a slip of the pen.
 MOST_UNKNOWNS = 10**7
 #: Largest difference of two values at the same point, relative to the terms: threads sum in another
 #: order.
 MOST_ROUNDING = EPS**0.75
 
-
-@final
-@dataclass(frozen=True, slots=True, eq=False)
-class Sample:
-    """The values that a system returned at a point.
-
-    Attributes
-    ----------
-    x : ndarray, shape (n + 1,)
-    character : Character
-    tests, residual : ndarray, shapes (m,) and (n,)
-    gradients, jacobian : ndarray or sparse matrix, shapes (m, n + 1) and (n, n + 1)
-    """
-
-    x: Array
-    character: Character
-    tests: Array
-    gradients: Matrix
-    residual: Array
-    jacobian: Matrix
+#: Character, tests, gradients, residual and Jacobian of a system at a point.
+Values: TypeAlias = tuple[Character, Array, Matrix, Array, Matrix]
 
 
-def check_contract(system: PiecewiseSystem, z: Array, alpha: float) -> Sample:
-    """Call every method of a system at a point and check the shapes of all values.
-
-    Returns
-    -------
-    Sample
-
-    Raises
-    ------
-    InvalidSystemError
-        The message names the method, the value returned and the value expected.
-    """
+def check_contract(system: PiecewiseSystem, z: Array, alpha: float) -> Values:
+    """Return the values of all methods of a system at a point, or refuse values that do not fit."""
     given, tests = z.copy(), system.test_functions(z, alpha)
     tests = own_array(system, "test_functions", tests, (np.size(tests),))
     character, m = Character.of(tests), len(tests)
@@ -115,12 +84,10 @@ def check_contract(system: PiecewiseSystem, z: Array, alpha: float) -> Sample:
     expect(system, "test_jacobian", gradients, (m, system.size + 1))
     refuse_unusual(system, "test_jacobian", gradients)
     if not isinstance(label := system.label(character), str):
-        raise InvalidSystemError(f"{type(system).__name__}.label must return a text, got {label!r}")
+        raise broken(system, "label", f"must return a text, got {label!r}")
     bounding = _bounding(system, character)
     if beyond := bounding[(bounding < 0) | (bounding >= m)].tolist():
-        raise InvalidSystemError(
-            f"{type(system).__name__}.bounding_tests returned {beyond}, but there are {m} tests"
-        )
+        raise broken(system, "bounding_tests", f"returned {beyond}, but there are {m} tests")
     if not is_everywhere(z == given):
         raise InvalidSystemError(
             f"a method of {type(system).__name__} writes to its argument z; let it work on a copy"
@@ -128,7 +95,7 @@ def check_contract(system: PiecewiseSystem, z: Array, alpha: float) -> Sample:
     if not is_linear:
         terms = product(abs(jacobian), np.abs(joined(z, alpha)))
         _refuse_chance(system, residual, again, terms)
-    return Sample(joined(z, alpha), character, tests, gradients, residual, jacobian)
+    return character, tests, gradients, residual, jacobian
 
 
 def _again(system: PiecewiseSystem, z: Array, alpha: float, character: Character) -> Array:
@@ -139,25 +106,20 @@ def _again(system: PiecewiseSystem, z: Array, alpha: float, character: Character
     except ValueError as error:
         if "read-only" not in str(error):
             raise
-        raise InvalidSystemError(
-            f"{type(system).__name__}.residual writes to its argument z; let it work on a copy"
-        ) from error
+        words = "writes to its argument z; let it work on a copy"
+        raise broken(system, "residual", words) from error
 
 
 def _refuse_chance(system: PiecewiseSystem, first: Array, second: Array, terms: Array) -> None:
-    """Refuse a residual with two values at the same point, which no curve belongs to.
-
-    Sums of the terms in another order, as threads make, are no reason.
-    """
+    """Refuse two values at the same point that differ by more than sums in another order do."""
     if np.array_equal(first, second, equal_nan=True):
         return
     apart = np.abs(second - first)
     if (apart > MOST_ROUNDING * (np.abs(first) + np.abs(second) + terms)).any():
         i = int(np.argmax(apart))
-        raise InvalidSystemError(
-            f"{type(system).__name__}.residual returned {first[i]} and then {second[i]} in row {i} "
-            "at the same point: H must depend on (z, alpha) only, and not on chance"
-        )
+        words = f"returned {first[i]} and then {second[i]} in row {i} at the same point"
+        why = "H must depend on (z, alpha) only, and not on chance"
+        raise broken(system, "residual", f"{words}: {why}")
 
 
 def _bounding(system: PiecewiseSystem, character: Character) -> Indices:
@@ -167,77 +129,44 @@ def _bounding(system: PiecewiseSystem, character: Character) -> Indices:
         numbers = indices(found)
         if numbers.ndim == 1:
             return numbers
-    raise InvalidSystemError(
-        f"{type(system).__name__}.bounding_tests must return a sequence of the numbers of tests, "
-        f"got {short(repr(found))}"
-    )
+    words = f"must return a sequence of the numbers of tests, got {short(repr(found))}"
+    raise broken(system, "bounding_tests", words)
 
 
 def check_declaration(system: PiecewiseSystem) -> None:
-    """Refuse attributes, names or methods of a system that do not fit, before any method is used.
-
-    Raises
-    ------
-    InvalidSystemError
-    """
+    """Refuse attributes, names or methods that do not fit, before any method is used."""
     check_attributes(system)
     check_names(system)
     check_abilities(system)
 
 
 def check_attributes(system: PiecewiseSystem) -> None:
-    """Refuse a value where a method belongs, a method where a value does, and a wrong size.
-
-    Raises
-    ------
-    InvalidSystemError
-    """
+    """Refuse a value where a method belongs, a method where a value does, and a wrong size."""
     _check_size(system)
-    kind = type(system).__name__
-    if not _has_methods(system):
-        for name, arguments in METHODS.items():
-            if not callable(given := getattr(system, name, _check_size)):
-                what = f"must be a method, def {name}({arguments}), got {short(repr(given))}"
-                raise InvalidSystemError(f"{kind}.{name} {what}")
+    for name, arguments in METHODS.items():
+        if not callable(found := getattr(system, name, _check_size)):
+            words = f"must be a method, def {name}({arguments}), got {short(repr(found))}"
+            raise broken(system, name, words)
     for name in VALUES:
         if callable(getattr(system, name)):
-            raise InvalidSystemError(f"{kind}.{name} must be a value, not a method: {name} = ...")
-
-
-def _has_methods(system: PiecewiseSystem) -> bool:
-    """Tell whether all methods are functions of the class, as nearly always."""
-    kind = type(system)
-    given = [getattr(kind, name, _check_size) for name in METHODS]
-    return all(map(callable, given)) and METHODS.keys().isdisjoint(vars(system))
+            raise broken(system, name, f"must be a value, not a method: {name} = ...")
 
 
 def _check_size(system: PiecewiseSystem) -> None:
     """Refuse a system without a number of unknowns."""
     size = getattr(system, "size", None)
     if isinstance(size, bool) or not isinstance(size, int | np.integer) or size < 1:
-        raise InvalidSystemError(
-            f"{type(system).__name__}.size must be the number of unknowns, got {size!r}"
-        )
+        raise broken(system, "size", f"must be the number of unknowns, got {size!r}")
     if size > MOST_UNKNOWNS:
-        raise InvalidSystemError(
-            f"{type(system).__name__}.size is {size}; more than {MOST_UNKNOWNS} unknowns do not "
-            "fit into the memory of a computer"
-        )
+        words = f"more than {MOST_UNKNOWNS} unknowns do not fit into the memory of a computer"
+        raise broken(system, "size", f"is {size}; {words}")
 
 
 def checked_scale(system: PiecewiseSystem, magnitudes: Any) -> Array:
-    """Return the typical magnitudes that a system gives, shape (n,).
-
-    Raises
-    ------
-    InvalidInputError, InvalidSystemError
-        If there are not as many positive numbers as unknowns.
-    """
+    """Return typical magnitudes, shape (n,), or refuse other than n positive numbers."""
     scale = finite_array(f"{type(system).__name__}.scale()", magnitudes)
     if scale.shape != (system.size,) or not is_everywhere(scale > 0.0):
-        raise InvalidSystemError(
-            f"{type(system).__name__}.scale() must return {system.size} positive numbers"
-        )
+        raise broken(system, "scale()", f"must return {system.size} positive numbers")
     return scale
 
 
@@ -258,31 +187,21 @@ def checked_magnitudes(magnitudes: Any, size: int) -> Array | None:
 
 
 def check_names(system: PiecewiseSystem) -> None:
-    """Refuse names unless there is a text for each unknown and all names differ.
-
-    Raises
-    ------
-    InvalidSystemError
-    """
+    """Refuse names unless there is a text for each unknown and all names differ."""
     if type(system).names is PiecewiseSystem.names:
         return
-    method = f"{type(system).__name__}.names()"
-    given = system.names()
-    if isinstance(given, str) or not isinstance(given, Iterable):
-        raise InvalidSystemError(f"{method} must return {shown_size(system)} texts, got {given!r}")
-    names = checked_names(tuple(given), shown_size(system))
+    found = system.names()
+    if isinstance(found, str) or not isinstance(found, Iterable):
+        words = f"must return {shown_size(system)} texts, got {found!r}"
+        raise broken(system, "names()", words)
+    names = checked_names(tuple(found), shown_size(system))
     if len(set(names)) < len(names):
         twice = next(name for name, number in Counter(names).items() if number > 1)
-        raise InvalidSystemError(f"{method} gives several unknowns the name {twice!r}")
+        raise broken(system, "names()", f"gives several unknowns the name {twice!r}")
 
 
 def check_parameter(parameter: Any) -> None:
-    """Refuse a name of the parameter that is no text.
-
-    Raises
-    ------
-    InvalidInputError
-    """
+    """Refuse a name of the parameter that is no text."""
     if not (isinstance(parameter, str) and parameter):
         raise InvalidInputError(f"parameter must be a text, got {parameter!r}")
 
@@ -300,15 +219,7 @@ def residual_at(system: PiecewiseSystem, z: Array, alpha: float, character: Char
 
 
 def kink_at(system: PiecewiseLinearSystem, before: Character, after: Character, test: int) -> Array:
-    """Return c of ``H_after - H_before = c kappa_test``, shape (n,), as stated by the system.
-
-    The system may reuse the array for the next value.
-
-    Raises
-    ------
-    InvalidSystemError
-        If the value is no vector of that length.
-    """
+    """Return the system's c of ``H_after - H_before = c kappa_test``, shape (n,), not a copy."""
     return checked_array(system, "kink", system.kink(before, after, test), (system.size,))
 
 
@@ -343,75 +254,59 @@ WITHIN = 100.0
 
 
 def refuse_wrong_jacobian(system: PiecewiseSystem, character: Character, x: Array) -> None:
-    """Refuse a Jacobian that is not the derivative of H next to a point; differences need no check.
-
-    Raises
-    ------
-    InvalidSystemError
-        Naming the row, and the point.
-    """
-    if _is_inherited(system.jacobian, PiecewiseSystem.jacobian):
-        return
-    y, direction = _beside(system.differences(float(x[-1])), x)
-    given = jacobian_at(system, y[:-1], float(y[-1]), character)
+    """Refuse a Jacobian that is not the derivative of H next to a point."""
+    if not system.knows_jacobian:
+        return  # differences need no check
 
     def residual(y: Array) -> Array:
         return residual_at(system, y[:-1], float(y[-1]), character)
 
-    what = f"jacobian in {system.label(character)}", "residual"
-    _refuse(system, what, _wrong_row(residual, given, y, direction), y)
+    def jacobian(y: Array) -> Matrix:
+        return jacobian_at(system, y[:-1], float(y[-1]), character)
+
+    what = f"jacobian in {system.label(character)}"
+    _refuse_wrong_derivative(system, what, jacobian, residual, x)
 
 
 def refuse_wrong_gradients(system: PiecewiseSystem, x: Array) -> None:
-    """Refuse gradients that are not the derivatives of the tests next to a point, as for H.
-
-    Raises
-    ------
-    InvalidSystemError
-    """
-    if _is_inherited(system.test_jacobian, PiecewiseSystem.test_jacobian):
+    """Refuse gradients that are not the derivatives of the tests next to a point, as for H."""
+    if getattr(system.test_jacobian, "__func__", None) is PiecewiseSystem.test_jacobian:
         return
-    y, direction = _beside(system.differences(float(x[-1])), x)
-    given = system.test_jacobian(y[:-1], float(y[-1]))
 
-    def tests(y: Array) -> Array:
+    def test_functions(y: Array) -> Array:
         return np.array(system.test_functions(y[:-1], float(y[-1])), dtype=float)
 
-    what = "test_jacobian", "test_functions"
-    _refuse(system, what, _wrong_row(tests, given, y, direction), y)
+    def gradients(y: Array) -> Matrix:
+        return system.test_jacobian(y[:-1], float(y[-1]))
+
+    _refuse_wrong_derivative(system, "test_jacobian", gradients, test_functions, x)
 
 
-def _is_inherited(method: Callable[..., Matrix], default: Callable[..., Matrix]) -> bool:
-    """Tell whether a method is the default, not replaced in a class or on the instance."""
-    return getattr(method, "__func__", None) is default
-
-
-def _beside(differences: Differences, x: Array) -> tuple[Array, Array]:
-    """Return a point beside x, and a direction in which all steps stay in the interval."""
-    direction = differences.scale * generic(len(x))
-    y, reach = x + DISTANCE_TO_POINT * direction, max(STEPS) * abs(direction[-1])
+def _refuse_wrong_derivative(
+    system: PiecewiseSystem,
+    what: str,
+    derivative: Callable[[Array], Matrix],
+    function: Callable[[Array], Array],
+    at_point: Array,
+) -> None:
+    """Refuse a derivative with a row that is not the function's, along a direction by a point."""
+    differences = system.differences(float(at_point[-1]))
+    direction = differences.scale * generic(len(at_point))
+    x, reach = at_point + DISTANCE_TO_POINT * direction, max(STEPS) * abs(direction[-1])
     if differences.hi - differences.lo <= 2.0 * reach:
         direction[-1] = 0.0
-    else:
-        y[-1] = min(max(y[-1], differences.lo + reach), differences.hi - reach)
-    return y, direction
-
-
-def _wrong_row(
-    function: Callable[[Array], Array], given: Matrix, x: Array, direction: Array
-) -> int | None:
-    """Return the row in which a derivative is not the function's; None if there is no such row."""
-    slopes, terms = product(given, direction), product(abs(given), np.abs(direction))
+    else:  # all steps stay in the interval
+        x[-1] = min(max(x[-1], differences.lo + reach), differences.hi - reach)
+    matrix = derivative(x)
+    slopes, terms = product(matrix, direction), product(abs(matrix), np.abs(direction))
     terms[~np.isfinite(terms)] = 0.0  # nan is wrong where the function has a slope
     quotients: list[Array] = []
     wrong = np.ones(len(slopes), dtype=bool)
     for step in STEPS:
         ahead, behind = x + step * direction, x - step * direction
-        if (
-            np.abs((ahead - behind) / (2.0 * step) - direction)
-            > EQUAL_QUOTIENTS * np.abs(direction)
-        ).any():
-            return None
+        lost = np.abs((ahead - behind) / (2.0 * step) - direction)
+        if (lost > EQUAL_QUOTIENTS * np.abs(direction)).any():
+            return
         after, before = function(ahead), function(behind)
         quotients.append((after - before) / (2.0 * step))
         sizes = terms + np.abs(quotients[0])
@@ -421,14 +316,7 @@ def _wrong_row(
         for one, other in pairwise(quotients):
             wrong &= np.abs(one - other) <= EQUAL_QUOTIENTS * sizes
         if not wrong.any():
-            return None  # nearly always at once
-    return int(np.flatnonzero(wrong)[0])
-
-
-def _refuse(system: PiecewiseSystem, what: tuple[str, str], row: int | None, x: Array) -> None:
-    if row is not None:
-        given, function = what
-        raise InvalidSystemError(
-            f"{type(system).__name__}.{given} is wrong in row {row}: it is not the derivative of "
-            f"{function} at {at(x)}; check_system tells by how much"
-        )
+            return  # nearly always at once
+    words = f"is wrong in row {np.flatnonzero(wrong)[0]}: it is not the derivative of"
+    there = f"{function.__name__} at {at(x)}; check_system tells by how much"
+    raise broken(system, what, f"{words} {there}")

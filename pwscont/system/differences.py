@@ -53,14 +53,16 @@ T = TypeVar("T")
 class Differences:
     """Differences for functions of x = (z, alpha).
 
-    Attributes
-    ----------
-    scale : ndarray, shape (n + 1,)
-        Typical magnitudes of z, and the length of the interval.
-    lo, hi : float
-        The interval of alpha; nothing is evaluated outside; may be infinite.
-    part : float
-        What part of the usual steps is taken.
+    ``scale`` has typical magnitudes of z, then the length of the interval of alpha; nothing is
+    evaluated outside [lo, hi]. ``part`` of the usual steps is taken.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pwscont.extending import Differences
+    >>> square = Differences(np.ones(2)).jacobian(lambda x: x[:1] ** 2, np.array([3.0, 0.0]))
+    >>> [float(slope) for slope in square.round(6)[0]]
+    [6.0, 0.0]
     """
 
     scale: Array
@@ -76,10 +78,9 @@ class Differences:
     @property
     def far(self) -> float:
         """Another value of alpha in the interval, as far from the first as possible."""
-        return self.hi if np.isfinite(self.hi - self.lo) else self.base + self._towards_far()
-
-    def _towards_far(self) -> float:
-        return 1.0 if self.base + 1.0 <= self.hi else -1.0
+        if np.isfinite(self.hi - self.lo):
+            return self.hi
+        return self.base + (1.0 if self.base + 1.0 <= self.hi else -1.0)
 
     def contains(self, alpha: float) -> bool:
         """Tell whether a value of alpha lies in the interval."""
@@ -110,23 +111,13 @@ class Differences:
         return np.stack(columns, axis=1)
 
     def exact_in_z(self, function: Function, x: Array) -> Array:
-        """Return the Jacobian at ``x`` of a ``function`` that is affine in z at every fixed alpha.
-
-        The columns of z are right to rounding, and zero where the function does not change.
-        """
+        """Return the Jacobian at ``x`` of a ``function`` that is affine in z at every alpha."""
         start = np.append(np.zeros(len(x) - 1), x[-1])
         columns = _chords(function, start, _power_of_two(self.scale[:-1]))
         return np.stack([*columns, self._by_alpha(function, x)], axis=1)
 
     def along(self, function: Function, x: Array, direction: Array) -> Array:
-        """Return the derivative of ``function`` along a direction, to fourth order.
-
-        Parameters
-        ----------
-        function : callable
-        x, direction : ndarray, shape (n + 1,)
-            The direction may have any length except zero.
-        """
+        """Return the derivative along a direction, of any length but zero, to fourth order."""
         fine = self.part * FINE_STEP / float(np.abs(direction / self.scale).max())
         step = fine * direction
         reach = 2.0 * abs(float(step[-1]))
@@ -200,10 +191,7 @@ def _value(function: Callable[[T], Array], x: T) -> Array:
 
 
 def _chords(function: Function, x: Array, ends: Array) -> list[Array]:
-    """Return the slopes of ``function`` as a single entry of ``x`` at a time moves to ``ends``.
-
-    The quotients are not rounded if entries change from zero to powers of two.
-    """
+    """Return the slopes of ``function`` as a single entry of ``x`` at a time moves to ``ends``."""
     origin, slopes = _value(function, x), []
     for j, end in enumerate(ends):
         other = x.copy()

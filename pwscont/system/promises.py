@@ -31,6 +31,7 @@ from pwscont.basics.arrays import (
     dense,
     generic,
     is_everywhere,
+    joined,
     largest,
     product,
     smallest,
@@ -39,8 +40,13 @@ from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidSystemError
 from pwscont.basics.looks import at, short
 from pwscont.basics.rounding import CONFIDENCE, EPS, GUARD
-from pwscont.system.contract import Sample, residual_at
-from pwscont.system.returned import expect, refuse_infinite
+from pwscont.system.contract import (
+    Values,
+    check_contract,
+    refuse_wrong_gradients,
+    refuse_wrong_jacobian,
+    residual_at,
+)
 from pwscont.system.selection import Selection
 from pwscont.system.system import (
     Block,
@@ -48,65 +54,12 @@ from pwscont.system.system import (
     PiecewiseSystem,
     SlicewiseLinearSystem,
 )
+from pwscont.system.values import broken, expect, refuse_infinite
 
 #: Largest magnitude whose square, and whose inverse's square, are normal numbers.
 LARGEST_TO_SQUARE = 1e150
 #: Smallest terms of H whose sum loses no digits to underflow.
 LEAST_TERMS = float(np.finfo(float).tiny) / EPS
-
-
-def refuse_extreme_tests(system: PiecewiseSystem, changes: Array) -> None:
-    """Refuse tests whose typical changes have squares that overflow or underflow.
-
-    Parameters
-    ----------
-    system : PiecewiseSystem
-    changes : ndarray, shape (m,)
-        By how much each test changes over typical magnitudes of (z, alpha).
-
-    Raises
-    ------
-    InvalidSystemError
-    """
-    if (
-        len(changes)
-        and largest(changes) <= LARGEST_TO_SQUARE
-        and smallest(changes) >= 1.0 / LARGEST_TO_SQUARE
-    ):
-        return  # nearly always
-    bad = np.flatnonzero(
-        (changes > LARGEST_TO_SQUARE) | ((changes < 1.0 / LARGEST_TO_SQUARE) & (changes > 0.0))
-    )
-    if len(bad):
-        raise InvalidSystemError(
-            f"{system.test_name(int(bad[0]))} of {type(system).__name__} typically changes by "
-            f"{changes[bad[0]]:.3g}, outside the range [{1.0 / LARGEST_TO_SQUARE:g}, "
-            f"{LARGEST_TO_SQUARE:g}] in which squares can be computed: multiply the test function "
-            "by a constant"
-        )
-
-
-def refuse_extreme_rows(system: PiecewiseSystem, terms: Array) -> None:
-    """Refuse equations whose terms are so small that the values lose digits to underflow.
-
-    Parameters
-    ----------
-    system : PiecewiseSystem
-    terms : ndarray, shape (n,)
-        How large the terms of each row are.
-
-    Raises
-    ------
-    InvalidSystemError
-    """
-    bad = np.flatnonzero((terms > 0.0) & (terms < LEAST_TERMS))
-    if len(bad):
-        raise InvalidSystemError(
-            f"row {bad[0]} of {type(system).__name__}.residual is typically {terms[bad[0]]:.3g}, "
-            f"less than {LEAST_TERMS:.3g}, where numbers lose digits: multiply it by a constant"
-        )
-
-
 #: Largest difference of a function promised to be affine from an affine model, as a part of the
 #: function's terms: far more than rounding, far less than a curved function does over typical
 #: magnitudes.
@@ -119,39 +72,64 @@ PROBES = 8
 CELLS = 8
 
 
-def check_promises(system: PiecewiseSystem, interval: tuple[float, float], sample: Sample) -> None:
-    """Compare a system with the promises of the class at a point and a far point.
+def refuse_extreme_tests(system: PiecewiseSystem, changes: Array) -> None:
+    """Refuse tests whose typical changes, shape (m,), have squares that overflow or underflow."""
+    least = 1.0 / LARGEST_TO_SQUARE
+    if len(changes) and largest(changes) <= LARGEST_TO_SQUARE and smallest(changes) >= least:
+        return  # nearly always
+    bad = np.flatnonzero((changes > LARGEST_TO_SQUARE) | ((changes < least) & (changes > 0.0)))
+    if len(bad):
+        raise InvalidSystemError(
+            f"{system.test_name(int(bad[0]))} of {type(system).__name__} typically changes by "
+            f"{changes[bad[0]]:.3g}, outside the range [{least:g}, {LARGEST_TO_SQUARE:g}] in which "
+            "squares can be computed: multiply the test function by a constant"
+        )
 
-    Parameters
-    ----------
-    system : PiecewiseSystem
-        Fitted to the interval.
-    interval : tuple of float
-    sample : Sample
-        The values of the system at a point of the interval.
 
-    Raises
-    ------
-    InvalidSystemError
-        If selections or tests are promised to be affine, and are not, or blocks do not fit.
-    """
+def refuse_extreme_rows(system: PiecewiseSystem, terms: Array) -> None:
+    """Refuse equations whose terms, shape (n,), are so small that values lose digits."""
+    bad = np.flatnonzero((terms > 0.0) & (terms < LEAST_TERMS))
+    if len(bad):
+        raise InvalidSystemError(
+            f"row {bad[0]} of {type(system).__name__}.residual is typically {terms[bad[0]]:.3g}, "
+            f"less than {LEAST_TERMS:.3g}, where numbers lose digits: multiply it by a constant"
+        )
+
+
+def check_start(
+    system: PiecewiseSystem, interval: tuple[float, float], z: Array, alpha: float
+) -> None:
+    """Refuse a system, fitted to the interval, that breaks contract or promises at a start."""
+    values = check_contract(system, z, alpha)
+    character, _, _, residual, jacobian = values
+    terms = np.abs(residual) + product(abs(jacobian), system.differences(alpha).scale)
+    refuse_extreme_rows(system, terms)
+    x = joined(z, alpha)
+    check_promises(system, interval, x, values)
+    if not isinstance(system, PiecewiseLinearSystem):
+        with np.errstate(all="ignore"):
+            refuse_wrong_jacobian(system, character, x)
+            refuse_wrong_gradients(system, x)
+
+
+def check_promises(
+    system: PiecewiseSystem, interval: tuple[float, float], x: Array, values: Values
+) -> None:
+    """Compare a system, fitted to the interval, with its promises at a point and a far point."""
     if not isinstance(system, SlicewiseLinearSystem):
         return
+    character, tests, gradients, residual, jacobian = values
     if type(system).blocks is not SlicewiseLinearSystem.blocks:
-        check_blocks(system, len(sample.tests))
-    x = sample.x
+        check_blocks(system, len(tests))
     dx = system.differences(float(x[-1])).scale * np.abs(generic(len(x)))
-    straight = isinstance(system, PiecewiseLinearSystem)
-    dx[-1] *= (
-        straight * ((interval[1] - x[-1]) or (interval[0] - x[-1])) / (interval[1] - interval[0])
-    )
-    if not are_finite(sample.residual):
-        raise InvalidSystemError(
-            f"{type(system).__name__}.residual in {system.label(sample.character)} returned "
-            f"{sample.residual} at {at(x)}, where linear pieces are finite"
-        )
-    refuse_bent(system, sample.character, x, dx, sample.residual, sample.jacobian)
-    refuse_bent_tests(system, x, dx, sample.tests, sample.gradients)
+    lo, hi = interval
+    is_straight = isinstance(system, PiecewiseLinearSystem)
+    dx[-1] *= is_straight * ((hi - x[-1]) or (lo - x[-1])) / (hi - lo)
+    if not are_finite(residual):
+        words = f"returned {residual} at {at(x)}, where linear pieces are finite"
+        raise broken(system, f"residual in {system.label(character)}", words)
+    refuse_bent(system, character, x, dx, residual, jacobian)
+    refuse_bent_tests(system, x, dx, tests, gradients)
 
 
 def refuse_bent(
@@ -162,12 +140,7 @@ def refuse_bent(
     residual: Array,
     jacobian: Matrix,
 ) -> None:
-    """Refuse a selection whose value at ``x + dx`` is not what value and Jacobian at ``x`` say.
-
-    Raises
-    ------
-    InvalidSystemError
-    """
+    """Refuse a selection whose value at ``x + dx`` is not what value and Jacobian at ``x`` say."""
     there = x + dx
     value = residual_at(system, there[:-1], float(there[-1]), character)
     excess = _bend(value, residual, product(jacobian, dx), product(abs(jacobian), np.abs(dx)))
@@ -175,7 +148,7 @@ def refuse_bent(
         return  # nearly always
     refuse_infinite(system, f"jacobian in {system.label(character)}", jacobian)
     if (excess > GUARD * EPS * _sizes(system, there, character)).any():
-        raise InvalidSystemError(_bent(system, f"residual in {system.label(character)}", dx))
+        raise _bent(system, f"residual in {system.label(character)}", dx)
 
 
 def refuse_bent_tests(
@@ -191,69 +164,51 @@ def refuse_bent_tests(
         return
     refuse_infinite(system, "test_jacobian", gradients)
     if (excess > 0.0).any():
-        raise InvalidSystemError(_bent(system, "test_functions", dx))
+        raise _bent(system, "test_functions", dx)
 
 
 def is_bent(value: Array, origin: Array, matrix: Matrix, dx: Array) -> bool:
-    """Tell whether ``value`` is not ``origin + matrix @ dx``, by more than a part of the terms.
-
-    A value that is not finite cannot be compared, and counts as bent.
-    """
+    """Tell whether ``value`` is not ``origin + matrix @ dx``, or not finite."""
     return not (_bend(value, origin, matrix @ dx, abs(matrix) @ np.abs(dx)) <= 0.0).all()
 
 
 def _bend(value: Array, origin: Array, change: Array, terms: Array) -> Array:
     """Return how far ``value`` is off ``origin + change``, beyond a part of all terms."""
     terms = np.abs(value) + np.abs(origin) + terms
-    excess: Array = np.abs(value - origin - change) - AFFINE_DEFECT * terms
-    return excess
+    off: Array = np.abs(value - origin - change) - AFFINE_DEFECT * terms
+    return off
 
 
 def _sizes(system: PiecewiseSystem, x: Array, character: Character) -> Array:
     """Return the size of each row of H over several cells: in a single cell terms may cancel."""
-    tests = len(character.array)
-    cells = (Character.of(generic(tests, shift)) for shift in range(CELLS))
+    cells = (Character.of(generic(len(character.array), shift)) for shift in range(CELLS))
     rows = [residual_at(system, x[:-1], float(x[-1]), cell) for cell in cells]
     sizes: Array = np.abs(rows).max(axis=0)
     return sizes
 
 
-def _bent(system: PiecewiseSystem, what: str, dx: Array) -> str:
+def _bent(system: PiecewiseSystem, what: str, dx: Array) -> InvalidSystemError:
     promise = next(b for b in type(system).__mro__ if b.__module__ == PiecewiseSystem.__module__)
     where = "(z, alpha)" if dx[-1] else "z at fixed alpha"
-    return (
+    return InvalidSystemError(
         f"{type(system).__name__} is a {promise.__name__}, but {what} is not affine in {where}, or "
         "its Jacobian is wrong: derive from PiecewiseSystem, or run check_system"
     )
 
 
 def refuse_bent_ray(selection: Selection, x: Array, dx: Array, scale: Array) -> None:
-    """Refuse a selection that is not affine along the ray from ``x`` to ``x + dx``.
-
-    Only the second difference along the ray is compared, which an error of the direction does not
-    change.
-
-    Raises
-    ------
-    InvalidSystemError
-    """
+    """Refuse a selection that bends along the ray from ``x`` to ``x + dx``."""
+    # an error of the direction changes no second difference
     start, middle, end = (selection.residual(x + part * dx) for part in (0.0, 0.5, 1.0))
     sizes = abs(selection.jacobian(x))
     terms = sizes @ (np.abs(x) + np.abs(dx)) + np.abs(start) + np.abs(middle) + np.abs(end)
     rounding = GUARD * EPS * (sizes @ scale)
     if (np.abs(start - 2.0 * middle + end) > AFFINE_DEFECT * terms + rounding).any():
-        raise InvalidSystemError(_bent(selection.system, f"residual in {selection.label}", dx))
+        raise _bent(selection.system, f"residual in {selection.label}", dx)
 
 
 def refuse_stray_ray(selection: Selection, x: Array, dx: Array, scale: Array) -> None:
-    """Refuse a ray from ``x`` to ``x + dx`` that is not a direction of the selection.
-
-    The ray was found from the Jacobian of the cell before (docs/theory, F11).
-
-    Raises
-    ------
-    InvalidSystemError
-    """
+    """Refuse a ray, found from the cell before (docs/theory, F11), along which H changes."""
     rest = np.abs(selection.residual(x + dx) - selection.residual(x))
     sizes, length = abs(selection.jacobian(x)), float(np.abs(dx / scale).max())
     terms = sizes @ (np.abs(x) + np.abs(dx)) + length * (sizes @ scale)
@@ -267,31 +222,13 @@ def refuse_stray_ray(selection: Selection, x: Array, dx: Array, scale: Array) ->
 
 
 def refuse_jump(one: Selection, other: Selection, x: Array, error: Array, scale: Array) -> None:
-    """Refuse selections that differ at a common point by more than rounding.
-
-    Parameters
-    ----------
-    one, other : Selection
-    x : ndarray, shape (n + 1,)
-        A common point of the two closed cells, up to the error of the point.
-    error : ndarray, shape (n + 1,)
-        Estimate of the error of each component.
-    scale : ndarray, shape (n + 1,)
-        Typical magnitudes.
-
-    Raises
-    ------
-    InvalidSystemError
-        Naming the cells, the point and the size of the jump.
-    """
+    """Refuse selections that differ by more than rounding at a point that both cells touch."""
     jump = np.abs(other.residual(x) - one.residual(x))
     uncertain = GUARD * EPS * (np.abs(x) + scale) + CONFIDENCE * error
-    jacobians = one.jacobian(x), other.jacobian(x)
-    excess = jump - sum(abs(jacobian) @ uncertain for jacobian in jacobians)
+    slopes = abs(one.jacobian(x)), abs(other.jacobian(x))
+    excess = jump - sum(each @ uncertain for each in slopes)
     if (excess > 0.0).any() and _is_corner((one, other), x, scale):
-        excess -= AT_CORNER * (
-            jump + sum(abs(jacobian) @ (np.abs(x) + scale) for jacobian in jacobians)
-        )
+        excess -= AT_CORNER * (jump + sum(each @ (np.abs(x) + scale) for each in slopes))
     row = int(np.argmax(excess))
     if excess[row] > 0.0 and _meet((one, other), x, uncertain, scale):
         name, size = type(one.system).__name__, float(jump[row])
@@ -303,12 +240,7 @@ def refuse_jump(one: Selection, other: Selection, x: Array, error: Array, scale:
 
 
 def _is_corner(sides: tuple[Selection, Selection], x: Array, scale: Array) -> bool:
-    """Tell whether several tests are next to zero at a point.
-
-    The signs of such tests are rounding, and may name a cell whose selection agrees with the other
-    selection at the corner only. Next to the corner the two selections differ in proportion to the
-    distance from the corner.
-    """
+    """Tell whether several tests are next to zero: their signs may name a cell across a corner."""
     near: set[int] = set()
     for side in sides:
         sizes = abs(side.test_gradients(x)) @ (np.abs(x) + scale)
@@ -317,45 +249,31 @@ def _is_corner(sides: tuple[Selection, Selection], x: Array, scale: Array) -> bo
 
 
 def _meet(sides: tuple[Selection, Selection], x: Array, uncertain: Array, scale: Array) -> bool:
-    """Tell whether a point may lie in the closed cells of two selections, by the tests.
-
-    A test tells nothing where rounding of a term hides another term: with a friction coefficient of
-    1e13 the sign of the test says nothing about the cell.
-    """
+    """Tell whether the tests let a point lie in the closed cells of two selections."""
     for side in sides:
         gradients = np.abs(dense(side.test_gradients(x)))
         terms = gradients * (np.abs(x) + scale)
         least = np.where(terms > 0.0, terms, np.inf).min(axis=1, initial=np.inf)
         if (GUARD * EPS * terms.sum(axis=1) > least).any():
-            return False
+            return False  # rounding of a term hides another term, as with friction of 1e13
         if (side.tests(x) < -(gradients @ uncertain)).any():
             return False
     return True
 
 
 def refuse_undefined(system: PiecewiseSystem, interval: tuple[float, float]) -> None:
-    """Refuse a system whose H is finite, or other than zero, at no point tried.
-
-    The points lie around zero, over the whole interval.
-
-    Raises
-    ------
-    InvalidSystemError
-    """
+    """Refuse a system whose H is finite, or other than zero, at no point tried around zero."""
     lo, hi = interval
     probes = list(_probes(system.differences(lo).scale[:-1], (lo, 0.5 * (lo + hi), hi)))
-    if not any(_is_finite(system, z, alpha) for z, alpha in probes):
-        raise InvalidSystemError(
-            f"{type(system).__name__}.residual or test_functions is finite at none of "
-            f"{len(probes)} points of typical magnitudes, such as z = 0 at alpha = "
-            f"{probes[0][1]:.6g}: no solution can be searched; trace() from a point where H is "
-            "defined"
-        )
-    if not any(_is_nonzero(system, z, alpha) for z, alpha in probes):
-        raise InvalidSystemError(
-            f"{type(system).__name__}.residual is zero at all of {len(probes)} points that were "
-            "tried: every z is a solution"
-        )
+    values = [value for z, alpha in probes if (value := _defined(system, z, alpha)) is not None]
+    if not values:
+        words = f"is finite at none of {len(probes)} points of typical magnitudes, such as z = 0 at"
+        what = "no solution can be searched; trace() from a point where H is defined"
+        alpha = f"alpha = {probes[0][1]:.6g}"
+        raise broken(system, "residual or test_functions", f"{words} {alpha}: {what}")
+    if len(values) == len(probes) and not np.any(values):
+        words = f"is zero at all of {len(probes)} points that were tried: every z is a solution"
+        raise broken(system, "residual", words)
 
 
 def _probes(scale: Array, alphas: Iterable[float]) -> Iterator[tuple[Array, float]]:
@@ -365,60 +283,42 @@ def _probes(scale: Array, alphas: Iterable[float]) -> Iterator[tuple[Array, floa
             yield scale * generic(len(scale), shift), alpha
 
 
-def _is_nonzero(system: PiecewiseSystem, z: Array, alpha: float) -> bool:
-    with np.errstate(all="ignore"):
-        residual = system.residual(z, alpha, Character.of(system.test_functions(z, alpha)))
-    return bool((np.asarray(residual) != 0.0).any())
-
-
-def _is_finite(system: PiecewiseSystem, z: Array, alpha: float) -> bool:
+def _defined(system: PiecewiseSystem, z: Array, alpha: float) -> Array | None:
+    """Return H, None where H or a test is not finite."""
     with np.errstate(all="ignore"):
         tests = system.test_functions(z, alpha)
-        residual = system.residual(z, alpha, Character.of(tests))
-    return bool(np.isfinite(tests).all() and np.isfinite(residual).all())
+        residual = np.array(system.residual(z, alpha, Character.of(tests)), dtype=float)
+    return residual if np.isfinite(tests).all() and np.isfinite(residual).all() else None
 
 
 def check_blocks(system: SlicewiseLinearSystem, tests: int) -> None:
-    """Refuse blocks that do not fit the system, or claim the same rows or tests.
-
-    Raises
-    ------
-    InvalidSystemError
-    """
-    blocks, name = system.blocks(), f"{type(system).__name__}.blocks()"
+    """Refuse blocks that do not fit the system, or claim the same rows or tests."""
+    blocks = system.blocks()
     if not isinstance(blocks, Sequence) or not all(isinstance(block, Block) for block in blocks):
-        raise InvalidSystemError(f"{name} must return Blocks, got {short(repr(blocks))}")
-    _check_owners(name, "row", system.size, [block.rows for block in blocks])
-    _check_owners(name, "test function", tests, [block.tests for block in blocks])
+        raise broken(system, "blocks()", f"must return Blocks, got {short(repr(blocks))}")
+    _check_owners(system, "row", system.size, [block.rows for block in blocks])
+    _check_owners(system, "test function", tests, [block.tests for block in blocks])
     for number, block in enumerate(blocks):
         if set(map(len, block.modes)) != {len(block.tests)}:
-            raise InvalidSystemError(
-                f"{name}: every mode of block {number} needs {len(block.tests)} signs, one for "
-                "each of its tests"
-            )
+            words = f"every mode of block {number} needs {len(block.tests)} signs"
+            raise broken(system, "blocks():", f"{words}, one for each of its tests")
 
 
 def checked_necessary(system: SlicewiseLinearSystem, alpha: float) -> tuple[Array, Array]:
-    """Return A and b of the inequalities A z + b >= 0 that all solutions fulfil, dense.
-
-    Raises
-    ------
-    InvalidSystemError
-        If A does not have a column for each unknown, or b not a number for each row.
-    """
-    necessary, name = system.necessary(alpha), f"{type(system).__name__}.necessary()"
+    """Return A and b, dense, of the inequalities A z + b >= 0 that all solutions fulfil."""
+    necessary = system.necessary(alpha)
     if not (isinstance(necessary, tuple | list) and len(necessary) == 2):
-        raise InvalidSystemError(f"{name} must return (A, b), got {short(repr(necessary))}")
+        raise broken(system, "necessary()", f"must return (A, b), got {short(repr(necessary))}")
     A, b = dense(necessary[0]), np.asarray(necessary[1])
     if b.ndim != 1 or A.shape != (len(b), system.size):
-        raise InvalidSystemError(
-            f"{name} must return A of shape (l, {system.size}) and b of shape (l,), got shapes "
-            f"{A.shape} and {b.shape}"
-        )
+        words = f"must return A of shape (l, {system.size}) and b of shape (l,), got shapes"
+        raise broken(system, "necessary()", f"{words} {A.shape} and {b.shape}")
     return A, b
 
 
-def _check_owners(name: str, what: str, limit: int, claims: list[tuple[int, ...]]) -> None:
+def _check_owners(
+    system: SlicewiseLinearSystem, what: str, limit: int, claims: list[tuple[int, ...]]
+) -> None:
     """Refuse rows or tests that do not exist, or that several blocks claim."""
     claimed = list(chain.from_iterable(claims))
     fits = not claimed or (min(claimed) >= 0 and max(claimed) < limit)
@@ -426,10 +326,10 @@ def _check_owners(name: str, what: str, limit: int, claims: list[tuple[int, ...]
         return
     for index, times in Counter(claimed).items():
         if not 0 <= index < limit:
-            raise InvalidSystemError(f"{name}: there is no {what} {index}, only 0 to {limit - 1}")
+            words = f"there is no {what} {index}, only 0 to {limit - 1}"
+            raise broken(system, "blocks():", words)
         if times > 1:
-            raise InvalidSystemError(
-                f"{name}: {what} {index} is claimed {times} times, but blocks choose their modes "
-                "independently; join these blocks, or make each switch an unknown of its own: "
-                "y = max(a, b) with the row y - a or y - b"
-            )
+            words = f"{what} {index} is claimed {times} times, but blocks choose their modes"
+            how = "join these blocks, or make each switch an unknown of its own"
+            row = "y = max(a, b) with the row y - a or y - b"
+            raise broken(system, "blocks():", f"{words} independently; {how}: {row}")

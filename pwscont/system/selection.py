@@ -1,4 +1,4 @@
-"""Selections: the smooth function of a cell, and the signs of all solutions at an alpha.
+"""Selections: the smooth function of a cell.
 
 :func:`unexplained` tells whether H vanishes at a point, to the rounding of the terms of H.
 """
@@ -13,16 +13,9 @@ import numpy as np
 from pwscont.basics.arrays import Array, Indices, Matrix, Signs, dense, indices, is_anywhere
 from pwscont.basics.character import Character
 from pwscont.basics.looks import named, short
-from pwscont.basics.rounding import EPS
 from pwscont.system.contract import jacobian_at, kink_at, lent_jacobian_at, residual_at
-from pwscont.system.returned import checked_array, own_matrix
-from pwscont.system.system import (
-    PiecewiseLinearSystem,
-    PiecewiseSystem,
-    SlicewiseLinearSystem,
-    characters,
-    number_of_cells,
-)
+from pwscont.system.system import PiecewiseLinearSystem, PiecewiseSystem
+from pwscont.system.values import checked_array, own_matrix
 
 #: The factors that make a negative test and a non-negative test positive inside.
 SIDES = np.array([-1.0, 1.0])
@@ -124,8 +117,9 @@ class Selection:
     def residuals_together(self, points: Array) -> Array | None:
         """Return what :meth:`residuals` returns, from a single call with points as columns.
 
-        None where H was not written for columns: numpy's functions work on columns entry by entry,
-        others need not. The caller compares the values at a point with H at that point alone.
+        None where H was not written for columns: functions of numpy work on columns entry by entry,
+        a user's functions need not. The caller compares the values at a point with H at that point
+        alone.
         """
         if not self.takes_columns:
             return None
@@ -192,59 +186,6 @@ def _bounds(system: PiecewiseSystem, character: Character) -> tuple[Indices, Sig
     return tests, character.array[tests]
 
 
-#: Most cells of a system that are tried for solutions.
-MOST_CELLS_TO_TRY = 4096
-#: Largest test without a certain sign, as a part of the test's terms.
-UNCERTAIN = EPS**0.5
-
-
-def signs_of_solutions(system: SlicewiseLinearSystem, alpha: float) -> list[int] | None:
-    """Return the signs of det(dH/dz) of all solutions at a given alpha.
-
-    None if there are too many cells, a matrix is singular, or a solution is so close to an
-    interface that the cell is not certain.
-    """
-    blocks = system.blocks()
-    if number_of_cells(blocks) > MOST_CELLS_TO_TRY:
-        return None
-    signs = []
-    tests = 1 + max((max(block.tests, default=-1) for block in blocks), default=-1)
-    for character in characters(blocks, tests):
-        sign = _sign_in_cell(system, alpha, character)
-        if sign is None:
-            return None
-        signs += [sign] if sign else []
-    return signs
-
-
-def _sign_in_cell(system: SlicewiseLinearSystem, alpha: float, character: Character) -> int | None:
-    """Return sign det(dH/dz) at the solution in a cell, 0 without solution, None if in doubt."""
-    zero = np.zeros(system.size)
-    matrix = dense(system.jacobian(zero, alpha, character))[:, :-1]
-    rest = np.array(system.residual(zero, alpha, character), dtype=float)
-    scale = np.abs(matrix).max(axis=1, initial=0.0)
-    if not scale.all() or np.linalg.cond(matrix / scale[:, np.newaxis]) * UNCERTAIN > 1.0:
-        return None
-    z = -np.linalg.solve(matrix, rest)
-    bounds = np.array(list(system.bounding_tests(character)), dtype=np.intp)
-    side = np.where(np.array(character.signs, dtype=bool)[bounds], 1.0, -1.0)
-    values = side * system.test_functions(z, alpha)[bounds]
-    doubt = _doubt(system, z, alpha, bounds)
-    if (values < -doubt).any():
-        return 0
-    if (values <= doubt).any():
-        return None
-    return int(np.linalg.slogdet(matrix)[0])
-
-
-def _doubt(system: SlicewiseLinearSystem, z: Array, alpha: float, which: Indices) -> Array:
-    """Return by how much the tests may be off, shape (len(which),)."""
-    gradients = np.abs(dense(system.test_jacobian(z, alpha)))[which]
-    scale = np.abs(np.append(z, alpha)).max() + 1.0
-    doubt: Array = UNCERTAIN * scale * gradients.sum(axis=1)
-    return doubt
-
-
 #: Largest H that is rounding, as a part of the terms of the same equation, or as a part of the
 #: largest terms of all equations, which a solve mixes.
 OWN_TERMS, ALL_TERMS = 1e-6, 1e-12
@@ -261,15 +202,7 @@ def unexplained(
 ) -> float:
     """Return the largest entry of H at a point, zero where rounding and error explain all.
 
-    Parameters
-    ----------
-    system : PiecewiseSystem
-    character : Character
-        The character of the selection that is to hold.
-    x, scale : ndarray, shape (n + 1,)
-        The point (z, alpha), and typical magnitudes.
-    error : ndarray, shape (k, n + 1), optional
-        Samples of the error of the point; default none.
+    ``scale`` has typical magnitudes, and ``error``, shape (k, n + 1), samples of the point's error.
     """
     z, alpha = x[:-1], float(x[-1])
     value = residual_at(system, z, alpha, character)

@@ -18,7 +18,7 @@ from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidSystemError
 from pwscont.basics.looks import card, counted, short
 from pwscont.system.differences import Differences
-from pwscont.system.returned import Undefined, own_array
+from pwscont.system.values import Undefined, own_array
 
 
 @final

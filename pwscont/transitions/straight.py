@@ -22,8 +22,8 @@ from pwscont.curve.straight import Settled, StraightCell
 from pwscont.linear.factorise import last_unit
 from pwscont.linear.vectors import Rows
 from pwscont.system.abilities import Ending
-from pwscont.system.returned import own_array
 from pwscont.system.selection import Selection
+from pwscont.system.values import own_array
 from pwscont.transitions.bounding import BoundingTests, crossed
 from pwscont.transitions.corner.cells import SLANT
 from pwscont.transitions.detector import (

@@ -24,12 +24,9 @@ from typing import TypeAlias, final
 import numpy as np
 
 from pwscont import Character, InvalidInputError, PiecewiseLinearSystem, PiecewiseSystem
-from pwscont.basics.arrays import own_dense
 from pwscont.enumeration.options import Problem, aside, most_modes, problem_of
-from pwscont.extending import EPS, Array, dense, finite_array, jacobian_at, residual_at
-from pwscont.system.box import Box
+from pwscont.extending import EPS, Array, Box, dense, finite_array, jacobian_at, residual_at
 from pwscont.system.promises import (
-    AFFINE_DEFECT,
     check_blocks,
     is_bent,
     refuse_bent,
@@ -90,6 +87,8 @@ class Window:
 
 #: Matrix and constant of affine forms of (z, s, t).
 Form: TypeAlias = tuple[Array, Array]
+#: What two values may differ by, as a part of their terms: half of the digits.
+HALF_OF_DIGITS = EPS**0.5
 #: The third value of mu, as a part of the way from the lower to the upper end.
 THIRD = 0.37
 
@@ -191,9 +190,9 @@ def _checked(system: PiecewiseSystem) -> PiecewiseLinearSystem:
 def _check_widths(window: Window) -> None:
     """Refuse a window in which half of a parameter's digits are equal everywhere."""
     for name, ends in (("alphas", window.alphas), ("mus", window.mus)):
-        if ends[1] - ends[0] < AFFINE_DEFECT * max(map(abs, ends)):
+        if ends[1] - ends[0] < HALF_OF_DIGITS * max(map(abs, ends)):
             raise InvalidInputError(
-                f"{name} = {ends} differ by less than {AFFINE_DEFECT:.1g} of their size, so "
+                f"{name} = {ends} differ by less than {HALF_OF_DIGITS:.1g} of their size, so "
                 "rounding leaves too few digits of the difference: take a wider window, or count "
                 "the parameter from the middle"
             )
@@ -296,7 +295,7 @@ def _residuals(coefficients: _Coefficients, k: int) -> Callable[[float], Form]:
 
 def _inequalities(system: PiecewiseSystem, alpha: float) -> Form:
     A, b = _checked(system).necessary(alpha)
-    return own_dense(A), np.array(b, dtype=float)
+    return np.array(dense(A), dtype=float), np.array(b, dtype=float)
 
 
 def _differ(one: Array, other: Array, dx: Array) -> bool:
@@ -306,6 +305,6 @@ def _differ(one: Array, other: Array, dx: Array) -> bool:
     sizes = np.abs(dx[: one.shape[1]])
     return bool(
         (
-            np.abs(one - other) @ sizes > AFFINE_DEFECT * ((np.abs(one) + np.abs(other)) @ sizes)
+            np.abs(one - other) @ sizes > HALF_OF_DIGITS * ((np.abs(one) + np.abs(other)) @ sizes)
         ).any()
     )

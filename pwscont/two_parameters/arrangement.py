@@ -84,13 +84,7 @@ class Arrangement:
 
 
 def shapely() -> Any:
-    """Return the module Shapely.
-
-    Raises
-    ------
-    MissingPackageError
-        If Shapely is not installed.
-    """
+    """Return the module Shapely."""
     try:
         return import_module("shapely")
     except ImportError as error:
@@ -109,11 +103,6 @@ def arrange(segments: Array, tolerance: float) -> Arrangement:
         The ends of each segment.
     tolerance : float
         Points closer than this count as one point.
-
-    Raises
-    ------
-    MissingPackageError
-        If Shapely is not installed.
     """
     geometry = shapely()
     sides_of_square = np.stack([SQUARE, np.roll(SQUARE, -1, axis=0)], axis=1)

@@ -16,8 +16,7 @@ from typing import final
 import numpy as np
 
 from pwscont import InvalidInputError
-from pwscont.extending import EPS, GUARD, Array, counted, finite_array
-from pwscont.system.abilities import shown_size
+from pwscont.extending import EPS, GUARD, Array, counted, finite_array, shown_size
 from pwscont.two_parameters.affine import AffineFamily, Window
 from pwscont.two_parameters.arrangement import Arrangement, Patch, arrange, shapely
 from pwscont.two_parameters.cells import COARSE, cells_of

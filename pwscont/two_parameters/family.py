@@ -23,11 +23,6 @@ class AlphaRange:
     ----------
     alphas : tuple of float
         (lo, hi); a limit may be infinite.
-
-    Raises
-    ------
-    InvalidInputError
-        If the range is empty, or no pair of numbers.
     """
 
     def __init__(self, alphas: tuple[float, float]) -> None:
@@ -91,11 +86,6 @@ class Family:
     ----------
     sample : PiecewiseSystem
         The system that gives sizes and names.
-
-    Raises
-    ------
-    InvalidSystemError
-        If ``make`` returns something else than a system.
     """
 
     def __init__(self, make: MakeSystem, sample: float, limits: AlphaRange) -> None:

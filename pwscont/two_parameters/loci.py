@@ -26,7 +26,6 @@ from pwscont import (
     explore,
     trace,
 )
-from pwscont.basics.looks import with_article
 from pwscont.extending import (
     CONVERGED,
     EPS,
@@ -40,13 +39,14 @@ from pwscont.extending import (
     Report,
     Selection,
     SpecialPoint,
+    completed,
     counted,
     named,
     short,
     silent,
     uninterrupted,
+    with_article,
 )
-from pwscont.system.abilities import completed
 from pwscont.transitions.rays import inward_ray
 from pwscont.two_parameters.family import MakeSystem
 from pwscont.two_parameters.locus import TransitionLocus

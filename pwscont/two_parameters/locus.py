@@ -32,8 +32,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from pwscont import Character, InvalidInputError, PiecewiseSystem
-from pwscont.extending import Array, Ending, Matrix, dense, finite_array, jacobian_at
-from pwscont.system.abilities import all_names
+from pwscont.extending import Array, Ending, Matrix, all_names, dense, finite_array, jacobian_at
 from pwscont.two_parameters.family import ALL, AlphaRange, Family, MakeSystem
 
 #: The side of kappa_i = 0 whose selection is solved.

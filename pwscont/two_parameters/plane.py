@@ -18,8 +18,7 @@ from typing import final
 
 import numpy as np
 
-from pwscont.basics.looks import UNNAMED, state
-from pwscont.extending import EPS, Array, counted, named, short
+from pwscont.extending import EPS, Array, Quantities, counted, named, short
 from pwscont.two_parameters.loci import SAME_LOCUS, Locus, LocusPart, Passing
 
 #: Slabs and trapezoids thinner than this part of the window are left out: half of the digits.
@@ -201,7 +200,9 @@ class Found:
     det_sign: int
 
     def __repr__(self) -> str:
-        return named(self, short(self.label), f"det {self.det_sign:+d}", state(UNNAMED, self.z))
+        return named(
+            self, short(self.label), f"det {self.det_sign:+d}", Quantities().in_words(self.z)
+        )
 
 
 @final

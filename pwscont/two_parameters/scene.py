@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from importlib.util import find_spec
@@ -11,7 +12,6 @@ from typing import Any, final
 
 from pwscont import InvalidInputError, MissingPackageError, SlicewiseLinearSystem
 from pwscont.extending import Report, counted, named, silent
-from pwscont.graph.exports import finite
 from pwscont.scenes.answer import DEFAULT_LOOK, Answer, Look, Runnable
 from pwscont.two_parameters.affine import Window, is_affine
 from pwscont.two_parameters.axes import Axes, PlaneShown
@@ -56,7 +56,7 @@ class PlaneAnswer(Answer):
             "unknowns": names,
             "names": names,
             **self._graphs(),
-            "multiplicity": [[lo, hi, finite(n)] for lo, hi, n in plane.most_solutions()],
+            "multiplicity": [[lo, hi, _finite(n)] for lo, hi, n in plane.most_solutions()],
             "balance": {
                 "value": next(iter(balances)) if len(balances) == 1 else None,
                 "constant": len(balances) <= 1,
@@ -95,7 +95,7 @@ class PlaneAnswer(Answer):
     def _sector(self, sector: Sector) -> dict[str, Any]:
         return {
             "name": self.scene.sector_name(sector),
-            "count": finite(sector.count),
+            "count": _finite(sector.count),
             "labels": list(sector.labels),
             "polygons": [region.polygon.tolist() for region in sector.regions],
             "proofs": [self.plane.proof(region) for region in sector.regions],
@@ -251,3 +251,8 @@ class PlaneScene(Runnable):
     def solve(self, at: Sequence[float], report: Report) -> Answer:
         """Return the answer of the scene."""
         return PlaneAnswer(self, self.run(report))
+
+
+def _finite(count: int | float) -> int | None:
+    """Return a count, None for infinitely many, which JSON cannot say."""
+    return None if math.isinf(count) else int(count)

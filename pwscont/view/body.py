@@ -18,13 +18,7 @@ MOST_NUMBERS = 800_000
 
 
 def body_records(graph: BranchGraph, numbers: Numbers, body: BodyPicture) -> dict[str, Any]:
-    """Return the records of a body for the page.
-
-    Raises
-    ------
-    InvalidSystemError
-        If the picture does not return a known contact state for each contact node.
-    """
+    """Return the records of a body for the page."""
     shapes = body.shapes(numbers.states)
     mesh = _drawn_elements(shapes) if _is_small(shapes) else _drawn_outline(shapes)
     return mesh | {

@@ -9,9 +9,17 @@ from typing import final
 import numpy as np
 
 from pwscont import BranchGraph
-from pwscont.basics.quantities import Quantities
-from pwscont.extending import CONFIDENCE, DUST, SAME_ALPHA, Array, Indices, Piece, SpecialPoint
-from pwscont.graph.queries import fine_points
+from pwscont.extending import (
+    CONFIDENCE,
+    DUST,
+    SAME_ALPHA,
+    Array,
+    Indices,
+    Piece,
+    Quantities,
+    SpecialPoint,
+    fine_points,
+)
 from pwscont.scenes.strokes import APART, FINER, Smooth, is_straight, length_along
 
 #: Most numbers of a file, so that a page stays small: eight bytes each, a third more as text.

@@ -12,7 +12,6 @@ import numpy as np
 
 from pwscont import BranchGraph, Character
 from pwscont.extending import FEW_DIGITS, SAME_ALPHA, Kind, SpecialPoint, attempted, counted, number
-from pwscont.graph.structure import connected
 from pwscont.scenes.panels import Panel
 from pwscont.scenes.styles import COLORS, in_letters, styles_of
 from pwscont.view.numbers import Numbers, is_curved
@@ -139,9 +138,9 @@ def _start_of(graph: BranchGraph, point: SpecialPoint) -> int:
 
 def _branches(graph: BranchGraph) -> dict[int, int]:
     """Return the branch of each node; branches are numbered as by ``graph.components()``."""
-    nodes = [point.id for point in graph.special_points() if point.id >= 0]
-    parts = connected(nodes, [(piece.start, piece.end) for piece in graph.pieces])
-    return {node: branch for branch, part in enumerate(parts) for node in part}
+    alone = (p.id for p in graph.nodes if not graph.pieces_at(p.id))
+    ends = [[node for p in pieces for node in (p.start, p.end)] for pieces in graph.components()]
+    return {node: i for i, nodes in enumerate(ends) for node in nodes or (next(alone),)}
 
 
 def _words(graph: BranchGraph, point: SpecialPoint) -> list[str]:

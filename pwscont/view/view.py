@@ -12,8 +12,7 @@ from pathlib import Path
 from typing import Any, Protocol, final
 
 from pwscont import BranchGraph, InvalidInputError, MissingPackageError
-from pwscont.basics.quantities import Quantities
-from pwscont.extending import counted, named
+from pwscont.extending import Quantities, counted, named
 from pwscont.scenes.panels import BodyPicture, Panel, Shown, quantity_named
 from pwscont.view.body import body_records
 from pwscont.view.numbers import Numbers
@@ -160,13 +159,7 @@ class View:
 
 
 def check_bokeh() -> None:
-    """Refuse a view if Bokeh is not installed.
-
-    Raises
-    ------
-    MissingPackageError
-        If Bokeh is not installed; the message says what to install.
-    """
+    """Refuse a view if Bokeh is not installed."""
     if find_spec("bokeh") is None:
         raise MissingPackageError(
             "a view in the browser needs Bokeh: pip install bokeh, or pip install '.[view]' in a "

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, final
 import numpy as np
 
 from pwscont import InvalidInputError, LoadHistory, SystemWithMemory
-from pwscont.extending import Array, dense
+from pwscont.extending import Array, ExactRates, dense
 from pwscont_coulomb.body import ContactBody
 from pwscont_coulomb.fixed import Fixed
 from pwscont_coulomb.per_node import not_negative, per_node
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 @final
-class QuasiStaticCoulomb(Fixed, SystemWithMemory):
+class QuasiStaticCoulomb(Fixed, SystemWithMemory, ExactRates):
     """Contact with Coulomb friction that opposes the rate of slip, along a load history.
 
     A state is z = (u, lam_nu, lam_t), as for :class:`~pwscont_coulomb.CoulombLoad`. A node slips

@@ -63,9 +63,9 @@ from pwscont.enumeration import (
 from pwscont.linear.factorise import last_unit
 from pwscont.linear.jacobian import StructuredJacobian
 from pwscont.system.contract import jacobian_at
-from pwscont.system.returned import refuse_infinite
 from pwscont.system.selection import Selection
 from pwscont.system.system import Block, SlicewiseLinearSystem, number_of_cells
+from pwscont.system.values import refuse_infinite
 from pwscont.transitions.corner.cells import Corner, Direction, has_named_cells, with_modes
 from pwscont.transitions.rays import Ray
 

@@ -7,7 +7,23 @@ from pwscont.basics.looks import short, with_article
 
 
 def checked_kind(name: str, value: object, kind: type) -> None:
-    """Refuse an argument of another kind, such as a class where an instance is meant."""
+    """Refuse an argument of another kind, such as a class where an instance is meant; not None.
+
+    Raises
+    ------
+    InvalidInputError
+        The message begins with ``name``.
+
+    Examples
+    --------
+    >>> from pwscont import InvalidInputError, StepSize
+    >>> from pwscont.extending import checked_kind
+    >>> try:
+    ...     checked_kind("step_size", 0.1, StepSize)
+    ... except InvalidInputError as error:
+    ...     print(error)
+    step_size must be a StepSize, got 0.1
+    """
     if value is not None and not isinstance(value, kind):
         forgotten = isinstance(value, type) and issubclass(value, kind)
         hint = "; call it to make one" if forgotten else ""

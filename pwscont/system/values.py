@@ -32,33 +32,24 @@ NUMBERS = "fiu"
 FLOAT = np.dtype(float)
 
 
-def own_array(system: object, method: str, value: Any, shape: tuple[int, ...]) -> Array:
-    """Return a copy of a value, as the value's owner may reuse the array.
+def broken(system: object, what: str, words: str) -> InvalidSystemError:
+    """Return the error for a method or attribute of a system that breaks the contract."""
+    return InvalidSystemError(f"{type(system).__name__}.{what} {words}")
 
-    Raises
-    ------
-    InvalidSystemError
-        If the value is no array of that shape, even if earlier values were.
-    """
+
+def own_array(system: object, method: str, value: Any, shape: tuple[int, ...]) -> Array:
+    """Return a copy of a value, as the value's owner may reuse the array."""
     return checked_array(system, method, value, shape).copy()
 
 
 def checked_array(system: object, method: str, value: Any, shape: tuple[int, ...]) -> Array:
-    """Return a value of the given shape itself, for use before the next value.
-
-    Raises
-    ------
-    InvalidSystemError
-        If the value is no array of that shape, even if earlier values were.
-    """
+    """Return a value of this shape itself, for use before the next value, or refuse the value."""
     if type(value) is np.ndarray and value.dtype is FLOAT and value.shape == shape:
         return value  # nearly always
     expect(system, method, value, shape)
     if value.dtype.kind not in REAL:
-        raise InvalidSystemError(
-            f"{type(system).__name__}.{method} returned numbers of type {value.dtype} where real "
-            "ones are expected"
-        )
+        words = f"returned numbers of type {value.dtype} where real ones are expected"
+        raise broken(system, method, words)
     return np.array(value, dtype=float)
 
 
@@ -68,13 +59,7 @@ def own_matrix(matrix: Matrix) -> Matrix:
 
 
 def checked_matrix(system: object, method: str, matrix: Matrix, shape: tuple[int, ...]) -> Matrix:
-    """Return a matrix of the given shape itself, for use before the next value.
-
-    Raises
-    ------
-    InvalidSystemError
-        If the value is no matrix of that shape, even if earlier values were.
-    """
+    """Return a matrix of this shape itself, for use before the next value, or refuse the value."""
     if type(matrix) is np.ndarray and matrix.dtype is FLOAT and matrix.shape == shape:
         return matrix  # nearly always
     expect(system, method, matrix, shape)
@@ -88,26 +73,18 @@ def expect(system: object, method: str, value: Any, shape: tuple[int, ...]) -> N
     got = getattr(value, "shape", None)
     if got != shape:
         what = f"shape {got}" if got is not None else f"{type(value).__name__}"
-        raise InvalidSystemError(
-            f"{type(system).__name__}.{method} returned {what} where an array of shape {shape} "
-            "is expected"
-        )
+        words = f"returned {what} where an array of shape {shape} is expected"
+        raise broken(system, method, words)
 
 
 def refuse_unusual(system: object, method: str, matrix: Matrix) -> None:
-    """Refuse a matrix that is not computed with like an array, or whose entries are no numbers.
-
-    Raises
-    ------
-    InvalidSystemError
-    """
+    """Refuse a matrix that is not computed with like an array, or whose entries are no numbers."""
     kind, dtype = type(matrix), getattr(matrix, "dtype", FLOAT)
     is_other = isinstance(matrix, np.ndarray) and kind is not np.ndarray
     if is_other or dtype.kind not in NUMBERS or _has_scalar_products(matrix):
-        raise InvalidSystemError(
-            f"{type(system).__name__}.{method} returned a {kind.__module__}.{kind.__qualname__} of "
-            f"{dtype}: return an array, or a sparse matrix by rows (tocsr), of floats"
-        )
+        words = f"returned a {kind.__module__}.{kind.__qualname__} of {dtype}"
+        what = "return an array, or a sparse matrix by rows (tocsr), of floats"
+        raise broken(system, method, f"{words}: {what}")
 
 
 def _has_scalar_products(matrix: Matrix) -> bool:
@@ -118,18 +95,11 @@ def _has_scalar_products(matrix: Matrix) -> bool:
 def refuse_infinite(
     system: object, what: str, matrix: Matrix, why: str = "linear pieces have finite derivatives"
 ) -> None:
-    """Refuse derivatives that are not finite where finite derivatives are due, as in linear pieces.
-
-    Raises
-    ------
-    InvalidSystemError
-    """
+    """Refuse derivatives that are not finite where finite derivatives are due."""
     lost = np.flatnonzero(~np.isfinite(abs(matrix) @ np.ones(matrix.shape[1])))
     if len(lost):
-        raise InvalidSystemError(
-            f"{type(system).__name__}.{what} returned numbers that are not finite in row "
-            f"{lost[0]}, and {why}"
-        )
+        words = f"returned numbers that are not finite in row {lost[0]}, and {why}"
+        raise broken(system, what, words)
 
 
 #: The guarded methods: methods of (z, alpha) that return numbers.
@@ -189,7 +159,6 @@ def _number_of_tests(system: Any, args: tuple[Any, ...], error: Exception) -> in
             return len(tests(system, generic(system.size, float(shift)), alpha))
         except (ArithmeticError, ValueError):  # the method is not defined there either
             continue
-    raise InvalidSystemError(
-        f"{type(system).__name__}.test_functions raises {type(error).__name__}: {error}, at all "
-        f"points that were tried at alpha = {alpha:.10g}: let it return nan where it is undefined"
-    ) from error
+    words = f"raises {type(error).__name__}: {error}, at all points that were tried"
+    what = f"at alpha = {alpha:.10g}: let it return nan where it is undefined"
+    raise broken(system, "test_functions", f"{words} {what}") from error

@@ -9,19 +9,19 @@ from typing import final
 
 import numpy as np
 
+from pwscont.basics.arguments import checked_kind
 from pwscont.basics.arrays import Array
 from pwscont.basics.character import Character
-from pwscont.basics.given import checked_kind
 from pwscont.basics.outcome import Failure, SearchScope
 from pwscont.curve.corrector import BorderedNewton, Corrected
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.metric import Metric
 from pwscont.curve.pseudo_arclength import PseudoArclength
 from pwscont.curve.stepper import CurvedSegment, Segment, Stepper, StraightSegment
+from pwscont.kit.inspection import Defect
+from pwscont.kit.system import Report
 from pwscont.linear.factorise import bordered, last_unit
 from pwscont.search import Search
-from pwscont.system.check import Report
-from pwscont.system.inspection import Defect
 from pwscont.system.selection import Selection
 from pwscont.system.system import PiecewiseSystem
 from pwscont.transitions.detector import (

@@ -13,7 +13,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from itertools import islice
 from typing import final
 
 import numpy as np
@@ -23,11 +22,18 @@ from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidSystemError
 from pwscont.basics.looks import UNNAMED, named, state
 from pwscont.basics.rounding import EPS
+from pwscont.curve.metric import Metric
+from pwscont.search.enumeration import solve_surely
 from pwscont.system.abilities import all_names
 from pwscont.system.contract import check_contract, residual_at
 from pwscont.system.promises import check_blocks, check_promises, checked_necessary
-from pwscont.system.selection import signs_of_solutions
-from pwscont.system.system import Block, PiecewiseSystem, SlicewiseLinearSystem
+from pwscont.system.selection import Selection
+from pwscont.system.system import (
+    Block,
+    PiecewiseSystem,
+    SlicewiseLinearSystem,
+    number_of_cells,
+)
 
 #: Largest relative difference that is no defect: central differences are right to about EPS^(2/3).
 TOLERANCE = EPS**0.4
@@ -39,8 +45,8 @@ STEP_RATIO = 8
 SHRINK = float(STEP_RATIO) ** 1.5
 #: Factor by which a solution exceeds a typical magnitude that is refuted.
 MOST_MAGNITUDES = 1e3
-#: Most modes of a block that are compared.
-MOST_MODES = 64
+#: Most modes of a block that are compared, and most cells that are searched for solutions.
+MOST_MODES, MOST_CELLS = 64, 4096
 
 
 @final
@@ -72,6 +78,11 @@ class Defect:
         return named(self, self)
 
 
+def defect(what: str, x: Array, size: float) -> Defect:
+    """Return the defect at a point (z, alpha)."""
+    return Defect(what, x[:-1], float(x[-1]), float(size))
+
+
 def closer_look(system: PiecewiseSystem, x: Array, radius: float) -> Iterator[Defect]:
     """Yield the defects at and around a point."""
     yield from _kinks(system, x, radius)
@@ -91,29 +102,23 @@ def relative(difference: Array, reference: Array) -> float:
 
 def is_solution(system: PiecewiseSystem, x: Array) -> bool:
     """Tell whether H is zero to rounding of the terms."""
-    z, alpha = x[:-1], float(x[-1])
-    character = system.character(z, alpha)
-    small = TOLERANCE**2 * _terms(system, x, character)
-    return bool((np.abs(system.residual(z, alpha, character)) <= small).all())
+    here = Selection(system, system.character(x[:-1], float(x[-1])))
+    return bool((np.abs(here.residual(x)) <= TOLERANCE**2 * _terms(here, x)).all())
 
 
-def _terms(system: PiecewiseSystem, x: Array, character: Character) -> Array:
+def _terms(selection: Selection, x: Array) -> Array:
     """Return the magnitude of the terms of each equation."""
-    scale = system.differences(float(x[-1])).scale
-    terms: Array = np.abs(dense(system.jacobian(x[:-1], float(x[-1]), character))) @ (
-        np.abs(x) + scale
-    )
+    scale = selection.system.differences(float(x[-1])).scale
+    terms: Array = np.abs(dense(selection.jacobian(x))) @ (np.abs(x) + scale)
     return terms
 
 
 def _kinks(system: PiecewiseSystem, x: Array, radius: float) -> Iterator[Defect]:
     """Look for kinks of the selection and of the tests along some lines through a point."""
-    z, alpha = x[:-1], float(x[-1])
-    character, differences = system.character(z, alpha), system.differences(alpha)
+    alpha = float(x[-1])
+    character, differences = system.character(x[:-1], alpha), system.differences(alpha)
     functions: dict[str, Callable[[Array], Array]] = {
-        f"residual in {system.describe(character)} has": lambda y: np.array(
-            system.residual(y[:-1], float(y[-1]), character)
-        ),
+        f"residual in {system.describe(character)} has": Selection(system, character).residual,
         "test_functions have": lambda y: np.array(system.test_functions(y[:-1], float(y[-1]))),
     }
     for what, function in functions.items():
@@ -123,13 +128,8 @@ def _kinks(system: PiecewiseSystem, x: Array, radius: float) -> Iterator[Defect]
                 step[-1] = 0.0
             at = _kink(lambda t, f=function, d=step: f(x + t * d))  # type: ignore[misc]
             if at is not None:
-                y = x + at * step
-                yield Defect(
-                    f"{what} a kink or jump that no test function announces",
-                    y[:-1],
-                    float(y[-1]),
-                    abs(at) * radius,
-                )
+                words = f"{what} a kink or jump that no test function announces"
+                yield defect(words, x + at * step, abs(at) * radius)
                 break
 
 
@@ -157,74 +157,70 @@ def _wrong_classes(system: SlicewiseLinearSystem, x: Array) -> Iterator[Defect]:
     differences = system.differences(alpha)
     interval = (max(alpha - 1.0, differences.lo), min(alpha + 1.0, differences.hi))
     try:
-        check_promises(system, interval, check_contract(system, z, alpha))
+        check_promises(system, interval, x, check_contract(system, z, alpha))
         check_blocks(system, len(system.test_functions(z, alpha)))
+        yield from _wrong_number(system, x)
     except InvalidSystemError as error:
-        yield Defect(str(error), z, alpha, 1.0)
+        yield defect(str(error), x, 1.0)
         return
-    yield from _wrong_number(system, x)
-    character = system.character(z, alpha)
+    here = system.character(z, alpha)
     for number, block in enumerate(system.blocks()):
         others = np.setdiff1d(np.arange(system.size), block.rows)
-        for changed in islice(_with_each_mode(character, block), MOST_MODES):
-            first, second = (residual_at(system, z, alpha, c) for c in changed)
+        first, *further = (residual_at(system, z, alpha, c) for c in _in_each_mode(here, block))
+        for second in further:
             size = relative((second - first)[others], np.append(np.abs(first), EPS))
             if not size <= TOLERANCE:
                 what = f"blocks(): a mode of block {number} changes rows that it does not own"
-                yield Defect(what, z, alpha, size)
+                yield defect(what, x, size)
                 break
-    yield from _forgotten(system, x, character)
+    yield from _forgotten(system, x, here)
 
 
-def _forgotten(system: SlicewiseLinearSystem, x: Array, at: Character) -> Iterator[Defect]:
+def _forgotten(system: SlicewiseLinearSystem, x: Array, here: Character) -> Iterator[Defect]:
     """Look for a mode that no block has, and for a test that matters and is in no block."""
-    z, alpha, terms = x[:-1], float(x[-1]), _terms(system, x, at)
+    selection = Selection(system, here)
+    value, terms = selection.residual(x), _terms(selection, x)
 
     def change(other: Character, rows: Sequence[int]) -> float:
-        there, here = (residual_at(system, z, alpha, c)[list(rows)] for c in (other, at))
-        return relative(there - here, terms)
+        return relative((Selection(system, other).residual(x) - value)[list(rows)], terms)
 
     for number, block in enumerate(system.blocks()):
-        modes = [_with_mode(at, block.tests, mode) for mode in block.modes[:MOST_MODES]]
-        size = min(change(mode, block.rows) for mode in modes)
+        size = min(change(other, block.rows) for other in _in_each_mode(here, block))
         if size > TOLERANCE and len(block.modes) <= MOST_MODES:
-            what = f"blocks(): block {number} does not have the mode of {system.describe(at)}"
-            yield Defect(what, z, alpha, size)
+            what = f"blocks(): block {number} does not have the mode of {system.describe(here)}"
+            yield defect(what, x, size)
     known = {test for block in system.blocks() for test in block.tests}
-    for test in sorted(set(range(len(at.signs))) - known):
-        size = change(at.with_sign(test, not at.signs[test]), range(system.size))
+    for test in sorted(set(range(len(here.signs))) - known):
+        size = change(here.flip(test), range(system.size))
         if size > TOLERANCE:
             what = f"blocks(): {system.test_name(test)} changes H, and is in no block"
-            yield Defect(what, z, alpha, size)
+            yield defect(what, x, size)
+
+
+def _in_each_mode(character: Character, block: Block) -> list[Character]:
+    """Return a character for each mode of a block."""
+    return [character.with_signs(block.tests, mode) for mode in block.modes[:MOST_MODES]]
 
 
 def _wrong_number(system: SlicewiseLinearSystem, x: Array) -> Iterator[Defect]:
     """Compare all solutions at the alpha of x with the promises ``unique`` and ``degree``."""
-    alpha = float(x[-1])
     if system.degree is None and not system.unique:
         return
-    signs = signs_of_solutions(system, alpha)
-    if signs is None:
+    if number_of_cells(system.blocks()) > MOST_CELLS:
         return
+    alpha = float(x[-1])
+    found = solve_surely(system, Metric.at(system, alpha), alpha)
+    if found.faces or found.undecided or found.singular:
+        return
+    if any(len(point.characters) > 1 for point in found.points):
+        return  # on an interface the sign is that of no cell
+    signs = [point.det_sign for point in found.points]
     if system.degree is not None and sum(signs) != system.degree:
         what = f"degree is {system.degree}, but the signs of all solutions sum to {sum(signs)}"
-        yield Defect(what, x[:-1], alpha, float(abs(sum(signs) - system.degree)))
+        yield defect(what, x, abs(sum(signs) - system.degree))
     if system.unique and len(signs) > 1:
         what = f"unique is True, but there are {len(signs)} solutions at this alpha"
-        yield Defect(what, x[:-1], alpha, float(len(signs) - 1))
-
-
-def _with_each_mode(character: Character, block: Block) -> Iterator[tuple[Character, Character]]:
-    """Yield pairs of characters: with the first mode of a block, and with each further mode."""
-    first = _with_mode(character, block.tests, block.modes[0])
-    for mode in block.modes[1:]:
-        yield first, _with_mode(character, block.tests, mode)
-
-
-def _with_mode(character: Character, tests: Sequence[int], mode: Sequence[bool]) -> Character:
-    for test, sign in zip(tests, mode, strict=True):
-        character = character.with_sign(test, sign)
-    return character
+        yield defect(what, x, len(signs) - 1)
 
 
 def _wrong_scale(system: PiecewiseSystem, x: Array) -> Iterator[Defect]:
@@ -233,9 +229,8 @@ def _wrong_scale(system: PiecewiseSystem, x: Array) -> Iterator[Defect]:
     ratios = np.abs(x[:-1]) / scale
     j = int(np.argmax(ratios))
     if system.gives_scale and ratios[j] > MOST_MAGNITUDES:
-        name = all_names(system)[j]
-        what = f"scale() says {scale[j]:.3g} for {name}, which is {x[j]:.3g}"
-        yield Defect(what, x[:-1], float(x[-1]), float(ratios[j]))
+        what = f"scale() says {scale[j]:.3g} for {all_names(system)[j]}, which is {x[j]:.3g}"
+        yield defect(what, x, ratios[j])
 
 
 def _wrong_necessary(system: SlicewiseLinearSystem, x: Array) -> Iterator[Defect]:
@@ -245,5 +240,4 @@ def _wrong_necessary(system: SlicewiseLinearSystem, x: Array) -> Iterator[Defect
     terms = np.abs(rows) @ (np.abs(z) + scale) + np.abs(b)
     short = -(rows @ z + b) / np.where(terms > 0.0, terms, 1.0)
     for row in np.flatnonzero(short > TOLERANCE):
-        what = f"necessary(): a solution breaks inequality {row}"
-        yield Defect(what, z, alpha, float(short[row]))
+        yield defect(f"necessary(): a solution breaks inequality {row}", x, short[row])

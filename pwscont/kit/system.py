@@ -10,21 +10,21 @@ from typing import Any, final
 import numpy as np
 
 from pwscont.basics.arrays import Array, dense, finite_array, generic
-from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidInputError
 from pwscont.basics.looks import counted, named, short
 from pwscont.basics.rounding import EPS
+from pwscont.kit.inspection import (
+    TOLERANCE,
+    Defect,
+    closer_look,
+    defect,
+    is_solution,
+    relative,
+)
 from pwscont.system.abilities import completed_point, end_of, shown_size
 from pwscont.system.box import Box
-from pwscont.system.contract import (
-    check_contract,
-    check_declaration,
-    checked_scale,
-    jacobian_at,
-    kink_at,
-    residual_at,
-)
-from pwscont.system.inspection import TOLERANCE, Defect, closer_look, is_solution, relative
+from pwscont.system.contract import check_contract, check_declaration, checked_scale
+from pwscont.system.selection import Selection
 from pwscont.system.system import PiecewiseLinearSystem, PiecewiseSystem
 
 #: Most Newton steps to the interface of a test function.
@@ -111,19 +111,21 @@ def check_system(
     solutions: list[Array] = []
     count = 0
     for x in _checked_points(system, points):
-        _check_sizes(system, float(x[-1]))
-        check_contract(system, x[:-1], float(x[-1]))
+        z, alpha = x[:-1], float(x[-1])
+        checked_scale(system, system.scale(alpha, alpha))
+        Box.of(system)
+        check_contract(system, z, alpha)
         defects += [*_wrong_jacobians(system, x), *_wrong_interfaces(system, x)]
         defects += closer_look(system, x, float(radius))
         solutions += [x] if is_solution(system, x) else []
         count += 1
     defects += _not_unique(system, solutions)
-    return Report(tuple(_shown(system, defect) for defect in defects), count)
+    return Report(tuple(_shown(system, found) for found in defects), count)
 
 
-def _shown(system: PiecewiseSystem, defect: Defect) -> Defect:
+def _shown(system: PiecewiseSystem, found: Defect) -> Defect:
     """Return a defect without unknowns that the system hides."""
-    return replace(defect, z=defect.z[: shown_size(system)])
+    return replace(found, z=found.z[: shown_size(system)])
 
 
 def _checked_points(system: PiecewiseSystem, points: Any) -> list[Array]:
@@ -131,8 +133,8 @@ def _checked_points(system: PiecewiseSystem, points: Any) -> list[Array]:
     if not isinstance(points, Iterable):
         raise InvalidInputError(f"points must be pairs (z, alpha), got {points!r}")
     size = shown_size(system)
-    given = [_checked_point(f"points[{i}]", point, size) for i, point in enumerate(points)]
-    return [completed_point(system, x) for x in given]
+    checked = (_checked_point(f"points[{i}]", point, size) for i, point in enumerate(points))
+    return [completed_point(system, x) for x in checked]
 
 
 def _checked_point(name: str, point: Any, size: int) -> Array:
@@ -145,40 +147,29 @@ def _checked_point(name: str, point: Any, size: int) -> Array:
     return np.append(z, finite_array(f"alpha of {name}", point[1], ()))
 
 
-def _check_sizes(system: PiecewiseSystem, alpha: float) -> None:
-    """Refuse magnitudes, bounds and periods that every run refuses."""
-    checked_scale(system, system.scale(alpha, alpha))
-    Box.of(system)
-
-
 def _not_unique(system: PiecewiseSystem, solutions: list[Array]) -> Iterator[Defect]:
     """Compare the solutions found at the same alpha with the promise of uniqueness."""
-    if not getattr(system, "unique", False):
-        return
-    for x, y in combinations(solutions, 2):
+    for x, y in combinations(solutions, 2) if system.unique else ():
         apart = np.abs((x - y) / system.differences(float(x[-1])).scale).max()
         if x[-1] == y[-1] and apart > TOLERANCE:
-            what = "unique is True, but there is another solution at this alpha"
-            yield Defect(what, x[:-1], float(x[-1]), float(apart))
+            yield defect("unique is True, but there is another solution at this alpha", x, apart)
 
 
 def _wrong_jacobians(system: PiecewiseSystem, x: Array) -> Iterator[Defect]:
     z, alpha = x[:-1], float(x[-1])
-    character, differences = system.character(z, alpha), system.differences(alpha)
+    here = Selection(system, system.character(z, alpha))
     compared = {
-        f"jacobian in {system.describe(character)}": (
-            system.jacobian(z, alpha, character),
-            differences.jacobian(lambda y: system.residual(y[:-1], float(y[-1]), character), x),
-        ),
+        f"jacobian in {system.describe(here.character)}": (here.jacobian(x), here.residual),
         "test_jacobian": (
             system.test_jacobian(z, alpha),
-            differences.jacobian(lambda y: system.test_functions(y[:-1], float(y[-1])), x),
+            lambda y: system.test_functions(y[:-1], float(y[-1])),
         ),
     }
-    for what, (given, expected) in compared.items():
-        size = relative(dense(given) - expected, expected)
+    for what, (matrix, function) in compared.items():
+        expected = system.differences(alpha).jacobian(function, x)
+        size = relative(dense(matrix) - expected, expected)
         if not size <= TOLERANCE:
-            yield Defect(f"{what} does not match differences", z, alpha, size)
+            yield defect(f"{what} does not match differences", x, size)
 
 
 def _wrong_interfaces(system: PiecewiseSystem, x: Array) -> Iterator[Defect]:
@@ -208,48 +199,50 @@ def _wrong_interface(system: PiecewiseSystem, x: Array, test: int) -> Iterator[D
     here = system.character(z, alpha)
     if not system.domain[0] <= alpha <= system.domain[1] or _many_vanish(system, x, test):
         return
-    sides = [here.with_sign(test, sign) for sign in (True, False)]
-    if not any(test in system.bounding_tests(side) for side in sides):
-        yield from _wrong_bounds(system, x, test, sides)
+    cells = [here.with_sign(test, sign) for sign in (True, False)]
+    one, other = sides = [Selection(system, cell) for cell in cells]
+    names = f"({' | '.join(system.describe(cell) for cell in cells)})"
+    if not any(side.is_bounded_by(test) for side in sides):
+        what = f"bounding_tests leaves out {system.test_name(test)}, whose sign changes H {names}"
+        yield from _differing(one, other, x, what)
         return
-    if any(end_of(system, side, frozenset({test})) for side in sides):
+    if any(end_of(system, cell, frozenset({test})) for cell in cells):
         return  # nothing is promised beyond
-    one, other = (residual_at(system, z, alpha, side) for side in sides)
-    if not (jump := relative(one - other, np.append(np.abs(one), 1.0))) <= TOLERANCE:
-        yield Defect(
-            f"H jumps across test function {test} ({_names(system, sides)})", z, alpha, jump
-        )
-    J, K = (dense(jacobian_at(system, z, alpha, side)) for side in sides)
+    across = f"across test function {test} {names}"
+    value = one.residual(x)
+    if (
+        not (jump := relative(value - other.residual(x), np.append(np.abs(value), 1.0)))
+        <= TOLERANCE
+    ):
+        yield defect(f"H jumps {across}", x, jump)
+    J, K = (dense(side.jacobian(x)) for side in sides)
     gradient = dense(system.test_jacobian(z, alpha))[test]
     c = (K - J) @ gradient / (gradient @ gradient)
     if not (rest := relative(K - J - np.outer(c, gradient), J)) <= TOLERANCE:
-        what = f"F1: the Jacobians across test function {test} ({_names(system, sides)}) differ by"
-        yield Defect(f"{what} more than c grad(kappa)^T", z, alpha, rest)
-    elif not (size := _wrong_kink(system, sides, test, c)) <= TOLERANCE:
-        yield Defect(f"kink across test function {test} ({_names(system, sides)})", z, alpha, size)
+        what = f"F1: the Jacobians {across} differ by more than c grad(kappa)^T"
+        yield defect(what, x, rest)
+    elif not (size := _wrong_kink(one, other, test, c)) <= TOLERANCE:
+        yield defect(f"kink {across}", x, size)
 
 
-def _wrong_kink(system: PiecewiseSystem, sides: list[Character], test: int, c: Array) -> float:
+def _wrong_kink(one: Selection, other: Selection, test: int, c: Array) -> float:
     """Return the differences between c and the two statements of a system about a kink."""
-    if not isinstance(system, PiecewiseLinearSystem) or not system.knows_kinks:
+    system = one.system
+    if not (isinstance(system, PiecewiseLinearSystem) and system.knows_kinks):
         return 0.0
-    if not all(test in system.bounding_tests(side) for side in sides):
+    if not (one.is_bounded_by(test) and other.is_bounded_by(test)):
         return 0.0
-    one, other = sides
-    told = [kink_at(system, one, other, test), -kink_at(system, other, one, test)]
+    told = other.kink(one, test).copy(), -one.kink(other, test)
     return max(relative(known - c, np.append(np.abs(c), EPS)) for known in told)
 
 
-def _wrong_bounds(
-    system: PiecewiseSystem, x: Array, test: int, sides: list[Character]
-) -> Iterator[Defect]:
-    """Compare two cells that differ in a test that does not bound the cells."""
-    scale, alpha = system.differences(float(x[-1])).scale, float(x[-1])
-    z = x[:-1] + scale[:-1] * generic(len(x) - 1)
-    one, other = (residual_at(system, z, alpha, side) for side in sides)
-    if not (size := relative(one - other, np.append(np.abs(one), EPS))) <= TOLERANCE:
-        what = f"bounding_tests leaves out {system.test_name(test)}, whose sign changes H"
-        yield Defect(f"{what} ({_names(system, sides)})", z, alpha, size)
+def _differing(one: Selection, other: Selection, x: Array, what: str) -> Iterator[Defect]:
+    """Compare two selections beside a point of their interface."""
+    y = x + one.system.differences(float(x[-1])).scale * np.append(generic(len(x) - 1), 0.0)
+    value = one.residual(y)
+    size = relative(value - other.residual(y), np.append(np.abs(value), EPS))
+    if not size <= TOLERANCE:
+        yield defect(what, y, size)
 
 
 def _many_vanish(system: PiecewiseSystem, x: Array, test: int) -> bool:
@@ -259,7 +252,3 @@ def _many_vanish(system: PiecewiseSystem, x: Array, test: int) -> bool:
     zero = near <= TOLERANCE * (gradients @ (np.abs(x) + EPS))
     zero[test] = False
     return bool(zero.any())
-
-
-def _names(system: PiecewiseSystem, sides: list[Character]) -> str:
-    return " | ".join(system.describe(side) for side in sides)

@@ -1,8 +1,9 @@
-"""The arguments of ``pwscont sweep``; :mod:`sweep` is imported when the command runs."""
+"""The arguments of ``pwscont view``, ``sweep`` and ``bench``, which are imported when they run."""
 
 from __future__ import annotations
 
 import argparse
+from importlib import import_module
 from math import isfinite
 from pathlib import Path
 from typing import Any
@@ -13,8 +14,46 @@ from pwscont.scenes.registry import add_settings
 FORM = "NAME=LO:HI:COUNT, or NAME=VALUE,VALUE,..."
 
 
-def add_to(commands: Any) -> None:
-    """Register the sub-command with the sub-parsers of the command line."""
+def add_view(commands: Any) -> None:
+    """Register ``view`` with the sub-parsers of the command line."""
+    words = "write a page that shows a graph in a browser"
+    view = commands.add_parser("view", help=words, **with_examples("view"))
+    view.set_defaults(command=_view)
+    view.add_argument("graph", type=Path, metavar="FILE", help="written by 'pwscont run -o'")
+    view.add_argument(
+        "-o", "--output", type=Path, metavar="FILE", help="the page; default beside the graph"
+    )
+    view.add_argument("--open", action="store_true", help="open the page in a browser")
+
+
+def add_bench(commands: Any) -> None:
+    """Register ``bench`` with the sub-parsers of the command line."""
+    words = "measure accuracy and time of the steppers"
+    bench = commands.add_parser("bench", help=words, **with_examples("bench"))
+    bench.set_defaults(command=_bench)
+    add_scene(bench, "default: all with a known answer", nargs="*")
+    bench.add_argument(
+        "-o", "--output", type=Path, metavar="DIR", help="write picture and data there"
+    )
+    add_settings(bench)
+    bench.add_argument("--quick", action="store_true", help="few problems, few runs")
+
+
+def _view(options: argparse.Namespace) -> int:
+    return int(import_module("pwscont.commands.view").view_graph(options))
+
+
+def _sweep(options: argparse.Namespace) -> int:
+    return int(import_module("pwscont.commands.sweep").run(options))
+
+
+def _bench(options: argparse.Namespace) -> int:
+    run = import_module("pwscont.commands.bench").run
+    return int(run(options.scene, options.output, options.quick, dict(options.settings)))
+
+
+def add_sweep(commands: Any) -> None:
+    """Register ``sweep`` with the sub-parsers of the command line."""
     words = "compute a scene under many settings, and measure each"
     sweep = commands.add_parser("sweep", help=words, **with_examples("sweep"))
     sweep.set_defaults(command=_sweep)
@@ -80,9 +119,3 @@ def _value(word: str) -> int | float | str:
         except ValueError:
             continue
     return word
-
-
-def _sweep(options: argparse.Namespace) -> int:
-    from pwscont.commands.sweep import run  # noqa: PLC0415  only where asked for
-
-    return run(options)
