@@ -12,8 +12,8 @@ from random_bodies import contact_body, random_body
 from pwscont import InvalidSystemError, PiecewiseLinearSystem, trace
 from pwscont.basics.rounding import CONFIDENCE
 from pwscont.bench.calls import counted
-from pwscont.curve import straight
 from pwscont.linear.updates import ProductForm
+from pwscont.transitions import straight
 from pwscont.transitions.detector import FARTHEST_ZERO, soonest
 
 pytestmark = pytest.mark.sweep(2)  # the others take too long for the README's command

@@ -25,7 +25,6 @@ from functools import partial
 from typing import Any, final
 
 import numpy as np
-import numpy.typing as npt
 
 from pwscont.basics.arrays import Array, Indices
 from pwscont.basics.budget import check_budget
@@ -44,23 +43,16 @@ class Choices:
     """Choices of options for the first m blocks, with the points that satisfy the equations.
 
     The points of choice i are ``starts[i] + directions[i] @ s``.
-
-    Attributes
-    ----------
-    picks : ndarray of int, shape (m, N)
-        Which option of each block every choice takes.
-    starts : ndarray, shape (N, d)
-    directions : ndarray, shape (N, d, q)
-        All choices have the same q: 0 once all blocks are decided, except in singular cells.
-    growth : ndarray, shape (N,)
-        By how much rounding may have grown in the starts: the worst condition of the equations of
-        a block on the subspace left to the block. (The product over all blocks would be a bound,
-        so large that nothing would be cut off.)
     """
 
-    picks: Indices
-    starts: Array
+    picks: Indices  # which option of each block every choice takes, shape (m, N)
+    starts: Array  # shape (N, d)
+    #: All choices have the same q: 0 once all blocks are decided, except in singular cells, shape
+    #: (N, d, q).
     directions: Array
+    #: Shape (N,): by how much rounding may have grown in the starts: the worst condition of the
+    #: equations of a block on the subspace left to the block. (The product over all blocks would be
+    #: a bound, so large that nothing would be cut off.).
     growth: Array
 
     def __len__(self) -> int:
@@ -140,13 +132,8 @@ def is_near(pivots: Array, matrix: Array) -> Any:
 def together(problem: Problem, chosen: tuple[int, ...], space: Subspace) -> Iterator[Choices]:
     """Decide all remaining blocks, block after block, for all choices at once.
 
-    Parameters
-    ----------
-    problem : Problem
-    chosen : tuple of int
-        The options of the first blocks.
-    space : Subspace
-        The points that satisfy the equations of the options.
+    ``chosen``: the options of the first blocks.
+    ``space``: the points that satisfy the equations of the options.
     """
     picks = np.array(chosen, dtype=np.intp)[:, np.newaxis]
     growth = np.array([space.growth])
@@ -164,13 +151,13 @@ def together(problem: Problem, chosen: tuple[int, ...], space: Subspace) -> Iter
 def _spread(
     problem: Problem, choices: Choices, options: Sequence[Option]
 ) -> tuple[Choices, Iterator[tuple[tuple[int, ...], Subspace]]]:
-    """Impose every option of a further block on every choice.
+    """Impose every option of a further block on every choice, as far as equations are independent.
 
-    Returns the choices whose new equations are independent of the old equations, and for each
-    dependent choice the picks with the subspace before the last pick.
+    Of each dependent choice return the picks with the subspace before the last pick.
     """
-    matrices, values = _equations(choices, options)
-    k = values.shape[-1]
+    E, e = np.stack([option.E for option in options]), np.stack([option.e for option in options])
+    matrices = E @ choices.directions[:, np.newaxis]  # shape (N, options, k, q)
+    values, k = np.tensordot(choices.starts, E, (1, 2)) + e, e.shape[-1]
     Q, R = np.linalg.qr(np.swapaxes(matrices, -1, -2), mode="complete")
     R = np.swapaxes(R[..., :k, :], -1, -2)
     pivots = np.abs(np.diagonal(R, axis1=-2, axis2=-1))
@@ -186,23 +173,12 @@ def _spread(
     worst = 1.0 / pivots[regular].min(axis=-1, initial=1.0)
     growth = np.maximum(choices.growth[parents], worst)
     spread = Choices(picks, starts, directions @ Q[..., k:], growth)
-    return spread, _dependent(choices, regular)
-
-
-def _equations(choices: Choices, options: Sequence[Option]) -> tuple[Array, Array]:
-    """Return E @ directions, (N, options, k, q), and E @ start + e, (N, options, k)."""
-    E, e = np.stack([option.E for option in options]), np.stack([option.e for option in options])
-    values = np.tensordot(choices.starts, E, (1, 2)) + e
-    return E @ choices.directions[:, np.newaxis], values
-
-
-def _dependent(
-    choices: Choices, regular: npt.NDArray[np.bool_]
-) -> Iterator[tuple[tuple[int, ...], Subspace]]:
-    for parent, option in np.argwhere(~regular):
-        picked = _picked(choices, parent, option)
-        parts = choices.starts[parent], choices.directions[parent], float(choices.growth[parent])
-        yield picked, Subspace(*parts)
+    parts = choices.starts, choices.directions, choices.growth.astype(float)
+    dependent = (
+        (_picked(choices, i, option), Subspace(*(part[i] for part in parts)))
+        for i, option in np.argwhere(~regular)
+    )
+    return spread, dependent
 
 
 def _picked(choices: Choices, parent: int, option: int) -> tuple[int, ...]:

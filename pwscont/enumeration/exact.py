@@ -46,8 +46,9 @@ from pwscont.enumeration.echelon import MOST_WORK, Echelon, Row, integers
 from pwscont.enumeration.options import Table
 from pwscont.enumeration.polyhedron import Point, Slice
 from pwscont.enumeration.slices import tests_of
+from pwscont.linear.factor import sign_of_permutation
 from pwscont.system.selection import Selection
-from pwscont.system.system import Block, PiecewiseSystem, SlicewiseLinearSystem, number_of_cells
+from pwscont.system.system import Block, SlicewiseLinearSystem, number_of_cells
 
 #: Number of cells that are looked at together, to bound memory.
 BATCH = 4**6
@@ -61,30 +62,17 @@ OUTSIDE = 1e-5
 @final
 @dataclass(frozen=True, slots=True, eq=False)
 class CellsInDoubles:
-    """Equations and tests of cells, by the unknowns that blocks decide, in doubles.
+    """Equations and tests of cells, by the unknowns that blocks decide, in doubles."""
 
-    Attributes
-    ----------
-    options : list of ndarray, shapes (modes, k, d + 1)
-        The equations of each mode of each block, rows of unit size with the constant last.
-    sides : list of ndarray, shapes (modes, m)
-        +1 or -1 if a test bounds a mode, else 0.
-    tests : ndarray, shape (m, d + 1)
-    z : ndarray, shape (n, d + 1)
-        All unknowns as functions of the unknowns that blocks decide.
-    whole : ndarray, shape (m, n + 1)
-        The tests by all unknowns.
-    scale : ndarray, shape (n,)
-    growth : float
-        By how much rounding of the common equations grows in the equations of the blocks.
-    """
-
+    #: The equations of each mode of each block, rows of unit size with the constant last, shapes
+    #: (modes, k, d + 1).
     options: Sequence[Array]
-    sides: Sequence[Array]
-    tests: Array
-    z: Array
-    whole: Array
-    scale: Array
+    sides: Sequence[Array]  # +1 or -1 if a test bounds a mode, else 0, shapes (modes, m)
+    tests: Array  # shape (m, d + 1)
+    z: Array  # all unknowns as functions of the unknowns that blocks decide, shape (n, d + 1)
+    whole: Array  # the tests by all unknowns, shape (m, n + 1)
+    scale: Array  # shape (n,)
+    #: By how much rounding of the common equations grows in the equations of the blocks.
     growth: float
 
     def left(self) -> Indices:
@@ -137,40 +125,21 @@ WELL_CONDITIONED = EPS**-0.75
 @final
 @dataclass(frozen=True, slots=True, eq=False)
 class ExactSolution:
-    """The solution of the equations of a cell, which lies in the cell or not far outside.
+    """The solution of the equations of a cell, which lies in the cell or not far outside."""
 
-    Attributes
-    ----------
-    z : ndarray, shape (n,)
-        The solution, correctly rounded.
-    exactly : tuple of Fraction
-        The solution, not rounded.
-    error : ndarray, shape (n, n)
-        The error by the rounding of each equation, a row per equation.
-    character : Character
-    det_sign : int
-    is_inside : bool
-        Whether no bounding test is negative there.
-    """
-
-    z: Array
-    exactly: tuple[Fraction, ...]
-    error: Array
+    z: Array  # the solution, correctly rounded, shape (n,)
+    exactly: tuple[Fraction, ...]  # the solution, not rounded
+    error: Array  # the error by the rounding of each equation, a row per equation, shape (n, n)
     character: Character
     det_sign: int
-    is_inside: bool
+    is_inside: bool  # whether no bounding test is negative there
 
 
 @final
 class ExactSlice:
     """The rows of all modes and all tests at a fixed alpha, as integers.
 
-    Parameters
-    ----------
-    system : SlicewiseLinearSystem
-    scale : ndarray, shape (n,)
-        Typical magnitudes of z.
-    alpha : float
+    ``scale``, shape (n,): typical magnitudes of z.
     """
 
     def __init__(self, system: SlicewiseLinearSystem, scale: Array, alpha: float) -> None:
@@ -191,7 +160,8 @@ class ExactSlice:
 
         None for numbers that are not finite, hence not rational, or if the work takes too long.
         """
-        if self._price() > MOST_WORK or not self._is_finite():
+        numbers = *self._rows, self._tests
+        if self._price() > MOST_WORK or not all(np.isfinite(n).all() for n in numbers):
             return None
         common = Echelon(self._n).extended([integers(self._rows[0][i]) for i in self._common])
         if common is None:
@@ -202,9 +172,6 @@ class ExactSlice:
             return None
         cells = self._descend((), Echelon(d, level=common.determinant), left)
         return [found for picks, echelon in cells if (found := self._at(picks, echelon))]
-
-    def _is_finite(self) -> bool:
-        return all(np.isfinite(rows).all() for rows in (*self._rows, self._tests))
 
     def _price(self) -> int:
         """Return the work before the first cell is solved exactly."""
@@ -282,42 +249,36 @@ class ExactSlice:
         z = np.array([_float(value) for value in exactly])
         if not np.isfinite(z).all():
             return None
-        error, signs = self._error(picks, z), self._signs(picks)
+        error, character = self._error(picks, z), self._character(picks)
         columns = [*self._eliminated.columns, *(self._free[j] for j in echelon.columns)]
-        parity = _parity(self._order) * _parity(columns)
+        parity = sign_of_permutation(self._order) * sign_of_permutation(columns)
         det_sign = parity if D > 0 else -parity
-        return ExactSolution(z, exactly, error, Character(signs), det_sign, worst >= 0.0)
+        return ExactSolution(z, exactly, error, character, det_sign, worst >= 0.0)
 
-    def _roughly(self, free: Row, D: int) -> Array:
-        """Return a solution from the free unknowns, rounded."""
-        z, some = np.zeros(self._n), np.array([_float(Fraction(value, D)) for value in free])
-        z[self._free] = some
-        if self._eliminated.columns:
-            z[list(self._eliminated.columns)] = self._decided @ np.append(some, 1.0)
-        return z
-
-    def _signs(self, picks: tuple[int, ...]) -> tuple[bool, ...]:
-        signs = [True] * len(self._tests)
+    def _character(self, picks: tuple[int, ...]) -> Character:
+        character = Character([True] * len(self._tests))
         for block, pick in zip(self._blocks, picks, strict=True):
-            for test, sign in zip(block.tests, block.modes[pick], strict=True):
-                signs[test] = sign
-        return tuple(signs)
+            character = character.with_signs(block.tests, block.modes[pick])
+        return character
 
     def _worst(self, picks: tuple[int, ...], free: Row, D: int) -> float:
         """Return the most negative bounding test relative to the terms; exactly 0 if none is."""
-        signs, worst = self._signs(picks), 0.0
+        signs, worst = self._character(picks).signs, 0.0
         is_positive = (D > 0) == (self._eliminated.determinant > 0)
         for tests, pick in zip(self._bounding, picks, strict=True):
             for test in tests[pick]:
                 row = self._reduced_tests[test]
                 value = sum(a * b for a, b in zip(row, (*free, D), strict=True))
                 if value and ((value > 0) == is_positive) != signs[test]:
-                    worst = min(worst, self._off(test, self._roughly(free, D)))
+                    worst = min(worst, self._off(test, free, D))
         return worst
 
-    def _off(self, test: int, z: Array) -> float:
+    def _off(self, test: int, free: Row, D: int) -> float:
         """Return a negative test relative to the sum of magnitudes of the terms, less than zero."""
-        row = self._tests[test]
+        row, z = self._tests[test], np.zeros(self._n)
+        z[self._free] = some = np.array([_float(Fraction(value, D)) for value in free])
+        if self._eliminated.columns:
+            z[list(self._eliminated.columns)] = self._decided @ np.append(some, 1.0)
         if not np.isfinite(z).all():
             return -np.inf
         terms = np.abs(row) @ np.append(np.abs(z) + self._scale, 1.0)
@@ -385,19 +346,6 @@ def _float(value: Fraction) -> float:
         return float("inf") if value > 0 else float("-inf")
 
 
-def _parity(order: Sequence[int]) -> int:
-    """Return the sign of a permutation: -1 if the number of cycles of even length is odd."""
-    rest, sign = set(range(len(order))), 1
-    while rest:
-        length, i = 0, rest.pop()
-        first = i
-        while (i := order[i]) != first:
-            rest.discard(i)
-            length += 1
-        sign = -sign if length % 2 else sign
-    return sign
-
-
 def solve_exactly(
     system: SlicewiseLinearSystem, metric: Metric, alpha: float, known: Sequence[Point] = ()
 ) -> Slice | None:
@@ -410,47 +358,36 @@ def solve_exactly(
     solutions = ExactSlice(system, metric.scale[:-1], alpha).solutions()
     if solutions is None:
         return None
-    candidates = [_candidate(one, alpha) for one in solutions]
+    candidates = []
+    for one in solutions:
+        error = np.column_stack([one.error, np.zeros(len(one.error))])
+        x = np.append(one.z, alpha)
+        candidates.append((one, Point(x, error, (one.character,), one.det_sign)))
     points: list[Point] = []
     for one, point in candidates:
         if one.is_inside and not any(_joins(metric, point, other) for other in points):
             shared = [o for o, other in candidates if o.is_inside and _joins(metric, other, point)]
             cells, signs = tuple(o.character for o in shared), tuple(o.det_sign for o in shared)
             points.append(replace(point, characters=cells, det_sign=signs[0], known_signs=signs))
-    undecided = sum(
-        _is_undecided(system, metric, *candidate, [*points, *known]) for candidate in candidates
-    )
+
+    def is_undecided(one: ExactSolution, point: Point) -> bool:
+        """Tell whether a solution lies in no cell, and misses a cell by no more than the error."""
+        if one.is_inside:
+            return False
+        selection, place = Selection(system, one.character), (point.x, point.error)
+        tests, slack = tests_of(selection, metric, *place)
+        found = any(is_same(metric, place, (p.x, p.error)) for p in (*points, *known))
+        return bool((tests >= -slack).all()) and not found
+
+    undecided = sum(is_undecided(*candidate) for candidate in candidates)
     return Slice(tuple(points), (), undecided, exact=True)
 
 
-def _candidate(one: ExactSolution, alpha: float) -> tuple[ExactSolution, Point]:
-    error = np.column_stack([one.error, np.zeros(len(one.error))])
-    return one, Point(np.append(one.z, alpha), error, (one.character,), one.det_sign)
-
-
 def _joins(metric: Metric, a: Point, b: Point) -> bool:
-    """Tell whether two points of exact cells are the same point.
+    """Tell whether two points of exact cells are the same point, to within the errors.
 
-    Points that differ by no more than the errors are the same point if the signs agree: by F1 the
-    curve crosses the interface between the two cells. If the signs differ, the curve turns back at
-    the interface, and there are two points.
+    If the signs differ, the curve turns back at the interface (F1), and there are two points.
     """
     if np.array_equal(a.x, b.x):
         return True
     return a.det_sign == b.det_sign and is_same(metric, (a.x, a.error), (b.x, b.error))
-
-
-def _is_undecided(
-    system: PiecewiseSystem,
-    metric: Metric,
-    one: ExactSolution,
-    point: Point,
-    points: Sequence[Point],
-) -> bool:
-    """Tell whether a solution lies in no cell, and misses a cell by no more than the error."""
-    if one.is_inside:
-        return False
-    selection = Selection(system, one.character)
-    tests, slack = tests_of(selection, metric, point.x, point.error)
-    found = any(is_same(metric, (point.x, point.error), (p.x, p.error)) for p in points)
-    return bool((tests >= -slack).all()) and not found

@@ -43,21 +43,13 @@ LEVEL = EPS**0.5
 @final
 @dataclass(frozen=True, slots=True)
 class Filled:
-    """An interval of alpha with infinitely many solutions, and which ends belong to the interval.
-
-    Attributes
-    ----------
-    lo, hi : float
-    lo_closed, hi_closed : bool
-    blur : float
-        Largest distance by which rounding may have moved the ends.
-    """
+    """An interval of alpha with infinitely many solutions."""
 
     lo: float
     hi: float
-    lo_closed: bool
+    lo_closed: bool  # whether the end belongs to the interval
     hi_closed: bool
-    blur: float
+    blur: float  # largest distance by which rounding may have moved the ends
 
 
 def filled(
@@ -68,15 +60,9 @@ def filled(
 ) -> list[Filled]:
     """Return where in an interval infinitely many solutions fill a segment or more of a cell.
 
-    Parameters
-    ----------
-    system : PiecewiseLinearSystem
-        A system whose blocks have been checked.
-    scale : ndarray, shape (n,)
-        Typical magnitudes of z.
-    interval : tuple of float
-    bounds : tuple of ndarray, shape (n,)
-        Least and largest values of z; infinite for unknowns without bounds.
+    ``system``: a system whose blocks have been checked.
+    ``scale``, shape (n,): typical magnitudes of z.
+    ``bounds``, shape (n,): least and largest values of z; infinite for unknowns without bounds.
     """
     problem = _with_alpha(system, scale, interval, bounds)
     found: list[Filled] = []
@@ -109,15 +95,10 @@ def _with_alpha(
         refuse_bent(system, character, x, dx, residual, jacobian)
         slices.append((jacobian, residual))
     K = own_dense(system.test_jacobian(x[:-1], lo))
-    necessary = _within(np.append(bounds[0], 0.0), np.append(bounds[1], hi - lo))
-    return problem_of(system, slices, (K, tests), necessary, np.append(scale, hi - lo))
-
-
-def _within(least: Array, most: Array) -> tuple[Array, Array]:
-    """Return the inequalities A x + b >= 0 of all finite bounds."""
-    unit, below, above = np.eye(len(least)), np.isfinite(least), np.isfinite(most)
-    b: Array = np.append(-least[below], most[above])
-    return np.vstack([unit[below], -unit[above]]), b
+    least, most = np.append(bounds[0], 0.0), np.append(bounds[1], hi - lo)
+    unit, below, above = np.eye(n + 1), np.isfinite(least), np.isfinite(most)
+    within = np.vstack([unit[below], -unit[above]]), np.append(-least[below], most[above])
+    return problem_of(system, slices, (K, tests), within, np.append(scale, hi - lo))
 
 
 def _may_fill(problem: Problem, choices: Choices, interval: tuple[float, float]) -> Array:

@@ -31,54 +31,30 @@ from pwscont.enumeration.options import Option, Problem
 @final
 @dataclass(frozen=True, slots=True, eq=False)
 class Point:
-    """An isolated solution.
+    """An isolated solution."""
 
-    Attributes
-    ----------
-    x : ndarray, shape (n + 1,)
-        The point (z, alpha).
-    error : ndarray, shape (k, n + 1)
-        Samples of the error of x.
-    characters : sequence of Character
-        The cells in whose closure the point lies; several for a point on an interface.
-    det_sign : int
-        Sign of det(dH/dz) in the first of these cells.
-    known_signs : tuple of int
-        The signs in all of these cells where the signs are known; else empty.
-    in_doubt : bool or None
-        Whether rounding leaves open in which cells the point lies; None if not yet tested.
-    """
-
-    x: Array
-    error: Array
+    x: Array  # the point (z, alpha), shape (n + 1,)
+    error: Array  # samples of the error of x, shape (k, n + 1)
+    #: The cells in whose closure the point lies; several for a point on an interface.
     characters: Sequence[Character]
-    det_sign: int
+    det_sign: int  # sign of det(dH/dz) in the first of these cells
+    #: The signs in all of these cells where the signs are known; else empty.
     known_signs: tuple[int, ...] = ()
+    #: Whether rounding leaves open in which cells the point lies; None if not yet tested.
     in_doubt: bool | None = None
 
 
 @final
 @dataclass(frozen=True, slots=True, eq=False)
 class Slice:
-    """All solutions at a fixed alpha.
-
-    Attributes
-    ----------
-    points : tuple of Point
-    faces : tuple of Face
-    undecided : int
-        Number of cells that may or may not hold a solution, because of rounding.
-    exact : bool
-        Whether the points were found in exact arithmetic.
-    singular : int
-        Number of cells whose equations may be singular, by rounding, although exact arithmetic
-        finds a solution; no digit of such a solution is certain.
-    """
+    """All solutions at a fixed alpha."""
 
     points: tuple[Point, ...]
     faces: tuple[Face, ...]
-    undecided: int = 0
-    exact: bool = False
+    undecided: int = 0  # number of cells that may or may not hold a solution, because of rounding
+    exact: bool = False  # whether the points were found in exact arithmetic
+    #: Number of cells whose equations may be singular, by rounding, although exact arithmetic finds
+    #: a solution; no digit of such a solution is certain.
     singular: int = 0
 
 
@@ -89,26 +65,13 @@ MOST_DIMENSIONS = 3
 @final
 @dataclass(frozen=True, slots=True, eq=False)
 class Face:
-    """Infinitely many solutions in a cell, or the only solution of a singular cell.
-
-    Attributes
-    ----------
-    character : Character
-    dimension : int
-        0 for a single solution.
-    corners : ndarray, shape (k, n + 1)
-        The finite extreme points; empty for dimensions above three.
-    inside : ndarray, shape (n + 1,)
-        A point inside of the face.
-    directions : ndarray, shape (n, d)
-        Vectors that span the face.
-    """
+    """Infinitely many solutions in a cell, or the only solution of a singular cell."""
 
     character: Character
-    dimension: int
-    corners: Array
-    inside: Array
-    directions: Array
+    dimension: int  # 0 for a single solution
+    corners: Array  # the finite extreme points; empty for dimensions above three, shape (k, n + 1)
+    inside: Array  # A point inside of the face, shape (n + 1,)
+    directions: Array  # vectors that span the face, shape (n, d)
 
     @property
     def representatives(self) -> Array:
@@ -206,25 +169,16 @@ TINY = float(np.finfo(float).tiny)
 @final
 @dataclass(frozen=True, slots=True, eq=False)
 class Polyhedron:
-    """The points {w : matrix w + vector >= 0}.
+    """The points {w : matrix w + vector >= 0}."""
 
-    Attributes
-    ----------
-    matrix : ndarray, shape (k, q)
-    vector : ndarray, shape (k,)
-    """
-
-    matrix: Array
-    vector: Array
+    matrix: Array  # shape (k, q)
+    vector: Array  # shape (k,)
 
     @classmethod
     def of(cls, matrix: Array, vector: Array, rounding: float) -> Polyhedron | None:
         """Return a polyhedron without trivial inequalities, None if an inequality holds nowhere.
 
-        Parameters
-        ----------
-        rounding : float
-            A row of the matrix with smaller entries does not depend on w.
+        ``rounding``: a row of the matrix with smaller entries does not depend on w.
         """
         moves = np.abs(matrix).max(axis=1, initial=0.0) > rounding
         if (vector[~moves] < -rounding).any():
@@ -250,10 +204,7 @@ class Polyhedron:
         The number d of directions is less than q if inequalities hold with equality only. None if
         no point satisfies all inequalities.
 
-        Parameters
-        ----------
-        rounding : float
-            The error of the inequalities.
+        ``rounding``: the error of the inequalities.
         """
         if self.matrix.shape[1] == 1:
             return self._inside_line(rounding)

@@ -45,6 +45,8 @@ Asked: TypeAlias = npt.NDArray[np.int8]
 
 #: Signs that may be asked of a form, as bits: a form asked for two signs vanishes.
 ANY, NOT_NEGATIVE, NOT_POSITIVE, ZERO = 0, 1, 2, 3
+#: The signs that are asked of a form if these signs are asked of the negative form.
+NEGATED = (ANY, NOT_POSITIVE, NOT_NEGATIVE, ZERO)
 #: Number of decimals to which the entries of two unit rows agree if the rows are the same form.
 DIGITS = 12
 
@@ -52,25 +54,17 @@ DIGITS = 12
 @final
 @dataclass(frozen=True, slots=True, eq=False)
 class Forms:
-    """Affine forms ``rows @ s + constants`` of q unknowns s.
+    """Affine forms ``rows @ s + constants`` of q unknowns s."""
 
-    Attributes
-    ----------
-    rows, constants : ndarray, shapes (N, q) and (N,)
-        Rows have length 1, or 0; the last q forms are the unknowns themselves.
-    always : ndarray of int8, shape (N,)
-        The signs that every solution has.
-    options : ndarray of int8, shape (k, m, N)
-        The signs that each option of each block asks; a block may have less than m options.
-    numbers : ndarray of int, shape (k,)
-        How many options each block has.
-    """
-
+    #: Shapes (N, q) and (N,): rows have length 1, or 0; the last q forms are the unknowns
+    #: themselves.
     rows: Array
     constants: Array
-    always: Asked
+    always: Asked  # the signs that every solution has, shape (N,)
+    #: The signs that each option of each block asks; a block may have less than m options, shape
+    #: (k, m, N).
     options: Asked
-    numbers: npt.NDArray[np.intp]
+    numbers: npt.NDArray[np.intp]  # how many options each block has, shape (k,)
 
     @classmethod
     def of(cls, problem: Problem, blocks: Sequence[Sequence[Option]], space: Subspace) -> Forms:
@@ -122,7 +116,7 @@ class _Table:
         if (place := self._places.get(rounded.tobytes())) is not None:
             return place, sign
         if (place := self._places.get((0.0 - rounded).tobytes())) is not None:
-            return place, _negated(sign)
+            return place, NEGATED[sign]
         self._places[rounded.tobytes()] = len(self._rows)
         self._rows.append(row)
         return len(self._rows) - 1, sign
@@ -132,10 +126,6 @@ class _Table:
         q = self._space.directions.shape[1]
         forms = np.vstack([*self._rows, np.eye(q, q + 1)])
         return forms[:, :-1].copy(), forms[:, -1].copy()
-
-
-def _negated(sign: int) -> int:
-    return {NOT_NEGATIVE: NOT_POSITIVE, NOT_POSITIVE: NOT_NEGATIVE}.get(sign, sign)
 
 
 def _bits(asked: Iterable[tuple[int, int]], number: int) -> Asked:
@@ -164,24 +154,14 @@ _WAY = np.array([0.0, 1.0, -1.0, 0.0])
 @final
 @dataclass(frozen=True, slots=True, eq=False)
 class Vertices:
-    """A vertex for each of N programs.
+    """A vertex for each of N programs."""
 
-    Attributes
-    ----------
-    points : ndarray, shape (N, q)
-    directions : ndarray, shape (N, q + 1, q)
-        How the coordinates, and last the objective, change with the value of each form of the
-        basis.
-    basis : ndarray of int, shape (N, q)
-        Numbers of forms.
-    signs : ndarray of int8, shape (N, forms)
-        The signs asked of all forms.
-    """
-
-    points: Array
+    points: Array  # shape (N, q)
+    #: How the coordinates, and last the objective, change with the value of each form of the basis,
+    #: shape (N, q + 1, q).
     directions: Array
-    basis: Indices
-    signs: Asked
+    basis: Indices  # numbers of forms, shape (N, q)
+    signs: Asked  # the signs asked of all forms, shape (N, forms)
 
     def __len__(self) -> int:
         """Return the number of programs."""
@@ -228,7 +208,9 @@ def feasible(forms: Forms, programs: Vertices) -> tuple[Indices, Vertices]:
         done.append(undecided)
     else:
         done.append(left)
-    return _in_order(done)
+    places = np.concatenate([some.places for some in done])
+    order = np.argsort(places)
+    return places[order], _joined([some.vertices for some in done])[order]
 
 
 @final
@@ -244,12 +226,6 @@ class _Open:
         if index.all():
             return self
         return _Open(self.vertices[index], self.places[index], self.is_new[index])
-
-
-def _in_order(done: list[_Open]) -> tuple[Indices, Vertices]:
-    places = np.concatenate([some.places for some in done])
-    order = np.argsort(places)
-    return places[order], _joined([some.vertices for some in done])[order]
 
 
 def _most_wrong(forms: Forms, vertices: Vertices) -> tuple[Indices, Array]:
@@ -270,10 +246,9 @@ def slack_of(vertices: Vertices) -> Array:
 
 
 def _step(forms: Forms, left: _Open, form: Indices, value: Array) -> tuple[_Open, _Open]:
-    """Make a form of each program vanish.
+    """Make a form of each program vanish; return programs to go on with, and undecided programs.
 
-    Returns the programs to go on with, and the programs that cannot be decided. Programs that are
-    proved to have no point are dropped.
+    Programs that are proved to have no point are dropped.
     """
     vertices = left.vertices
     row = (forms.rows[form][:, np.newaxis] @ vertices.directions[:, :-1])[:, 0]
@@ -285,7 +260,13 @@ def _step(forms: Forms, left: _Open, form: Indices, value: Array) -> tuple[_Open
     stuck, parts = left[~can], (form[~can], value[~can], row[~can], gain[~can])
     stuck = stuck[~_is_proved(forms, stuck.vertices, *parts)]
     again = _computed_anew(forms, stuck[~stuck.is_new])
-    return _together(moved, again), stuck[stuck.is_new]
+    if len(again.places):
+        places, is_new = (
+            np.concatenate([getattr(part, name) for part in (moved, again)])
+            for name in ("places", "is_new")
+        )
+        moved = _Open(_joined([moved.vertices, again.vertices]), places, is_new)
+    return moved, stuck[stuck.is_new]
 
 
 def _gains(vertices: Vertices, slopes: Array) -> Array:
@@ -352,10 +333,3 @@ def _joined(parts: Sequence[Vertices]) -> Vertices:
     """Return the programs of several batches as a single batch."""
     names = [field.name for field in fields(Vertices)]
     return Vertices(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
-
-
-def _together(a: _Open, b: _Open) -> _Open:
-    if not len(b.places):
-        return a
-    places, is_new = np.append(a.places, b.places), np.append(a.is_new, b.is_new)
-    return _Open(_joined([a.vertices, b.vertices]), places, is_new)

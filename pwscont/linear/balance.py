@@ -27,15 +27,8 @@ def balanced(terms: Any, size: int) -> tuple[Array, Array]:
     The terms ``terms[i, j] u[j] / v[i]`` are as close to 1 as possible: the sum of the squares of
     the logarithms of the terms is least.
 
-    Parameters
-    ----------
-    terms : ndarray or sparse matrix, shape (m, size + k)
-        Coefficients of ``size`` unknowns, and k columns of constants, whose magnitudes are 1.
-    size : int
-
-    Returns
-    -------
-    ndarray, ndarray, shapes (size,) and (m,)
+    ``terms``, shape (m, size + k): coefficients of ``size`` unknowns, and k columns of constants,
+    whose magnitudes are 1.
     """
     from scipy.sparse.linalg import lsqr  # noqa: PLC0415  only where magnitudes are not given
 

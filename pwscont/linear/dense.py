@@ -17,13 +17,7 @@ from scipy.linalg import lapack
 
 from pwscont.basics.arrays import Array, Indices
 from pwscont.basics.rounding import EPS
-from pwscont.linear.factor import (
-    LU,
-    Factor,
-    power_of_two,
-    regularise,
-    sign_of_pivots,
-)
+from pwscont.linear.factor import LU, Factor, power_of_two, regularise, sign_of_pivots
 
 #: Most rows, and most right-hand sides, for solutions one after the other, see :func:`_solved`.
 FEW_ROWS, FEW_COLUMNS = 32, 8
@@ -36,18 +30,14 @@ BLOCK = 64
 class DenseFactor(Factor):
     """LU with partial pivoting of a matrix M in any units: L U = R M C, with R and C diagonal.
 
-    Parameters
-    ----------
-    matrix : ndarray, shape (k, k)
-        M, which is overwritten, or copied where M is not in Fortran order. If M is not finite, the
-        factorisation has ``failed``.
-    scale : ndarray, shape (k,)
-        The diagonal of C: typical magnitudes of the unknowns, powers of two.
+    ``matrix``, shape (k, k): M, which is overwritten, or copied where M is not in Fortran order. If
+    M is not finite, the factorisation has ``failed``.
+    ``scale``, shape (k,): the diagonal of C: typical magnitudes of the unknowns, powers of two.
     """
 
     def __init__(self, matrix: Array, scale: Array) -> None:
         matrix *= scale
-        self._columns, self._rows = scale, _row_multipliers(matrix)
+        self._columns, self._rows = scale, 1.0 / power_of_two(row_maxima(matrix))
         by_columns = matrix.T  # the multipliers lie along the rows of the transpose
         by_columns *= self._rows
         self._norm = lapack.dlange("1", matrix)
@@ -79,18 +69,9 @@ class DenseFactor(Factor):
     def is_singular(self) -> bool:
         """Tell whether the scaled matrix is singular to rounding."""
         if self._is_singular is None:
-            self._is_singular = self.failed or not self._is_regular()
+            rcond = 0.0 if self.failed else float(lapack.dgecon(self._lu, self._norm)[0])
+            self._is_singular = not rcond >= len(self._lu) * EPS  # True for nan
         return self._is_singular
-
-    def _is_regular(self) -> bool:
-        """Tell whether the reciprocal condition number is larger than k rounding errors."""
-        rcond: float = lapack.dgecon(self._lu, self._norm)[0]
-        return rcond >= len(self._lu) * EPS  # False for nan
-
-
-def _row_multipliers(matrix: Array) -> Array:
-    """Return powers of two that bring the largest entry of each row to about 1; 1 for zeros."""
-    return 1.0 / power_of_two(row_maxima(matrix))
 
 
 def _solved(lu: Array, pivots: Indices, rhs: Array, transposed: bool = False) -> Array:
@@ -117,10 +98,8 @@ def row_maxima(matrix: Array) -> Array:
 class DenseLU(LU):
     """LU of a dense matrix.
 
-    Parameters
-    ----------
-    lu, pivots : ndarray, shapes (k, k) and (k,)
-        Factors and row exchanges in the form of LAPACK's ``dgetrf``, see :meth:`of`.
+    ``lu``, ``pivots``, shapes (k, k) and (k,): factors and row exchanges in the form of LAPACK's
+    ``dgetrf``, see :meth:`of`.
     """
 
     def __init__(self, lu: Array, pivots: Indices) -> None:

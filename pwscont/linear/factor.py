@@ -26,6 +26,7 @@ Failure modes and answers
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from typing import final
 
 import numpy as np
@@ -150,3 +151,16 @@ def sign_of_pivots(pivots: Array, exchanges: Indices) -> int:
     negative = np.count_nonzero(np.signbit(pivots))
     odd = np.count_nonzero(exchanges != np.arange(len(exchanges)))
     return -1 if (negative + odd) % 2 else 1
+
+
+def sign_of_permutation(order: Sequence[int]) -> int:
+    """Return the sign of a permutation: -1 if the number of cycles of even length is odd."""
+    rest, sign = set(range(len(order))), 1
+    while rest:
+        length, i = 0, rest.pop()
+        first = i
+        while (i := order[i]) != first:
+            rest.discard(i)
+            length += 1
+        sign = -sign if length % 2 else sign
+    return sign

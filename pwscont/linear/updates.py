@@ -74,12 +74,8 @@ class ProductForm(Factor):
     The rows of D are the vectors g. With every change the columns of V are multiplied by
     I - w g^T / (1 + g.w), so that no system has to be solved for V.
 
-    Parameters
-    ----------
-    factor : Factor
-        A factorisation of the first matrix.
-    size : int
-        The number of rows of the matrix.
+    ``factor``: a factorisation of the first matrix.
+    ``size``: the number of rows of the matrix.
     """
 
     def __init__(self, factor: Factor, size: int) -> None:
@@ -233,7 +229,13 @@ class Updating(RowSolver):
     def solve(self, matrix: RowMatrix, rhs: Array) -> Array:
         """Return the solution for a right-hand side, or several."""
         self._take(matrix)
-        return _product(self._inverse, rhs) if self._lu is None else self._lu.solve(rhs)
+        if self._lu is not None:
+            return self._lu.solve(rhs)
+        entries = np.flatnonzero(rhs) if rhs.ndim == 1 else None
+        if entries is not None and len(entries) <= FEW_ENTRIES:
+            return self._inverse[:, entries] @ rhs[entries]
+        product: Array = rhs @ self._inverse.T
+        return product
 
     def solve_transposed(self, matrix: RowMatrix, rhs: Array) -> Array:
         """Return the solution with the transposed matrix."""
@@ -313,13 +315,3 @@ class Updating(RowSolver):
         self._inverse = blas.dgemm(-1.0, w, parts, 1.0, self._inverse, overwrite_c=1)
         self._sign *= pivots.sign
         return True
-
-
-def _product(inverse: Array, rhs: Array) -> Array:
-    """Return solutions by an inverse, or by a few columns for a few nonzero entries."""
-    if rhs.ndim == 1:
-        entries = np.flatnonzero(rhs)
-        if len(entries) <= FEW_ENTRIES:
-            return inverse[:, entries] @ rhs[entries]
-    product: Array = rhs @ inverse.T
-    return product

@@ -43,12 +43,7 @@ def default_search(
 ) -> Search:
     """Return the most complete search that takes seconds for a system of this size.
 
-    Parameters
-    ----------
-    system : PiecewiseSystem
-    interval : tuple of float
-    around : sequence of ndarray, shape (n,)
-        States around which Newton is started as well.
+    ``around``, shape (n,): states around which Newton is started as well.
     """
     search = _most_complete(system, interval, around)
     is_costly = isinstance(system, SlicewiseLinearSystem) and not isinstance(search, MultiStart)

@@ -63,12 +63,6 @@ ASIDE = 1e-3
 class Pursuit:
     """Pursuits of solutions of a system.
 
-    Parameters
-    ----------
-    system : PiecewiseSystem
-    metric : Metric
-    interval : tuple of float
-
     Attributes
     ----------
     iterations : int

@@ -84,18 +84,10 @@ MOST_CORRECTIONS = 8
 @final
 @dataclass(frozen=True, slots=True)
 class Throughout(Search):
-    """Newton from many starts at the ends and at values of alpha between, deflated.
+    """Newton from many starts at the ends and at values of alpha between, deflated."""
 
-    Attributes
-    ----------
-    ends : MultiStart
-        The starts at the ends.
-    slices, count : int
-        Number of values of alpha between the ends, and of starts at each value.
-    """
-
-    ends: MultiStart = field(default_factory=MultiStart)
-    slices: int = 9
+    ends: MultiStart = field(default_factory=MultiStart)  # the starts at the ends
+    slices: int = 9  # number of values of alpha between the ends, and of starts at each value
     count: int = 6
 
     @classmethod

@@ -53,14 +53,9 @@ MOST_UNKNOWNS = 200
 def is_one_of_many(system: PiecewiseSystem, metric: Metric, x: Array) -> bool:
     """Tell whether a solution of a curved system belongs to solutions that fill a curve or more.
 
-    Parameters
-    ----------
-    system : PiecewiseSystem
-        Systems that are affine in z at fixed alpha have exact answers: see
-        :func:`~pwscont.enumeration.filled.filled`.
-    metric : Metric
-    x : ndarray, shape (n + 1,)
-        A solution and the value of alpha.
+    ``system``: systems that are affine in z at fixed alpha have exact answers: see
+    :func:`~pwscont.enumeration.filled.filled`.
+    ``x``, shape (n + 1,): a solution and the value of alpha.
     """
     if isinstance(system, SlicewiseLinearSystem) or system.size > MOST_UNKNOWNS:
         return False
@@ -104,16 +99,10 @@ def filled_parts(
     Exact for piecewise-linear systems. Otherwise the special points and the middles between special
     points are asked for.
 
-    Parameters
-    ----------
-    system : PiecewiseSystem
-        Nothing is asked of systems that are affine in z at fixed alpha and have many cells.
-    metric : Metric
-    alphas : list of float
-        The values of alpha of special points, and both ends of the interval.
-    one_of_many : list of ndarray, shape (n + 1,)
-        Known solutions of a curved system that belong to infinitely many, see
-        :func:`is_one_of_many`.
+    ``system``: nothing is asked of systems that are affine in z at fixed alpha and have many cells.
+    ``alphas``: the values of alpha of special points, and both ends of the interval.
+    ``one_of_many``, shape (n + 1,): known solutions of a curved system that belong to infinitely
+    many, see :func:`is_one_of_many`.
     """
     if not isinstance(system, SlicewiseLinearSystem):
         yield from _beside(system, metric, alphas, one_of_many)
@@ -127,10 +116,7 @@ def filled_parts(
 
 
 def _asked(system: SlicewiseLinearSystem, metric: Metric, alphas: list[float]) -> Iterator[Filled]:
-    """Yield the values of alpha with infinitely many solutions, and the stretches between values.
-
-    All solutions are sought at each value, and in the middle between two values.
-    """
+    """Yield the values of alpha with infinitely many solutions, and stretches between values."""
     for alpha in alphas:
         if solve_slice(system, metric, alpha).faces:
             yield Filled(alpha, alpha, True, True, 0.0)
@@ -142,12 +128,15 @@ def _asked(system: SlicewiseLinearSystem, metric: Metric, alphas: list[float]) -
 def _beside(
     system: PiecewiseSystem, metric: Metric, alphas: list[float], points: list[Array]
 ) -> Iterator[Filled]:
-    """Yield the values of alpha of such solutions, and the stretches that are filled beside them.
+    """Yield the values of alpha of such solutions, and the stretches filled beside them."""
+    known, scale = {float(x[-1]): x for x in points}, metric.scale[:-1]
 
-    A stretch between two neighbouring special points is asked for in the middle, and near an end
-    that is no value of alpha of such a solution.
-    """
-    known = {float(x[-1]): x for x in points}
+    def is_filled(starts: list[Array], alpha: float) -> bool:
+        """Tell whether any of some solutions leads to one of infinitely many at another alpha."""
+        found = (solution_near(system, scale, x[:-1] / scale, alpha) for x in starts)
+        places = (np.append(y * scale, alpha) for y in found if y is not None)
+        return any(is_one_of_many(system, metric, place) for place in places)
+
     for alpha in known:
         yield Filled(alpha, alpha, True, True, 0.0)
     for lo, hi in pairwise(sorted({*alphas, *known})):
@@ -155,19 +144,8 @@ def _beside(
         places = [0.5 * (lo + hi)]
         places += [] if hi in known else [hi - NEAR_AN_END * (hi - lo)]
         places += [] if lo in known else [lo + NEAR_AN_END * (hi - lo)]
-        if starts and all(_is_filled_near(system, metric, starts, alpha) for alpha in places):
+        if starts and all(is_filled(starts, alpha) for alpha in places):
             yield Filled(lo, hi, lo in known, hi in known, 0.0)
-
-
-def _is_filled_near(
-    system: PiecewiseSystem, metric: Metric, starts: list[Array], alpha: float
-) -> bool:
-    """Tell whether any of some solutions leads to one of infinitely many at another alpha."""
-    scale = metric.scale[:-1]
-    found = (solution_near(system, scale, x[:-1] / scale, alpha) for x in starts)
-    return any(
-        y is not None and is_one_of_many(system, metric, np.append(y * scale, alpha)) for y in found
-    )
 
 
 def equations_in_magnitudes(

@@ -9,7 +9,6 @@ Failure modes and answers
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import final
 
@@ -75,24 +74,13 @@ def regular_border(curve: Curve, x: Array) -> tuple[Matrix, Array, Factor] | Non
 @final
 @dataclass(frozen=True, slots=True)
 class Standing:
-    """Where a solution stands: inside a cell, on the interface of two, or in a corner.
+    """Where a solution stands: inside a cell, on the interface of two, or in a corner."""
 
-    Attributes
-    ----------
-    x : ndarray, shape (n + 1,)
-    error : ndarray, shape (k, n + 1)
-    zero : frozenset of int
-        The tests that vanish there.
-    curve : Curve
-        The curve of the cell whose signs the tests have, or seem to have.
-    other : Curve or None
-        The curve of the cell on the other side, if exactly one test that bounds a cell vanishes.
-    """
-
-    x: Array
-    error: Array
-    zero: frozenset[int]
-    curve: Curve
+    x: Array  # shape (n + 1,)
+    error: Array  # shape (k, n + 1)
+    zero: frozenset[int]  # the tests that vanish there
+    curve: Curve  # the curve of the cell whose signs the tests have, or seem to have
+    #: The curve of the cell on the other side, if exactly one test that bounds a cell vanishes.
     other: Curve | None
 
     @classmethod
@@ -113,7 +101,8 @@ class Standing:
         curve = Curve(Selection(system, Character.of(tests)), metric)
         gradients = system.test_jacobian(x[:-1], float(x[-1]))
         zero = zeros(gradients, tests, x, error, metric.scale)
-        if all(zero.isdisjoint(side.bounding.tolist()) for side in _near(curve.selection, zero)):
+        near = curve.selection, *(_beyond(curve.selection, test) for test in zero)
+        if all(zero.isdisjoint(side.bounding.tolist()) for side in near):
             return cls(x, error, frozenset(), curve, None)
         other = Curve(_beyond(curve.selection, *zero), metric) if len(zero) == 1 else None
         return cls(x, error, zero, curve, other)
@@ -128,12 +117,6 @@ class Standing:
         if self.other and (found := _on_interface(self, self.other)):
             return found
         return corner(self.curve, self.x, self.error, self.zero)
-
-
-def _near(here: Selection, zero: frozenset[int]) -> Iterator[Selection]:
-    """Yield the selection of a point, and those beyond each of the tests that vanish there."""
-    yield here
-    yield from (_beyond(here, test) for test in zero)
 
 
 def _beyond(here: Selection, test: int) -> Selection:

@@ -292,14 +292,8 @@ def kinds_at(
 ) -> list[str]:
     """Return the kinds of the special points that a detector sees where a piece ends.
 
-    Parameters
-    ----------
-    detector : TransitionDetector
-    curve : Curve
-    x, error : ndarray, shape (n + 1,)
-        The end of the piece.
-    inner : ndarray, shape (n + 1,)
-        The point of the piece before the end.
+    ``x``, ``error``, shape (n + 1,): the end of the piece.
+    ``inner``, shape (n + 1,): the point of the piece before the end.
     """
     metric, way = curve.metric, x - inner
     if not (length := metric.norm(way)):

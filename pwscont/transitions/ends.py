@@ -36,7 +36,7 @@ from pwscont.curve.stepper import CurvedSegment, Segment
 from pwscont.linear.factorise import last_unit
 from pwscont.system.abilities import Ending, end_of
 from pwscont.system.box import Box
-from pwscont.transitions.bounding import BoundingTests
+from pwscont.transitions.bounding import BoundingTests, turns
 from pwscont.transitions.corner.cells import Corner
 from pwscont.transitions.corner.cone import same_piece, tangent_cone
 from pwscont.transitions.detector import Reading, SpecialPointFound, TransitionDetector
@@ -110,11 +110,13 @@ def at_end(curve: Curve, state: State) -> SpecialPointFound:
     system, metric = curve.selection.system, curve.metric
     zero = vanishing(system, state.x, state.error, metric.scale)
     if not zero and (fold := fold_at_end(curve, state)):
-        return _turning(Ray(curve, fold))
+        forth = Ray(curve, fold)
+        message = f'fold within "{curve.selection.label}", at the end of the interval'
+        return SpecialPointFound(Kind.FOLD, fold.x, message, (forth.reversed(), forth))
     rays: tuple[Ray, ...] = ()
     if zero:
         rays = tangent_cone(Corner.at(system, metric, state.x, state.error, zero), back).rays
-    inside = tuple(ray for ray in rays if _same_side(ray, back) and not same_piece(ray, back))
+    inside = tuple(ray for ray in rays if turns(back, ray) and not same_piece(ray, back))
     return SpecialPointFound(Kind.END, state.x, "end of the interval", (back, *inside))
 
 
@@ -125,26 +127,9 @@ def _fold(segment: CurvedSegment, found: State | Failure) -> State | None:
         bracket = 0.0, segment.length
         near = locate_sign_change(segment, segment.curve.slope, bracket, NARROW_BRACKET)
     fold = fold_at_end(segment.curve, segment.end if isinstance(near, Failure) else near)
-    return _onwards(segment, fold) if fold else None
-
-
-def _onwards(segment: CurvedSegment, state: State) -> State:
-    """Return a state that looks ahead; beyond a fold the way out of the interval leads back."""
-    t = state.tangent
-    if segment.curve.metric.covector(segment.chord).dot(t) >= 0.0:
-        return state
-    return State(state.x, -t, state.error, -state.orientation)
-
-
-def _turning(forth: Ray) -> SpecialPointFound:
-    """Return the fold at which a curve turns at an end."""
-    message = f'fold within "{forth.curve.selection.label}", at the end of the interval'
-    return SpecialPointFound(Kind.FOLD, forth.state.x, message, (forth.reversed(), forth))
-
-
-def _same_side(ray: Ray, back: Ray) -> bool:
-    """Tell whether a ray goes back into the interval."""
-    return ray.curve.slope(ray.state) * back.curve.slope(back.state) > 0.0
+    if fold is None or segment.curve.metric.covector(segment.chord).dot(fold.tangent) >= 0.0:
+        return fold
+    return fold.reversed()  # beyond a fold the way out of the interval leads back
 
 
 def points_inside(ray: Ray, lo: float, hi: float) -> bool:
@@ -165,11 +150,7 @@ EVERY = slice(None)
 class Bounds(TransitionDetector):
     """Watches z - lower and upper - z for all finite bounds.
 
-    Parameters
-    ----------
-    box : Box
-    names : sequence of str
-        The names of the unknowns.
+    ``names``: the names of the unknowns.
     """
 
     is_affine = True

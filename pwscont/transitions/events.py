@@ -75,27 +75,17 @@ AT_SPECIAL_POINT = 1e-6
 @final
 @dataclass(frozen=True, slots=True, eq=False)
 class EventMark:
-    """A place on a piece where events are zero.
-
-    Attributes
-    ----------
-    state : State
-    events : tuple of UserEvent
-    after : int
-        How many of the points of the piece come before.
-    position : float
-        Distance along the stretch from the last of these points.
-    """
+    """A place on a piece where events are zero."""
 
     state: State
     events: tuple[UserEvent, ...]
-    after: int
-    position: float
+    after: int  # how many of the points of the piece come before
+    position: float  # distance along the stretch from the last of these points
 
     @property
     def names(self) -> str:
         """The names of the events."""
-        return ", ".join(event.name for event in self.events)
+        return _named(self.events)
 
 
 @final
@@ -198,21 +188,14 @@ class _Watched:
             value = self.event.value(self._exact(segment, s)[0])
             return sign * value / (zero - s) if s != zero else np.inf
 
-        beside = [
-            lo + PLAIN * cell,
-            hi - PLAIN * cell,
-            zero - DISTANCE_TO_PLACE * cell,
-            zero + DISTANCE_TO_PLACE * cell,
-        ]
-        sizes = [divided(s) for s in (lo, *beside, hi) if lo <= s <= hi]
+        plain, close = PLAIN * cell, DISTANCE_TO_PLACE * cell
+        beside = lo, lo + plain, hi - plain, zero - close, zero + close, hi
+        sizes = [divided(s) for s in beside if lo <= s <= hi]
         if min(sizes) >= 0.5 * max(sizes):
             return NONE
-        from scipy.optimize import minimize_scalar  # noqa: PLC0415  few events need it
-
-        options = {"xatol": CLOSEST * cell}
-        found = minimize_scalar(divided, bounds=(lo, hi), method="bounded", options=options)
-        if found.fun < 0.0:  # two more zeros: on either side of this place
-            apart = DISTANCE_TO_PLACE * abs(found.x - zero)
+        place, least = _least(divided, lo, hi)
+        if least < 0.0:  # two more zeros: on either side of this place
+            apart = DISTANCE_TO_PLACE * abs(place - zero)
             places += [zero - apart, zero + apart]
         return np.unique([s for s in places if lo < s < hi])
 
@@ -247,20 +230,9 @@ class _Watched:
             return NONE
         s = np.concatenate([[0.0], places])
         lo, hi = float(s[i]), float(s[min(i + 2, len(s) - 1)])
-        low = self._least_size(segment, lo, hi)
+        low, _ = _least(lambda s: abs(self.event.value(segment.near(s))), lo, hi)
         beside = np.concatenate([low - length * AROUND, low + length * AROUND])
         return beside[(beside > 0.0) & (beside < length)]
-
-    def _least_size(self, segment: Segment, lo: float, hi: float) -> float:
-        from scipy.optimize import minimize_scalar  # noqa: PLC0415  few events need it
-
-        found = minimize_scalar(
-            lambda s: abs(self.event.value(segment.near(float(s)))),
-            bounds=(lo, hi),
-            method="bounded",
-            options={"xatol": CLOSEST * (hi - lo)},
-        )
-        return float(found.x)
 
     def _lows(self, segment: Segment, places: Array, values: Array) -> Iterator[float]:
         """Yield the lowest places where g has another sign than at the places around."""
@@ -294,15 +266,7 @@ class _Watched:
         self, point: Callable[[float], Array], sign: float, lo: float, hi: float
     ) -> tuple[float, float]:
         """Return the place where sign * g is lowest between two places, and the lowest value."""
-        from scipy.optimize import minimize_scalar  # noqa: PLC0415  few events need it
-
-        found = minimize_scalar(
-            lambda s: sign * self.event.value(point(float(s))),
-            bounds=(lo, hi),
-            method="bounded",
-            options={"xatol": CLOSEST * (hi - lo)},
-        )
-        return float(found.x), float(found.fun)
+        return _least(lambda s: sign * self.event.value(point(s)), lo, hi)
 
     def _sign_at(self, x: Array, size: Array) -> float | None:
         """Return the sign of g, 0 where g is zero all around, None where g is rounding."""
@@ -322,8 +286,12 @@ class _Watched:
         if self.event.ahead(sign, self._exact(segment, lo)[0]) <= 0.0:
             hi = lo  # g is rounding there already
         if not isinstance(segment, CurvedSegment):
-            s = hi if hi == lo else self._on_ray(segment, sign, lo, hi)
-            found = locate_point(segment, s)
+            if hi > lo:
+                from scipy.optimize import brentq  # noqa: PLC0415  importing takes long
+
+                exactly = {"xtol": EPS * hi, "rtol": 4.0 * EPS, "maxiter": MOST_BRENT}
+                hi = brentq(lambda s: self.event.ahead(sign, segment.near(s)), lo, hi, **exactly)
+            found = locate_point(segment, hi)
         elif hi == lo:
             found = segment.start if not lo else segment.at(lo)
         else:
@@ -342,13 +310,16 @@ class _Watched:
         error = np.abs(segment.near(hi) - segment.near(lo)) + aside * self._curve.metric.scale
         return State(x, way, error[np.newaxis], segment.start.orientation)
 
-    def _on_ray(self, segment: Segment, sign: float, lo: float, hi: float) -> float:
-        from scipy.optimize import brentq  # noqa: PLC0415  it takes as long to import as all else
 
-        def value(s: float) -> float:
-            return self.event.ahead(sign, segment.near(s))
+def _least(function: Callable[[float], float], lo: float, hi: float) -> tuple[float, float]:
+    """Return the place where a function is least between two places, and the least value."""
+    from scipy.optimize import minimize_scalar  # noqa: PLC0415  few events need it
 
-        return float(brentq(value, lo, hi, xtol=EPS * hi, rtol=4.0 * EPS, maxiter=MOST_BRENT))
+    options = {"xatol": CLOSEST * (hi - lo)}
+    found = minimize_scalar(
+        lambda s: function(float(s)), bounds=(lo, hi), method="bounded", options=options
+    )
+    return float(found.x), float(found.fun)
 
 
 ALWAYS = (
@@ -419,7 +390,7 @@ class Events:
 
     @property
     def names(self) -> str:
-        """The names of all events at the point."""
+        """The names of all events."""
         return _named(self.events)
 
     def begun(self, arrival: SpecialPointFound) -> SpecialPointFound:
@@ -437,13 +408,8 @@ class Events:
     def names_at(self, metric: Metric, x: Array, error: Array, beyond: Sequence[Array]) -> str:
         """Return the names of the events that are zero at a special point of another kind.
 
-        Parameters
-        ----------
-        metric : Metric
-        x, error : ndarray, shape (n + 1,)
-            The point and the estimate of the point's error.
-        beyond : sequence of ndarray, shape (n + 1,)
-            A point of each piece that the special point joins.
+        ``x``, ``error``, shape (n + 1,): the point and the estimate of the point's error.
+        ``beyond``, shape (n + 1,): a point of each piece that the special point joins.
         """
         return _named([e for e in self.events if e.meets(metric, x, error, beyond)])
 

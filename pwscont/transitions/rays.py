@@ -81,15 +81,10 @@ def vanishing(
 ) -> frozenset[int]:
     """Return the indices of the tests that are zero at ``x``.
 
-    Parameters
-    ----------
-    system : PiecewiseSystem
-    x : ndarray, shape (n + 1,)
-    error : ndarray, shape (k, n + 1)
-        Samples of the error of ``x``.
-    scale : ndarray, shape (n + 1,), optional
-        Typical magnitudes of x, needed where all unknowns of a test vanish, as at a node that lifts
-        off while it begins to slip: the unknowns' own size is no measure of rounding there.
+    ``error``, shape (k, n + 1): samples of the error of ``x``.
+    ``scale``, shape (n + 1,): typical magnitudes of x, needed where all unknowns of a test vanish,
+    as at a node that lifts off while it begins to slip: the unknowns' own size is no measure of
+    rounding there.
     """
     z, alpha = x[:-1], float(x[-1])
     gradients, values = system.test_jacobian(z, alpha), system.test_functions(z, alpha)

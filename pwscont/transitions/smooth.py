@@ -73,7 +73,9 @@ class SmoothFolds(TransitionDetector):
         """
         first, last = float(start.values[0]), float(end.values[0])
         if not last:
-            return Failure(FailureReason.FLAT) if first or _rises(segment) else None
+            rise = abs(segment.end.alpha - segment.start.alpha)
+            is_flat = first or rise > CONVERGED * segment.curve.metric.width
+            return Failure(FailureReason.FLAT) if is_flat else None
         return Failure(FailureReason.HIDDEN_FOLDS) if _turns_twice(segment) else None
 
     def locate(self, segment: Segment, index: int, bracket: tuple[float, float]) -> State | Failure:
@@ -101,12 +103,6 @@ class SmoothFolds(TransitionDetector):
         return SpecialPointFound(Kind.FOLD, state.x, message, (forth.reversed(), forth))
 
 
-def _rises(segment: CurvedSegment) -> bool:
-    """Tell whether alpha at both ends of a segment differs by more than Newton's remainder."""
-    rise = segment.end.alpha - segment.start.alpha
-    return abs(rise) > CONVERGED * segment.curve.metric.width
-
-
 def _turns_twice(segment: CurvedSegment) -> bool:
     first, chord, last = segment.slopes_of_alpha()
     a, b = 3.0 * (first + last - 2.0 * chord), 6.0 * chord - 4.0 * first - 2.0 * last
@@ -117,26 +113,19 @@ def _turns_twice(segment: CurvedSegment) -> bool:
 
 
 def _place(segment: CurvedSegment, off: float) -> float:
-    """Return the accuracy of the place of a fold on a segment, as a part of the segment.
-
-    The tangent may be off by so much, and the place along the curve by that over the rate at which
-    the tangent turns.
-    """
+    """Return the accuracy of the place of a fold, as a part of the segment, from the tangent's."""
     turn = abs(segment.curve.slope(segment.end) - segment.curve.slope(segment.start))
     return min(off / turn, 1.0) if turn else 1.0
 
 
 def _settled(segment: CurvedSegment, state: State, narrow: float) -> State:
-    """Return a located fold with an exactly vertical tangent and an estimate of the fold's error.
-
-    Alpha is stationary at a fold: the error of alpha is of second order.
-    """
+    """Return a located fold with an exactly vertical tangent and an estimate of its error."""
     state, off = polished(segment.curve, state)
-    narrow, tangent = max(narrow, _place(segment, off)), state.tangent.copy()
-    tangent[-1] = 0.0  # exactly: rounding would be found as a fold again
+    narrow, level = max(narrow, _place(segment, off)), _vertical(state, state.error)
     beside = uncertainty_beside(segment.curve, state)
-    error = np.vstack([state.error, beside, narrow * segment.length * tangent])
-    return State(state.x, tangent, error, state.orientation)
+    # alpha is stationary at a fold: its error is of second order
+    error = np.vstack([state.error, beside, narrow * segment.length * level.tangent])
+    return replace(level, error=error)
 
 
 #: A curve steeper than this at an end has no fold there.
@@ -168,6 +157,13 @@ def fold_at_end(curve: Curve, state: State) -> State | None:
         return None
     along = max(abs(s or 0.0), GUARD * EPS * FIRST_SECANT / abs(curve.slope(there)))
     return _vertical(fold, np.vstack([state.error, fold.error, along * fold.tangent]))
+
+
+def _vertical(fold: State, error: Array) -> State:
+    """Return a fold with an exactly vertical tangent: rounding would be found as a fold again."""
+    tangent = fold.tangent.copy()
+    tangent[-1] = 0.0
+    return State(fold.x, tangent, error, fold.orientation)
 
 
 def leaning(ray: Ray) -> Ray:
@@ -210,13 +206,6 @@ def _level(
             return None
         second = s, curve.slope(there)
     return second[0]
-
-
-def _vertical(fold: State, error: Array) -> State:
-    """Return a fold with an exactly vertical tangent."""
-    tangent = fold.tangent.copy()
-    tangent[-1] = 0.0
-    return State(fold.x, tangent, error, fold.orientation)
 
 
 #: A branch point outside a step, within this part of the step's length, belongs to the step.
@@ -266,12 +255,7 @@ def branch_point(curve: Curve, found: Crossing, state: State) -> SpecialPointFou
     point: a piece that arrives on one curve with a positive sign goes on with a negative sign, and
     both halves of the other curve leave with a positive sign.
 
-    Parameters
-    ----------
-    curve : Curve
-    found : Crossing
-    state : State
-        The point as an arrival on either curve, with the sign before the point.
+    ``state``: the point as an arrival on either curve, with the sign before the point.
     """
     cosines = [abs(curve.metric.covector(state.tangent).dot(d)) for d in found.directions]
     other = found.directions[int(np.argmin(cosines))]
@@ -309,7 +293,11 @@ def _locate(
     lo, hi = bracket
     for number in range(MOST_BISECTIONS):
         middle = 0.5 * (lo + hi)
-        point = _point_near(segment, middle) if number % BISECTIONS_BETWEEN == 0 else None
+        point: Crossing | Failure | None = None
+        if number % BISECTIONS_BETWEEN == 0:
+            point = crossing(segment.curve, segment.near(middle))
+        if not isinstance(point, Crossing) or not _belongs(segment, point.x):
+            point = None
         if point is not None:
             if not point.meets:
                 return Failure(FailureReason.SINGULAR)
@@ -325,12 +313,6 @@ def _locate(
     return Failure(FailureReason.SINGULAR)
 
 
-def _point_near(segment: CurvedSegment, s: float) -> Crossing | None:
-    """Return the branch point to which Newton leads from a place, None if not on the segment."""
-    found = crossing(segment.curve, segment.near(s))
-    return found if isinstance(found, Crossing) and _belongs(segment, found.x) else None
-
-
 def _belongs(segment: CurvedSegment, x: Array) -> bool:
     """Tell whether a branch point lies on the segment, or too close to its ends to decide."""
     s, slack = segment.position(x), OUTSIDE_STEP * segment.length
@@ -339,25 +321,12 @@ def _belongs(segment: CurvedSegment, x: Array) -> bool:
 
 
 def _own(segment: CurvedSegment, found: Crossing) -> Array:
-    """Return the direction of the segment's own curve, pointing forward.
-
-    Of the two directions, return the direction closest to the slope of the cubic through the
-    segment's ends.
-    """
-    covector = segment.curve.metric.covector(_slope(segment, segment.position(found.x)))
+    """Return the direction, pointing forward, that is closest to the cubic through the ends."""
+    r = segment.position(found.x) / segment.length
+    slope = (1.0 - r) * (1.0 - 3.0 * r) * segment.start.tangent
+    slope += r * (3.0 * r - 2.0) * segment.end.tangent + 6.0 * r * (1.0 - r) * segment.chord
+    covector = segment.curve.metric.covector(slope)
     cosines = [float(covector.dot(direction)) for direction in found.directions]
     best = int(np.argmax(np.abs(cosines)))
     forward: Array = np.sign(cosines[best]) * found.directions[best]
     return forward
-
-
-def _slope(segment: CurvedSegment, s: float) -> Array:
-    """Return the slope at distance ``s`` of the cubic Hermite interpolant."""
-    r = s / segment.length
-    start, end = segment.start.tangent, segment.end.tangent
-    slope: Array = (
-        (1.0 - r) * (1.0 - 3.0 * r) * start
-        + r * (3.0 * r - 2.0) * end
-        + 6.0 * r * (1.0 - r) * segment.chord
-    )
-    return slope

@@ -73,18 +73,10 @@ class Event:
 @final
 @dataclass(slots=True, eq=False)
 class Readings:
-    """What all detectors read at one state.
+    """What all detectors read at one state."""
 
-    Attributes
-    ----------
-    parts : sequence of Reading
-        The reading of each detector.
-    values, slopes : ndarray
-        The values and slopes of all parts, end to end.
-    """
-
-    parts: Sequence[Reading]
-    values: Array
+    parts: Sequence[Reading]  # the reading of each detector
+    values: Array  # the values and slopes of all parts, end to end
     slopes: Array
 
     @classmethod
@@ -99,12 +91,8 @@ class Readings:
 class Watch:
     """All detectors of a run.
 
-    Parameters
-    ----------
-    detectors : sequence of TransitionDetector
-        All detectors, in the order in which their functions are numbered.
-    added : sequence of TransitionDetector
-        Those detectors that a user gave.
+    ``detectors``: all detectors, in the order in which their functions are numbered.
+    ``added``: those detectors that a user gave.
     """
 
     def __init__(
@@ -301,15 +289,9 @@ def first_on_curve(
     segment falls to zero later, and is not located. So of each detector the function that seems to
     vanish first is located first.
 
-    Parameters
-    ----------
-    watch : Watch
-    segment : CurvedSegment
-    start, end : Readings
-        What is read at the start and at the end of the segment.
-    first : Event, optional
-        A known event at the end of the segment: another function that vanishes at the end is no
-        event of its own.
+    ``start``, ``end``: what is read at the start and at the end of the segment.
+    ``first``: a known event at the end of the segment: another function that vanishes at the end is
+    no event of its own.
     """
     if len(start.values) != len(end.values):
         watch.check(start, end)

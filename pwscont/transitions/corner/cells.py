@@ -30,26 +30,14 @@ NOISE = GUARD * EPS / SLANT
 @final
 @dataclass(frozen=True, slots=True, eq=False)
 class Corner:
-    """A solution at which test functions vanish.
-
-    Attributes
-    ----------
-    system : PiecewiseSystem
-    metric : Metric
-    x : ndarray, shape (n + 1,)
-    error : ndarray, shape (k, n + 1)
-        Samples of the error of ``x``.
-    zero : frozenset of int
-        The tests that vanish.
-    signs : ndarray of bool, shape (m,)
-        Whether each test is positive; the signs of vanishing tests mean nothing.
-    """
+    """A solution at which test functions vanish."""
 
     system: PiecewiseSystem
     metric: Metric
-    x: Array
-    error: Array
-    zero: frozenset[int]
+    x: Array  # shape (n + 1,)
+    error: Array  # samples of the error of ``x``, shape (k, n + 1)
+    zero: frozenset[int]  # the tests that vanish
+    #: Shape (m,): whether each test is positive; the signs of vanishing tests mean nothing.
     signs: Signs
 
     @classmethod

@@ -38,24 +38,12 @@ PARALLEL = 1e-12
 @final
 @dataclass(frozen=True, slots=True, eq=False)
 class TangentCone:
-    """The rays of a corner.
+    """The rays of a corner."""
 
-    Attributes
-    ----------
-    rays : tuple of Ray
-        Isolated rays, and the extreme rays of faces.
-    dimension : int
-        Largest dimension of a cone of solutions: 1 unless the corner is degenerate.
-    along_interface : bool
-        Whether a ray runs along an interface instead of into a cell.
-    exact : bool
-        Whether the rays are certainly all; otherwise there may be more.
-    """
-
-    rays: tuple[Ray, ...]
-    dimension: int
-    along_interface: bool
-    exact: bool
+    rays: tuple[Ray, ...]  # isolated rays, and the extreme rays of faces
+    dimension: int  # largest dimension of a cone of solutions: 1 unless the corner is degenerate
+    along_interface: bool  # whether a ray runs along an interface instead of into a cell
+    exact: bool  # whether the rays are certainly all; otherwise there may be more
 
     @property
     def is_balanced(self) -> bool:
@@ -80,11 +68,7 @@ class TangentCone:
 def tangent_cone(corner: Corner, back: Ray | None = None) -> TangentCone:
     """Return the rays of a corner: all, or if the cells are too many, those that paths lead to.
 
-    Parameters
-    ----------
-    corner : Corner
-    back : Ray, optional
-        The ray along which the corner was reached, at which the paths begin.
+    ``back``: the ray along which the corner was reached, at which the paths begin.
     """
     simple = rays_cell_by_cell(corner)
     if simple is not None:

@@ -206,14 +206,9 @@ def _beside(ray: Ray, zero: frozenset[int]) -> Corner:
 class ConeProblem(SlicewiseLinearSystem):
     """H'(x; d) = e together with c . d = alpha, for the unknown direction d.
 
-    Parameters
-    ----------
-    corner : Corner
-        The signs of the vanishing tests along d choose the cell.
-    row : ndarray, shape (n + 1,), optional
-        The row c; default a generic row.
-    right : ndarray, shape (n,), optional
-        The right-hand side e; default zero.
+    ``corner``: the signs of the vanishing tests along d choose the cell.
+    ``row``, shape (n + 1,): the row c; default a generic row.
+    ``right``, shape (n,): the right-hand side e; default zero.
     """
 
     def __init__(

@@ -34,8 +34,7 @@ from pwscont.basics.arrays import Array, Signs, generic
 from pwscont.basics.budget import check_budget
 from pwscont.basics.character import Character
 from pwscont.basics.rounding import EPS, GUARD
-from pwscont.curve.straight import kink_by_columns
-from pwscont.linear.factorise import bordered, last_unit
+from pwscont.linear.factorise import bordered, kink_by_columns, last_unit
 from pwscont.linear.updates import ProductForm
 from pwscont.linear.vectors import Rows
 from pwscont.system.selection import Selection
@@ -59,11 +58,7 @@ ASTRAY = EPS**0.5
 def rays_by_perturbation(corner: Corner, back: Direction | None) -> list[Direction]:
     """Return rays of a corner; there may be more.
 
-    Parameters
-    ----------
-    corner : Corner
-    back : Direction, optional
-        The ray along which the corner was reached, returned as well if verified.
+    ``back``: the ray along which the corner was reached, returned as well if verified.
     """
     paths, found = Paths(corner), list[Direction]()
     if back is None or not _add(paths, found, (back[1][0], back[0])):
@@ -115,10 +110,6 @@ def _verified(paths: Paths, character: Character, direction: Array) -> Direction
 @final
 class Paths:
     """The paths of H'(x; d) = e at a corner, for generic e.
-
-    Parameters
-    ----------
-    corner : Corner
 
     Attributes
     ----------
