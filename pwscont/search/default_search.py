@@ -57,8 +57,11 @@ def _most_complete(
     if not isinstance(system, SlicewiseLinearSystem):
         is_small = system.size <= MANY_UNKNOWNS
         many: Search = Throughout.affordable(system, _from_many(around)) if is_small else some
-        return _added_up(EndPoints() + many if _has_few_cells(system) else many, system)
-    if _needs_too_many_cells(system):
+        if not has_too_many_tests(system):
+            few = len(list(islice(system.cells(), MANY_NEWTONS + 1))) <= MANY_NEWTONS
+            many = EndPoints() + many if few else many
+        return _added_up(many, system)
+    if type(system).blocks is SlicewiseLinearSystem.blocks and has_too_many_tests(system):
         return _added_up(some, system)
     blocks = system.blocks()
     cells = number_of_cells(blocks)
@@ -75,18 +78,6 @@ def _most_complete(
 
 def _from_many(around: Sequence[Array]) -> MultiStart:
     return MultiStart(around=tuple(tuple(z.tolist()) for z in around))
-
-
-def _has_few_cells(system: PiecewiseSystem) -> bool:
-    """Tell whether Newton can be tried in every cell."""
-    if has_too_many_tests(system):
-        return False
-    return sum(1 for _ in islice(system.cells(), MANY_NEWTONS + 1)) <= MANY_NEWTONS
-
-
-def _needs_too_many_cells(system: SlicewiseLinearSystem) -> bool:
-    """Tell whether the blocks would have to be found by trying too many sign patterns."""
-    return type(system).blocks is SlicewiseLinearSystem.blocks and has_too_many_tests(system)
 
 
 def _added_up(search: Search, system: PiecewiseSystem) -> Search:

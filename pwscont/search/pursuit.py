@@ -17,7 +17,7 @@ Failure modes and answers
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import final
 
 import numpy as np
@@ -72,55 +72,51 @@ class Pursuit:
     def __init__(
         self, system: PiecewiseSystem, metric: Metric, interval: tuple[float, float]
     ) -> None:
-        self._system, self._scale = system, metric.scale
-        self._metric = metric
+        self._system, self._metric, self._scale = system, metric, metric.scale
         self._interval = interval
         self._ends = interval[0] / metric.width, interval[1] / metric.width
         self.iterations = 0
 
     def at_alpha(self, y: Array, known: Sequence[Array]) -> tuple[Array, bool]:
         """Return where Newton's method at fixed alpha leads, and whether a solution is there."""
-        size = len(y) - 1
-        here = self._linear(y)
-        for _ in range(MOST_ITERATIONS):
-            if here is None:
-                return y, False
-            residual, jacobian = here
-            step = np.zeros(size + 1)
-            step[:size] = _newton_step(jacobian[:, :size], residual)
+
+        def step_at(y: Array, residual: Array, jacobian: Array) -> Array:
+            step = np.append(_newton_step(jacobian[:, :-1], residual), 0.0)
             step *= self._stretch(known, y, step)
-            if not are_finite(step):
-                return y, False
-            if _length(step) <= ARRIVED * (1.0 + _length(y)):
-                return y + step, True
-            moved = self._moved(y, residual, _limited(step, y), known)
-            if moved is None or _length(moved) > RUN_AWAY:
-                return y, False
-            y = moved
-            here = self._linear(y)
-        return y, False
+            return _limited(step, y)
+
+        return self._pursued(y, step_at, known)
 
     def free(self, y: Array) -> Array | None:
         """Return the point of a curve to which steps of least length lead, within the interval."""
+
+        def step_at(y: Array, residual: Array, jacobian: Array) -> Array:
+            step = _limited(_shortest_step(jacobian, residual), y)
+            if self._ends[0] <= y[-1] + step[-1] <= self._ends[1]:
+                return step
+            rise = self._ends[0 if step[-1] < 0.0 else 1] - y[-1]  # to the end that is left
+            rest = residual + jacobian[:, -1] * rise
+            return _limited(np.append(_newton_step(jacobian[:, :-1], rest), rise), y)
+
+        found, arrived = self._pursued(y, step_at, ())
+        return found if arrived else None
+
+    def _pursued(
+        self, y: Array, step_at: Callable[[Array, Array, Array], Array], known: Sequence[Array]
+    ) -> tuple[Array, bool]:
+        """Return where steps lead, and whether a solution is there."""
         for _ in range(MOST_ITERATIONS):
             here = self._linear(y)
-            if here is None:
-                return None
-            residual, jacobian = here
-            step = _shortest_step(jacobian, residual)
-            if not are_finite(step):
-                return None
-            step = _limited(step, y)
-            alpha = y[-1] + step[-1]
-            if not self._ends[0] <= alpha <= self._ends[1]:
-                step = self._along_end(y, step, residual, jacobian)
+            step = None if here is None else step_at(y, *here)
+            if here is None or step is None or not are_finite(step):
+                return y, False
             if _length(step) <= ARRIVED * (1.0 + _length(y)):
-                return y + step
-            moved = self._moved(y, residual, step, ())
+                return y + step, True
+            moved = self._moved(y, here[0], step, known)
             if moved is None or _length(moved) > RUN_AWAY:
-                return None
+                return y, False
             y = moved
-        return None
+        return y, False
 
     def leads_to(self, start: Array, y: Array) -> bool:
         """Tell whether Newton's method leads from a point beside a curve to a point of the curve.
@@ -187,18 +183,8 @@ class Pursuit:
         """Return a point moved aside."""
         return y + ASIDE * (1.0 + _length(y)) * direction
 
-    def _along_end(self, y: Array, step: Array, residual: Array, jacobian: Array) -> Array:
-        """Return the step that ends at the end of the interval that a step would leave."""
-        end = self._ends[0] if step[-1] < 0.0 else self._ends[1]
-        size, rise = len(y) - 1, end - y[-1]
-        rest = residual + jacobian[:, -1] * rise
-        return _limited(np.append(_newton_step(jacobian[:, :size], rest), rise), y)
-
     def _linear(self, y: Array) -> tuple[Array, Array] | None:
-        """Return residual and Jacobian in typical magnitudes, rows scaled alike.
-
-        None if H is not finite, and outside the interval, where H need not be defined.
-        """
+        """Return scaled residual and Jacobian; None if H is not finite, or outside the interval."""
         check_budget()
         self.iterations += 1
         z, alpha = self._place(y)
@@ -207,8 +193,8 @@ class Pursuit:
         found = equations_in_magnitudes(self._system, z, alpha, self._scale)
         if found is None:
             return None
-        residual, jacobian, self._rows = found
-        return residual, jacobian
+        *linear, self._rows = found
+        return linear[0], linear[1]
 
     def _place(self, y: Array) -> tuple[Array, float]:
         """Return z and alpha of a point; an alpha that rounding put beyond an end is the end."""
