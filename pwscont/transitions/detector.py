@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -21,15 +20,11 @@ from pwscont.transitions.rays import Ray
 
 #: A function that falls to zero no nearer than this, in the metric, falls by rounding only.
 FARTHEST_ZERO = 0.1 / EPS**0.75
-#: The smallest number by which any number may be divided without overflow.
-TINIEST = float(np.finfo(float).tiny)
 #: A message, or a function that returns the message: thousands of messages are never read.
 Said = str | Callable[[], str]
 #: The slopes of a pair of functions whose slopes are not known.
 UNKNOWN = np.zeros(2)
 UNKNOWN.setflags(write=False)
-
-
 #: Places on a straight piece at which functions without a slope are read.
 PLACES_ON_RAY = 64
 
@@ -37,19 +32,6 @@ PLACES_ON_RAY = 64
 def worded(said: Said) -> str:
     """Return a message in words, calling a message that is a function."""
     return said if isinstance(said, str) else said()
-
-
-def soonest(values: Array, slopes: Array) -> tuple[int, float]:
-    """Return the function that falls to zero first by the ratio test, and at what distance.
-
-    The distance is infinite where none falls.
-    """
-    if not len(values):
-        return 0, math.inf
-    first = int((slopes / np.maximum(values, TINIEST)).argmin())
-    value, slope = float(values[first]), float(slopes[first])
-    nearest = max(value, 0.0) / -slope if slope < 0.0 else math.inf
-    return first, nearest if nearest <= FARTHEST_ZERO else math.inf
 
 
 def ratio_test(values: Array, slopes: Array) -> Array:
@@ -199,15 +181,11 @@ class TransitionDetector(ABC):
             fallen = np.flatnonzero((row[:-1] > 0.0) & (row[1:] <= 0.0))
             if len(fallen):
                 lo, hi = (float(s) for s in places[fallen[0] : fallen[0] + 2])
-                distances[k] = self._first_zero(segment, int(which[k]), lo, hi)
+                while lo < (middle := 0.5 * (lo + hi)) < hi:
+                    is_positive = values_on(self, segment, middle)[which[k]] > 0.0
+                    lo, hi = (middle, hi) if is_positive else (lo, middle)
+                distances[k] = hi
         return distances
-
-    def _first_zero(self, segment: Segment, index: int, lo: float, hi: float) -> float:
-        """Return, to rounding, where a function that is positive at ``lo`` is positive no more."""
-        while lo < (middle := 0.5 * (lo + hi)) < hi:
-            is_positive = values_on(self, segment, middle)[index] > 0.0
-            lo, hi = (middle, hi) if is_positive else (lo, middle)
-        return hi
 
     def border(self, curve: Curve, index: int) -> Border | None:
         """Return function ``index`` of a point with its gradient, x -> (value, gradient).

@@ -55,7 +55,7 @@ from pwscont.system.selection import Selection
 from pwscont.system.system import PiecewiseLinearSystem
 from pwscont.transitions.bounding import BoundingTests, crossed
 from pwscont.transitions.corner.cells import SLANT
-from pwscont.transitions.detector import Reading, SpecialPointFound, TransitionDetector, soonest
+from pwscont.transitions.detector import Reading, SpecialPointFound, TransitionDetector, ratio_test
 from pwscont.transitions.ends import at_end
 from pwscont.transitions.rays import Ray, is_zero
 
@@ -80,7 +80,9 @@ class Entered(NamedTuple):
         """
         selection, pace = self.ray.curve.selection, self.ray.state.tangent[-1]
         values = selection.side * self.tests[selection.bounding]
-        return soonest(values, (pace * selection.side) * self.rates[selection.bounding])
+        distances = ratio_test(values, (pace * selection.side) * self.rates[selection.bounding])
+        first = int(distances.argmin()) if len(distances) else 0
+        return first, float(distances[first]) if len(distances) else math.inf
 
 
 @final
@@ -167,14 +169,16 @@ class StraightTests(TransitionDetector):
 
     def _across(self, curve: Curve, start: State, index: int, s: float) -> Entered | None:
         """Return the point where a test vanishes, and the ray beyond; None where that is hard."""
-        gradients, test = self._gradients_of(curve, start.x), int(curve.selection.bounding[index])
+        gradients, selection = self._gradients_of(curve, start.x), curve.selection
+        test = int(selection.bounding[index])
         x, gradient = start.x + s * start.tangent, gradients.rows.one(test)
         if gradients.may_end or not curve.metric.admits(x):
             return None
         last = self._last if self._last and self._last.ray.state is start else None
         cell = last.cell if last else self._cell_of(curve, start)
         tests = gradients.tests_at(x)
-        other = _other_side(curve, tests, index)
+        beyond = Character.beyond(tests, test, bool(selection.side[index] < 0.0))
+        other = Curve(Selection(selection.system, beyond), curve.metric)
         if cell is None or not gradients.is_crossed(test, gradient, start):
             return None
         if not other.selection.is_bounded_by(test):
@@ -197,14 +201,6 @@ class StraightTests(TransitionDetector):
             return None
         row = curve.metric.covector(curve.metric.normalised(cell.along))
         return cell if abs(row.dot(start.tangent)) > 1.0 - ALIGNED else None
-
-
-def _other_side(curve: Curve, tests: Array, index: int) -> Curve:
-    """Return the curve on the other side of an interface, where all other tests are as given."""
-    selection = curve.selection
-    test, is_negative = int(selection.bounding[index]), bool(selection.side[index] < 0.0)
-    beyond = Character.beyond(tests, test, is_negative)
-    return Curve(Selection(selection.system, beyond), curve.metric)
 
 
 def _entered(

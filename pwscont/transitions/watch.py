@@ -105,12 +105,8 @@ class Watch:
 
     def _overriding(self, method: str) -> list[tuple[int, TransitionDetector]]:
         """Return the detectors that override a method, and their places."""
-        default = getattr(TransitionDetector, method)
-        return [
-            (i, each)
-            for i, each in enumerate(self._detectors)
-            if getattr(type(each), method) is not default
-        ]
+        own, every = getattr(TransitionDetector, method), enumerate(self._detectors)
+        return [(i, each) for i, each in every if getattr(type(each), method) is not own]
 
     def read(self, curve: Curve, state: State) -> Readings:
         """Return what all detectors read at a state.
@@ -118,13 +114,11 @@ class Watch:
         The readings of a user's detector are copied, because the detector may use the same arrays
         for the next state.
         """
-        return Readings.of([self._part(each, curve, state) for each in self._detectors])
-
-    def _part(self, detector: TransitionDetector, curve: Curve, state: State) -> Reading:
-        part = detector.read(curve, state)
-        if detector not in self._added:
-            return part
-        return Reading(np.array(part.values), np.array(part.slopes))
+        parts = [detector.read(curve, state) for detector in self._detectors]
+        for i, detector in enumerate(self._detectors if self._added else ()):
+            if detector in self._added:
+                parts[i] = Reading(np.array(parts[i].values), np.array(parts[i].slopes))
+        return Readings.of(parts)
 
     def first(self, curve: Curve, state: State) -> Readings:
         """Return what all detectors read where a piece begins, and check users' detectors.
@@ -134,9 +128,7 @@ class Watch:
         InvalidInputError
             If a detector returns something else than the contract says.
         """
-        for detector in self._detectors:
-            if detector not in self._added:
-                continue
+        for detector in self._added:
             part = detector.read(curve, state)
             if not isinstance(part, Reading):
                 raise broken(detector, "read", "a Reading", part)
@@ -263,17 +255,12 @@ def first_on_ray(watch: Watch, segment: Segment, start: Readings) -> Event | Fai
         return Failure(FailureReason.UNBOUNDED)
     detector, index = watch.owner(start, first)
     state = _located(detector, segment, index, (best, best))
-    _check_straight(segment, best, state)
+    begin, end, metric = segment.start.x, segment.near(best), segment.curve.metric
+    if not (isinstance(state, State) and metric.relative(state.x - end, end) <= AFFINE_DEFECT):
+        # the correction was more than rounding
+        refuse_bent_ray(segment.curve.selection, begin, end - begin, metric.scale)
+        refuse_stray_ray(segment.curve.selection, begin, end - begin, metric.scale)
     return state if isinstance(state, Failure) else Event(detector, index, best, state)
-
-
-def _check_straight(segment: Segment, s: float, found: State | Failure) -> None:
-    """Refuse a selection that leaves its ray: the correction was more than rounding."""
-    start, end, metric = segment.start.x, segment.near(s), segment.curve.metric
-    if isinstance(found, State) and metric.relative(found.x - end, end) <= AFFINE_DEFECT:
-        return
-    refuse_bent_ray(segment.curve.selection, start, end - start, metric.scale)
-    refuse_stray_ray(segment.curve.selection, start, end - start, metric.scale)
 
 
 def first_on_curve(
@@ -307,7 +294,11 @@ def first_on_curve(
         if isinstance(event, Failure):
             return event
         located.add(suspect)
-        if event is None or (first is not None and _is_at_end(event, segment)):
+        if event is None:
+            continue
+        error = CONFIDENCE * segment.curve.metric.norm(event.state.size)
+        is_at_end = event.state is segment.end or event.position >= segment.length - error
+        if first is not None and is_at_end:
             continue
         first = event
         if event.position <= 0.0:
@@ -315,13 +306,6 @@ def first_on_curve(
         segment = segment.until(event.state)
         end = _before(watch.read(segment.curve, event.state))
     return first
-
-
-def _is_at_end(event: Event, segment: CurvedSegment) -> bool:
-    """Tell whether an event is at the end of a segment, up to the error of the event."""
-    state = event.state
-    error = CONFIDENCE * segment.curve.metric.norm(state.size)
-    return state is segment.end or event.position >= segment.length - error
 
 
 def _before(reading: Readings) -> Readings:
@@ -347,11 +331,7 @@ def _suspects(before: Readings, after: Readings, length: float) -> list[int]:
 
 
 def _soonest(suspects: set[int], before: Readings, after: Readings) -> int:
-    """Return the function that vanishes first if all are straight, of the first detector with any.
-
-    Where functions of several detectors vanish at the same place, the event belongs to the first
-    detector.
-    """
+    """Return which function of the first detector with any vanishes first, if all are straight."""
     ends = np.cumsum([len(part.values) for part in before.parts])
     last = ends[np.searchsorted(ends, min(suspects), side="right")]
     some = np.array(sorted(i for i in suspects if i < last), dtype=np.intp)
@@ -400,26 +380,23 @@ def _bracket_of_dip(
             return float(border(state.x)[1].dot(state.tangent))
         return float(detector.read(segment.curve, state).slopes[index])
 
-    lowest = locate_sign_change(segment, slope, (0.0, segment.length), NARROW_BRACKET)
-    if isinstance(lowest, Failure):
-        return lowest
-    value = _value(detector, segment, lowest, index)
-    if 0.0 <= value <= abs(slope(lowest)) * NARROW_BRACKET * segment.length:
-        # the dip may be narrower than the bracket of the lowest point
-        lowest = locate_sign_change(segment, slope, (0.0, segment.length), EPS)
-        if isinstance(lowest, Failure):
-            return lowest
-        value = _value(detector, segment, lowest, index)
-    if value < 0.0:  # the last correction may be larger than the dip is deep
-        value = _value(detector, segment, corrected_again(segment.curve, lowest), index)
-    return (0.0, segment.position(lowest.x)) if value < 0.0 else None
+    def value(state: State) -> float:
+        """Return the value, even where a reading calls the function level at zero."""
+        if border:
+            return float(border(state.x)[0])
+        return float(detector.read(segment.curve, state).values[index])
 
-
-def _value(detector: TransitionDetector, segment: CurvedSegment, state: State, index: int) -> float:
-    """Return the value of a function, even where a reading calls the function level at zero."""
-    if border := detector.border(segment.curve, index):
-        return float(border(state.x)[0])
-    return float(detector.read(segment.curve, state).values[index])
+    lowest, least = segment.start, 0.0
+    for narrow in (NARROW_BRACKET, EPS):
+        found = locate_sign_change(segment, slope, (0.0, segment.length), narrow)
+        if isinstance(found, Failure):
+            return found
+        lowest, least = found, value(found)
+        if not 0.0 <= least <= abs(slope(lowest)) * narrow * segment.length:
+            break  # otherwise the dip may be narrower than the bracket of the lowest point
+    if least < 0.0:  # the last correction may be larger than the dip is deep
+        least = value(corrected_again(segment.curve, lowest))
+    return (0.0, segment.position(lowest.x)) if least < 0.0 else None
 
 
 def _bracket_of_return(
