@@ -37,6 +37,7 @@ from pwscont.curve.metric import Metric
 from pwscont.curve.pseudo_arclength import PseudoArclength
 from pwscont.curve.stepper import Stepper
 from pwscont.curve.steppers import ExactLinear
+from pwscont.enumeration.continua import find_continua
 from pwscont.graph import BranchGraph
 from pwscont.graph.queries import joined
 from pwscont.graph.records import Solution, Stretch
@@ -52,7 +53,6 @@ from pwscont.system.system import (
     PiecewiseSystem,
 )
 from pwscont.transitions import TransitionDetector
-from pwscont.transitions.continuum import filled_parts
 from pwscont.transitions.departures import Standing
 from pwscont.transitions.detector import SpecialPointFound
 from pwscont.transitions.ends import NO_BOUNDS, Bounds, ended
@@ -342,7 +342,7 @@ class Plan:
             return ()
         alphas = [*self.interval, *(node.place.alpha for node in nodes)]
         one_of_many = [node.place.x for node in nodes if node.message == FILL_CURVES]
-        return joined(filled_parts(self.followed, self.metric, alphas, one_of_many), alphas)
+        return joined(find_continua(self.followed, self.metric, alphas, one_of_many), alphas)
 
     def _follow_from(self, starts: Iterable[Found], discovery: Discovery, budget: Budget) -> None:
         for x, error in starts:

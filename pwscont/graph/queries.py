@@ -20,7 +20,7 @@ from pwscont.curve.metric import Metric
 from pwscont.curve.newton import Border, newton
 from pwscont.curve.pseudo_arclength import SLOWEST
 from pwscont.curve.stepper import CurvedSegment
-from pwscont.enumeration.filled import Filled
+from pwscont.enumeration.continua import Continuum
 from pwscont.graph.archive import DamagedError, Fields
 from pwscont.graph.records import Piece, Solution, SpecialPoint, Stretch, significant
 from pwscont.graph.structure import Structure
@@ -243,12 +243,12 @@ def _on_chord(piece: Piece, alpha: float) -> Array:
 IS_CLOSED = [False, False, True, True]
 
 
-def joined(parts: Iterable[Filled], known: Sequence[float]) -> tuple[Stretch, ...]:
+def joined(parts: Iterable[Continuum], known: Sequence[float]) -> tuple[Stretch, ...]:
     """Return the stretches that some parts cover together, in order.
 
     Parameters
     ----------
-    parts : iterable of Filled
+    parts : iterable of Continuum
     known : sequence of float
         Values of alpha. An end that rounding does not tell from a known value, or from zero, takes
         that value.

@@ -21,8 +21,9 @@ from pwscont.basics.outcome import Guarantee, SearchScope
 from pwscont.basics.rounding import CONFIDENCE, EPS
 from pwscont.curve.error_samples import Found, has_digits, is_same, magnitude
 from pwscont.curve.metric import Metric
-from pwscont.enumeration import Face, solve_slice
 from pwscont.enumeration.options import bounding
+from pwscont.enumeration.polyhedron import Face
+from pwscont.enumeration.slices import solve_slice
 from pwscont.linear.factorise import factor, power_of_two
 from pwscont.search.enumeration import as_starts, starts_at
 from pwscont.search.few_cells import FewCells

@@ -8,7 +8,7 @@ from itertools import islice
 
 from pwscont.basics.arrays import Array
 from pwscont.curve.metric import Metric
-from pwscont.enumeration import cells_to_try
+from pwscont.enumeration.slices import cells_to_try
 from pwscont.search.all_transitions import AllTransitions
 from pwscont.search.enumeration import EndPoints, Slices
 from pwscont.search.multi_start import MultiStart

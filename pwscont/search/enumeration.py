@@ -33,16 +33,9 @@ from pwscont.curve.error_samples import (
     slack_of_values,
 )
 from pwscont.curve.metric import Metric
-from pwscont.enumeration import (
-    ALONE,
-    Point,
-    Slice,
-    det_sign,
-    is_in_doubt,
-    lone_point,
-    solve_exactly,
-    solve_slice,
-)
+from pwscont.enumeration.exact import solve_exactly
+from pwscont.enumeration.polyhedron import Point, Slice
+from pwscont.enumeration.slices import ALONE, det_sign, is_in_doubt, lone_point, solve_slice
 from pwscont.graph.records import FEW_DIGITS, Solution, significant
 from pwscont.linear.factorise import last_unit
 from pwscont.linear.threads import few_threads

@@ -27,9 +27,9 @@ from pwscont.basics.budget import check_budget
 from pwscont.basics.rounding import EPS, SAME_ALPHA
 from pwscont.curve.curve import LEAN
 from pwscont.curve.metric import Metric
+from pwscont.enumeration.continua import equations_in_magnitudes
 from pwscont.system.contract import residual_at
 from pwscont.system.system import PiecewiseSystem
-from pwscont.transitions.continuum import equations_in_magnitudes
 
 #: Most iterations at fixed alpha, and again with alpha free.
 MOST_ITERATIONS = 20

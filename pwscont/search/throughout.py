@@ -34,6 +34,7 @@ from pwscont.curve.error_samples import Found, has_digits, is_inside
 from pwscont.curve.metric import Metric
 from pwscont.curve.newton import is_solved, newton
 from pwscont.curve.semismooth import semismooth_newton
+from pwscont.enumeration.continua import is_one_of_many
 from pwscont.search.multi_start import MultiStart
 from pwscont.search.pursuit import Pursuit
 from pwscont.search.search import KnownBranches, NothingKnown, Search
@@ -42,7 +43,6 @@ from pwscont.system.box import Box
 from pwscont.system.contract import residual_at
 from pwscont.system.selection import Selection
 from pwscont.system.system import PiecewiseSystem
-from pwscont.transitions.continuum import is_one_of_many
 from pwscont.transitions.departures import settled
 
 #: Evaluations of H that a search may take; a Newton iteration takes about n + 2.

@@ -23,11 +23,11 @@ from pwscont.curve.curve import Curve, State
 from pwscont.curve.error_samples import Found, magnitude
 from pwscont.curve.metric import Metric
 from pwscont.curve.newton import Root, newton, uncertainty
+from pwscont.enumeration.continua import is_one_of_many
 from pwscont.linear.factorise import Factor, bordered, last_unit
 from pwscont.system.selection import Selection
 from pwscont.system.system import PiecewiseSystem, SlicewiseLinearSystem
 from pwscont.transitions.bounding import corner, turns
-from pwscont.transitions.continuum import is_one_of_many
 from pwscont.transitions.detector import SpecialPointFound
 from pwscont.transitions.rays import Ray, check_continuity, inward_ray, zeros
 from pwscont.transitions.smooth import at_branch_point, fold_at_end

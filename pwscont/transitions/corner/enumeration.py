@@ -50,16 +50,10 @@ from pwscont.basics.character import Character
 from pwscont.basics.looks import at
 from pwscont.basics.rounding import EPS
 from pwscont.curve.metric import Metric
-from pwscont.enumeration import (
-    FEW_CELLS,
-    Cells,
-    Slice,
-    Table,
-    is_regular,
-    most_cells,
-    parts_of_table,
-    solve_slice,
-)
+from pwscont.enumeration.by_parts import Cells, is_regular, most_cells, parts_of_table
+from pwscont.enumeration.options import Table
+from pwscont.enumeration.polyhedron import Slice
+from pwscont.enumeration.slices import FEW_CELLS, solve_slice
 from pwscont.linear.factorise import last_unit
 from pwscont.linear.jacobian import StructuredJacobian
 from pwscont.system.contract import jacobian_at
