@@ -8,16 +8,14 @@ block belong to a single part, except tests that depend on earlier parts alone.
 For each solution of the parts before, a part is a small slice, which is solved like any slice. The
 error of the solution before enters the slice as an uncertainty of the constants. A part with a
 single unknown is solved mode by mode, by a division: in a chain of such parts magnitudes may fall
-from part to part until no typical magnitude can be told, and a division needs none.
+from part to part until no typical magnitude can be told.
 
 Failure modes and answers
 -------------------------
-- An entry vanishes by chance in the mode evaluated, and not elsewhere: an entry counts if any mode
-  has a nonzero value there, and only inequalities that a part really decides cut off cells.
-- Rows and unknowns that cannot be paired, as in a system with a singular structure, and blocks
-  without rows: the whole system is a single part.
-- A part is singular in some cell, or cannot be decided: nothing is returned, and the whole slice is
-  solved at once, as far as there are not too many cells.
+- An entry vanishes by chance in the mode evaluated: an entry counts if any mode has a nonzero
+  value there, and only inequalities that a part really decides cut off cells.
+- Rows and unknowns cannot be paired, or blocks have no rows: the whole system is a single part.
+- A part is singular in some cell, or cannot be decided: the whole slice is solved at once.
 - A solution lies on interfaces of many parts: the cells of the solution are all combinations of the
   parts' cells, each made when the cell is needed.
 - A solution found part by part is wrong for the whole: the solution is refined in the whole system,

@@ -6,15 +6,14 @@ cut off because a point lies in the cells of all choices.
 
 Failure modes and answers
 -------------------------
-- Equations of a block depend on equations decided before: the factorisation of the block's
-  equations, on the orthonormal basis of the subspace that is left, finds the dependence, and the
-  choice leaves the batch. A cell without a unique point is handed on as a subspace, not solved.
+- Equations of a block depend on equations decided before: the factorisation on the orthonormal
+  basis of the subspace that is left finds the dependence, and the choice leaves the batch. A cell
+  without a unique point is handed on as a subspace, not solved.
 - A pivot is rounding that has grown above what is negligible: exact elimination of the equations
   decides about every pivot that small.
 - A solution on the very boundary of a cell must not be cut off: inequalities that cut off choices
-  are relaxed by SLACK, far above rounding; the caller decides exactly, from a refined solution.
-- Ill-conditioned equations have solutions with far larger errors: the growth of rounding is carried
-  along with each choice, and the slack grows with the growth of rounding.
+  are relaxed by SLACK, far above rounding, and by more where ill-conditioned equations make it
+  grow. The caller decides exactly, from a refined solution.
 """
 
 from __future__ import annotations

@@ -4,25 +4,19 @@ At fixed alpha selections and tests are affine in z with coefficients that are d
 rational. Each row is made a row of integers, and Bareiss's fraction-free elimination (1968) leaves
 integers whose quotients are the solution. Nothing is rounded, whatever the condition, and the sign
 of the determinant is exact as well. Choices of modes share the elimination of the blocks decided
-before.
-
-Refinement with exact residuals would end at the same solution in nearly every cell, but does not
-tell a singular cell from a nearly singular cell, nor on which side of an interface a solution lies
-if the distance is less than rounding.
+before. (Refinement with exact residuals would not tell a singular cell from a nearly singular cell,
+nor the side of an interface if the distance is less than rounding.)
 
 Failure modes and answers
 -------------------------
-- Floating point does not know the solution of a nearly singular cell: the cell is left to exact
-  arithmetic, as is a cell whose solution may be within rounding of an interface.
-- Many cells are looked at in batches, so that memory is bounded.
+- Cells are excluded in doubles, in batches, where floating point is certain: a nearly singular
+  cell, or a solution within rounding of an interface, is left to exact arithmetic.
 - Cost: the integers grow by 53 bits and more for each row, and all cells are tried. Beyond
   MOST_WORK nothing is done, and the caller says so.
 - The system's own numbers are rounded, so that selections agree on an interface to rounding only.
   A solution that close to an interface may lie in two cells: the two points found are merged if the
   errors cover the distance. Or the solution lies in no cell: a cell that misses the cell's solution
-  by no more than the error of the solution is counted as undecided, unless the solution was found
-  in another cell.
-- Cells with infinitely many solutions are counted, not solved.
+  by no more than the error counts as undecided, unless the solution was found in another cell.
 """
 
 from __future__ import annotations

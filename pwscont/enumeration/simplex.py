@@ -1,29 +1,24 @@
 """Linear forms, and the simplex method that prunes the tree of choices by the signs of forms.
 
-Equations and inequalities of all options, and of every cell, are affine forms of the unknowns; many
-forms appear several times, with either sign. Each form is listed once. To choose an option is to
-ask more signs: a form asked to be >= 0 and <= 0 has to vanish.
+Equations and inequalities of all options, and of every cell, are affine forms of the unknowns; each
+form is listed once, with either sign. To choose an option is to ask more signs: a form asked to be
+>= 0 and <= 0 has to vanish. Each program asks whether some point has the signs that are asked.
 
-Each program asks whether some point has the signs that are asked of the forms. A vertex is the
-point where q independent forms, the basis, vanish; s = coordinates + directions @ (values of the
-basis). The objective is any linear function that is least at the vertex, for the signs asked of the
-basis. The vertex stays least when more signs are asked: the dual simplex method (Lemke 1954) begins
-where the program of the parent ended, and needs few steps.
-
-In each step the form with the wrongest value enters the basis, for the form by which the objective
-grows least (among equals the largest coefficient). If no form can make the value right, the row is
-the proof (Farkas 1902) that no point has the signs asked: form = constant + sum of coefficients
-times forms of the basis, where no term can help.
+A vertex is the point where q independent forms, the basis, vanish; s = coordinates + directions @
+(values of the basis). The objective is any linear function that is least at the vertex, for the
+signs asked of the basis. The vertex stays least when more signs are asked: the dual simplex method
+(Lemke 1954) begins where the program of the parent ended. In each step the form with the wrongest
+value enters the basis, for the form by which the objective grows least (among equals the largest
+coefficient). If no form can make the value right, the row is the proof (Farkas 1902) that no point
+has the signs asked: form = constant + sum of coefficients times forms, where no term can help.
 
 Failure modes and answers
 -------------------------
-- Rounding grows from step to step, and steps may divide by small coefficients: a proof is checked
-  against the forms themselves. If the check fails, the vertex is computed anew from the basis; if
-  the check fails again, the program counts as feasible. A program that is wrongly feasible costs
-  time, and no more.
+- Rounding grows from step to step: a proof is checked against the forms themselves. If the check
+  fails, the vertex is computed anew from the basis; if the check fails again, the program counts
+  as feasible, which costs time, and no more. So does a program after MOST_STEPS, as ties may cycle.
 - A solution lies on a boundary: signs count as wrong from SLACK on only, and a proof holds for
   points with an error of MARGIN.
-- Ties may make the method cycle: after MOST_STEPS a program counts as feasible.
 """
 
 from __future__ import annotations

@@ -1,9 +1,8 @@
 """The search over all choices of options.
 
-Blocks are decided in turn. Linear programs cut off choices that no point can satisfy.
-The programs relax the undecided blocks, and ask only what holds in all options of a block. Many
-programs are solved at once, each from the vertex where the program of the parent ended. Each choice
-branches on the block whose options are most wrong at the vertex of the choice.
+Blocks are decided in turn. Linear programs, many at once, cut off choices that no point can
+satisfy: they relax the undecided blocks, and ask only what holds in all options of a block. Each
+choice branches on the block whose options are most wrong at the vertex of the choice.
 
 Failure modes and answers
 -------------------------

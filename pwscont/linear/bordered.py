@@ -10,8 +10,6 @@ Failure modes and answers
   unknown with the transpose of B, and corrects the last unknown with B: BEMW is as stable as the
   solves with B. Far from folds the first half of BEMW is left out, which saves a third of the time.
 - The bordered matrix itself is singular: the solution of a generic right-hand side is huge.
-- Rows and columns have different units: rows and columns are scaled, see
-  :mod:`pwscont.linear.factor`.
 """
 
 from __future__ import annotations

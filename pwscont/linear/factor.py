@@ -1,16 +1,9 @@
 """The seam of all factorisations, and what all implementations share.
 
 A Jacobian J has shape (n, n + 1) and columns for the unknowns z and for alpha; B is the part of J
-for z, and b the column for alpha. :class:`Factor` has these implementations:
-
-=====================================  ============================================
-dense.py                               :class:`DenseFactor` in any units; :class:`DenseLU`
-sparse.py                              :class:`SparseFactor` in any units; :class:`SparseLU`
-banded.py                              :class:`BandLU`
-bordered.py                            :class:`BorderedFactor`, around a factor of B
-updates.py                             :class:`ProductForm`, a factor and changes
-this file                              :class:`ScaledFactor`, a factor in other units
-=====================================  ============================================
+for z, and b the column for alpha. :class:`Factor` is implemented in dense.py, sparse.py, banded.py,
+bordered.py (around a factor of B), updates.py (a factor and changes) and here
+(:class:`ScaledFactor`, a factor in other units).
 
 Failure modes and answers
 -------------------------

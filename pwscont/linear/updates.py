@@ -6,7 +6,6 @@ multiplied by the sign of each pivot (docs/theory, F10).
 
 - :class:`ProductForm` is a :class:`~pwscont.linear.factor.Factor`: any factorisation, and the
   vectors of all changes, multiplied out, as in the simplex method (Dantzig and Orchard-Hays 1954).
-  A solve costs a solve with the first matrix and two products with the vectors.
 - :class:`Updating` serves a family of matrices that differ in some rows (:class:`RowMatrix`). The
   solver keeps an explicit inverse, and replaces all changed rows at once (Woodbury).
 
@@ -14,13 +13,10 @@ Failure modes and answers
 -------------------------
 - The new matrix is nearly singular, or the change loses digits: the pivot is small beside the terms
   1 and g.w, the change is refused, and the matrix is factorised afresh.
-- Rounding errors of the changes add up: the caller compares the residual with :func:`drifted`,
-  mostly at no cost, and asks for a fresh factorisation where the residual is too large. After
-  :data:`MANY_UPDATES` the matrix is factorised afresh anyway, which costs a tenth more time.
-- A matrix is badly conditioned, as at folds: the matrix is not inverted, and every change leads to
-  a fresh LU with partial pivoting.
-- Many rows change at once, as when friction changes everywhere or Newton is far from a solution:
-  a fresh factorisation is cheaper than the changes, and is inverted only when a change asks.
+- Rounding errors of the changes add up: the caller compares the residual with :func:`drifted`, and
+  asks for a fresh factorisation, due after :data:`MANY_UPDATES` anyway.
+- A matrix is badly conditioned, as at folds, or many rows change at once: every change leads to a
+  fresh LU, which is inverted only when a later change asks.
 - A caller solves with an older matrix: every solve names the matrix, and the rows are replaced
   back, so that no system is ever solved with the wrong matrix.
 """

@@ -1,12 +1,9 @@
 """Searches by enumeration at some values of alpha.
 
-Failure modes and answers
--------------------------
-- Ill conditioning: rounding may have cut off cells, or moved solutions out of cells. If few
-  digits are left, if the signs do not sum to the degree, if cells are undecided or if no cell has a
-  solution, the slice is solved again in exact arithmetic.
-- Exact arithmetic takes too long: the guarantee says what is not certain, and a search promises
-  nothing for such a slice.
+Ill conditioning may have cut off cells, or moved solutions out of cells. If few digits are left, if
+the signs do not sum to the degree, if cells are undecided or if no cell has a solution, the slice
+is solved again in exact arithmetic. If exact arithmetic takes too long, the guarantee says what is
+not certain, and a search promises nothing for such a slice.
 """
 
 from __future__ import annotations

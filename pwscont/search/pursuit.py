@@ -7,9 +7,8 @@ Failure modes and answers
 -------------------------
 - Known solutions attract: known solutions are deflated away (Farrell, Birkisson and Funke 2015).
 - No solution exists at this alpha: a deflated Newton iteration creeps to a minimum of the merit,
-  and is given up if a few short steps do not reduce the merit. The minimum often lies beside a fold
-  of the branch looked for: the pursuit goes on from there with alpha free, by steps of least length
-  (Gauss and Newton), which lead to a curve if a curve is near.
+  and is given up. The minimum often lies beside a fold of the branch looked for: the pursuit goes
+  on from there with alpha free, by steps of least length (Gauss and Newton).
 - Functions that saturate make endless steps where H is nearly flat. Each step is limited to a few
   times the distance from zero, and a pursuit that goes too far is given up.
 """

@@ -1,19 +1,18 @@
 """Newton at values of alpha all over the interval, with known solutions deflated away.
 
 Closed loops, and branches that come from infinity and return to infinity, may lie inside of the
-interval (docs/theory, F19): solutions at the ends of the interval do not lead to such branches.
+interval (docs/theory, F19): solutions at the ends of the interval do not lead to such branches. The
+number of slices and starts follows from a budget of evaluations.
 
 Failure modes and answers
 -------------------------
 - A loop lies between two slices: where Newton at fixed alpha stalls, alpha is set free.
 - Most starts would only repeat known solutions: the solutions of all known branches are deflated
   away, and a point found with alpha free is compared with all known branches before the point is
-  passed on.
+  passed on. Solutions beside a fold are closer together than solutions deflated away may be: a
+  solution found is compared with all known solutions.
 - An equation in a single unknown has many solutions beside each other: sign changes show solutions.
 - A start has run away, to where H is nearly flat: a point without a certain digit is no solution.
-- Solutions beside a fold are closer together than solutions deflated away may be: a solution found
-  is compared with all known solutions, not only with the deflated solutions.
-- The search never ends: the number of slices and starts follows from a budget of evaluations.
 """
 
 from __future__ import annotations
@@ -75,6 +74,8 @@ FEW_ON_LINE = 6
 #: Accuracy of a sign change, as a part of the known magnitude, and distance below which a sign
 #: change is a known solution, measured like SAME_SOLUTION.
 PART, NEAR_ZERO = 1e-3, 1e-2
+#: The golden section.
+GOLDEN = 0.5 * (5.0**0.5 - 1.0)
 #: Largest correction of a point that a pursuit found, as a part of 1 plus the length of the point.
 CORRECTED = 1e-3
 #: Most Newton iterations of such a correction.
@@ -137,7 +138,8 @@ class Throughout(Search):
             yield from looking.at(alpha, map(looking.guess, more))
         for k in range(turn * self.slices, (turn + 1) * self.slices):
             guesses = map(looking.guess, range(k * self.count, (k + 1) * self.count))
-            yield from looking.at(lo + (hi - lo) * _part(k), guesses)
+            part = (0.5 + GOLDEN * (k + 0.118)) % 1.0  # evenly spread, avoids special values
+            yield from looking.at(lo + (hi - lo) * part, guesses)
 
     def searched(self, system: PiecewiseSystem) -> SearchScope:
         """Promise nothing."""
@@ -192,7 +194,10 @@ class _Looking:
         """Yield sign changes of an equation in a single unknown, except at known solutions."""
         if shown_size(self._system) != 1:
             return
-        places = self._line()
+        even = np.linspace(-1.0, 1.0, ON_LINE + 2)[1:-1]  # and ever sparser farther out
+        far = WIDER * even * np.sqrt(2.0 / (1.0 - even**2))
+        places = self._reach[0] * np.concatenate([MARGIN * even, far])
+        places = np.unique(np.clip(places, self.box.lower[0], self.box.upper[0]))
         signs = np.sign([self._equation(z, alpha) for z in places])
         from scipy.optimize import bisect  # noqa: PLC0415  importing takes as long as all else
 
@@ -201,13 +206,6 @@ class _Looking:
             full = completed(self._system, np.array([z]), alpha)
             if self._is_new(np.append(full, alpha), known, NEAR_ZERO):
                 yield full
-
-    def _line(self) -> Array:
-        """Return values of a single unknown, evenly near branches and ever sparser farther out."""
-        even = np.linspace(-1.0, 1.0, ON_LINE + 2)[1:-1]
-        far = WIDER * even * np.sqrt(2.0 / (1.0 - even**2))
-        places = self._reach[0] * np.concatenate([MARGIN * even, far])
-        return np.unique(np.clip(places, self.box.lower[0], self.box.upper[0]))
 
     def _equation(self, z: float, alpha: float) -> float:
         full = completed(self._system, np.array([z]), alpha)
@@ -218,22 +216,16 @@ class _Looking:
         """Return the new solution to which a free alpha leads from where a pursuit stalled."""
         direction = generic(len(y), float(number))
         free = self._pursuit.free(self._pursuit.aside(y, direction))
-        lo, hi = self._interval
-        if free is None or not lo <= free[-1] * self._metric.width <= hi or self._is_known(free):
+        (lo, hi), scale = self._interval, self._metric.scale
+        if free is None or not lo <= free[-1] * self._metric.width <= hi:
             return None
+        near = self._known.near(free * scale, self._metric)
+        if near is not None and self._pursuit.leads_to(near / scale, free):
+            return None  # the point lies on a known branch
         return self._standing(self._pursuit.along(free))
 
-    def _is_known(self, y: Array) -> bool:
-        """Tell whether a point of a curve lies on a known branch."""
-        start = self._known.near(y * self._metric.scale, self._metric)
-        return start is not None and self._pursuit.leads_to(start / self._metric.scale, y)
-
     def _standing(self, y: Array) -> Found | None:
-        """Return the exact solution near a rough solution, at an alpha near the rough alpha.
-
-        None for a start that ran away: alpha hardly changes along the curve, at the solution and
-        beside the solution.
-        """
+        """Return the exact solution near a rough solution, None for a start that ran away."""
         metric, x = self._metric, y * self._metric.scale
         curve = Curve(Selection(self._system, self._system.character(x[:-1], float(x[-1]))), metric)
         direction = self._pursuit.direction(y)
@@ -259,8 +251,7 @@ class _Looking:
         """Return points, each once: a solution that is deflated away twice attracts from afar."""
         found: list[Array] = []
         for y in points:
-            if self._is_new(y * self._metric.scale, found, DISTINCT):
-                found.append(y)
+            found += [y] if self._is_new(y * self._metric.scale, found, DISTINCT) else []
         return found
 
     def _is_new(self, x: Array, known: list[Array], same: float = SAME_SOLUTION) -> bool:
@@ -272,11 +263,12 @@ class _Looking:
         return least > same * (1.0 + float(np.linalg.norm(x / scale)))
 
     def guess(self, number: int) -> Array:
-        """Return the state of a start: such points fill space evenly, with heavy tails.
-
-        Typical magnitudes may be the magnitudes of a single branch, with other branches far away.
-        """
-        even = _filling(number, self._system.size)
+        """Return the state of a start: such points fill space evenly, with heavy tails."""
+        root, size = 2.0, self._system.size  # a sequence that fills (-1, 1)^n (Roberts 2018)
+        for _ in range(40):
+            root = (1.0 + root) ** (1.0 / (size + 1))
+        steps = root ** -np.arange(1.0, size + 1.0)
+        even = 2.0 * ((0.5 + (number + 1) * steps) % 1.0) - 1.0
         spread = even * np.sqrt(2.0 / (1.0 - even**2))
         farther = WIDER ** (number % WIDTHS)
         return self.box.guess(spread, 0.5 * even, farther * self._reach)
@@ -299,33 +291,14 @@ class _Looking:
         error, scale = np.atleast_2d(error), metric.scale
         if not has_digits(x, error, scale) or not is_inside(self.box, x, error, scale):
             return None
-        return (x, error) if self._solves(x) else None
-
-    def _solves(self, x: Array) -> bool:
-        """Tell whether a root of one selection is a solution in the cell in which the root lies."""
-        system, z, alpha = self._system, x[:-1], float(x[-1])
-        tests = system.test_functions(z, alpha)
+        tests = self._system.test_functions(x[:-1], float(x[-1]))
         if not np.isfinite(tests).all():
-            return False
-        selection = Selection(system, Character.of(tests))
-        return is_solved(selection, self._metric, x, selection.jacobian(x), selection.residual(x))
+            return None
+        own = Selection(self._system, Character.of(tests))  # of the cell in which the root lies
+        is_root = is_solved(own, metric, x, own.jacobian(x), own.residual(x))
+        return (x, error) if is_root else None
 
 
 def affordable_starts(system: PiecewiseSystem, fewest: int, most: int) -> int:
     """Return how many starts a budget of evaluations allows for a system of this size."""
     return min(max(EVALUATIONS // ((system.size + 2) * USUAL), fewest), most)
-
-
-def _part(number: int) -> float:
-    """Return the k-th of evenly spread parts of the interval, which avoid special values."""
-    golden = 0.5 * (5.0**0.5 - 1.0)
-    return float((0.5 + golden * (number + 0.118)) % 1.0)
-
-
-def _filling(number: int, size: int) -> Array:
-    """Return a point of a sequence that fills (-1, 1)^n evenly (Roberts 2018)."""
-    root = 2.0
-    for _ in range(40):
-        root = (1.0 + root) ** (1.0 / (size + 1))
-    steps = root ** -np.arange(1.0, size + 1.0)
-    return np.asarray(2.0 * ((0.5 + (number + 1) * steps) % 1.0) - 1.0)

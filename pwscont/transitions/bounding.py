@@ -8,15 +8,12 @@ curve has not crossed.
 Failure modes and answers
 -------------------------
 - A double zero is located to the square root of rounding, so that slopes there differ from zero by
-  more than their own rounding, and no matrix is singular: the depth is what counts.
-- A test has terms that cancel and do not show in its gradient, or terms known to more digits than
-  is typical: values, not estimates, tell whether the test is negative between its zeros.
-- The curvature from differences belongs to another part of the curve: both places are a millionth
-  of the interval apart, and a zero that is farther from the lowest point is a crossing.
-- Another interface is met before the place where the piece would go on: the piece would begin
-  outside of its cell, and never meet this interface.
-- The test falls again beyond the zero: the piece goes on beyond the lowest point, at the distance
-  of the zero from the lowest point.
+  more than their own rounding, and no matrix is singular: the depth is what counts. As terms of a
+  test may cancel, values, not estimates, tell whether the test is negative between its zeros.
+- The curvature from differences belongs to another part of the curve: a zero that is farther from
+  the lowest point than a millionth of the interval is a crossing.
+- Another interface is met before the place where the piece would go on, which lies beyond the
+  lowest point, at the distance of the zero from the lowest point: the curve crosses.
 """
 
 from __future__ import annotations

@@ -4,14 +4,11 @@ Failure modes and answers
 -------------------------
 - A corner is reached from a cell that goes on there, and curves of other cells that meet there end:
   the corner ends all curves that meet there, or the result would depend on the cell of arrival.
-- A start is such a corner, without a cell of arrival: all cells are asked.
 - A curve that runs along an interface does not end because of this interface: a point that all
   curves pass within a single cell ends no curve.
-- A piece may run along a bound, as a multiplier that stays zero does, or touch a bound: Newton
-  leaves the piece's points on either side. An unknown leaves its bounds only where it is beyond a
-  bound by more than the error of the point.
-- The last correction of Newton may be smaller than rounding by chance: where a point is beyond a
-  bound by next to nothing, the error of the point is estimated anew.
+- A piece may run along a bound, or touch a bound: Newton leaves the piece's points on either side.
+  An unknown leaves its bounds only where it is beyond a bound by more than the error of the point,
+  which is estimated anew if small by chance.
 - Where branches cross on a bound, branches that leave the bounds are not followed: the point says
   so, as the signs of these branches are missing from the sum of signs.
 - A test may vanish where a bound is met, as the test of a complementarity does: the rays of that

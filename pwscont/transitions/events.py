@@ -7,18 +7,15 @@ depends on events: events are searched on steps that are taken, and divide piece
 Failure modes and answers
 -------------------------
 - g has several zeros on one step: g is evaluated in places along the step, and where g comes
-  closest to zero between the places. Both zeros around such a place are found; zeros closer than
-  the places may go unseen if g has several extrema between two places.
-- g is zero on a stretch, as max(0, z) is: the edges of the stretch are events.
+  closest to zero between the places. Zeros closer than the places may go unseen if g has several
+  extrema between two places. If g is zero on a stretch, as max(0, z) is, the edges are events.
 - g has no sign where a piece begins, because g is level there or nothing but rounding: g is watched
   from the first place where g has a sign.
 - Between two points of a step the curve is known by a cubic: where g seems to vanish on the cubic,
-  points of the curve itself decide.
-- Events at the same point: the point has the names of all events.
-- No point of the curve is found where g vanishes: the event stands where the cubic has it, with an
-  error as large as the distance between the two places.
-- An event at a transition, a fold or an end of the interval: the special point keeps its kind, and
-  has the name of the event.
+  points of the curve itself decide. If no point of the curve is found, the event stands where the
+  cubic has it, with an error as large as the distance between the two places.
+- Events at the same point: the point has the names of all events. A transition, a fold or an end of
+  the interval keeps its kind, and has the name of the event.
 """
 
 from __future__ import annotations

@@ -72,10 +72,7 @@ def _within(segment: Segment, found: State, lo: float, hi: float) -> bool:
 
 
 def _newton(segment: Segment, border: Border, guess: float) -> State | Failure:
-    """Return the zero that Newton finds from the point of the segment at ``guess``.
-
-    The tangent of the state points to where the border falls.
-    """
+    """Return the zero that Newton finds from a place; the tangent points to where it falls."""
     curve, x = segment.curve, segment.near(guess)
     is_exact = curve.selection.is_straight and not isinstance(segment, CurvedSegment)
     if is_exact and (known := corrected(curve, x, *border(x))):

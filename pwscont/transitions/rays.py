@@ -10,13 +10,11 @@ Failure modes and answers
 -------------------------
 - A test counts as zero when its value is below the rounding of the test's own terms plus what the
   error of the point contributes: relative, so units and magnitudes do not matter.
-- [J; grad] is singular: the curve is tangent to the interface, no ray is invented.
+- [J; grad] is singular, as the curve is tangent to the interface, or the orientations differ, as
+  the user's selections disagree: no ray is invented. If H jumps, the system is refused; a jump
+  below the error of the point cannot be told from no jump.
 - Interfaces that meet within rounding may be apart all the same: a ray then starts at a point of
   its own curve, not at the common point, which is a point of another curve.
-- The orientations differ: the user's selections disagree on the interface. The user is told, and no
-  ray is returned.
-- H jumps: the system is refused. A jump below rounding counts as no jump, and a jump below the
-  error of the point cannot be told from no jump.
 """
 
 from __future__ import annotations

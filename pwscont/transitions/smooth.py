@@ -6,21 +6,17 @@ and both curves are followed.
 Failure modes and answers
 -------------------------
 - Where the curve turns at an end, the turning place along the curve is known to the square root of
-  rounding only: the rays to the end on both sides would make two ends. The place where the slope of
-  alpha vanishes is well known, and serves both rays.
-- A fold beyond the end: the curve is cut at the end, however close the fold is, unless alpha at the
-  fold is the end's alpha to rounding.
-- From a fold at an end the tangent leads along the end, and a prediction to either side of the end:
-  the tangent leans into the interval by as much as the tangent's own rounding.
-- Near the point [J; t^T] is nearly singular, so that points of the curve can hardly be computed:
-  the point is the regular solution of an extended system (:mod:`pwscont.curve.crossing`), and
-  the curve is bisected only while the step is too long for that.
-- The sign of a state next to the point is rounding: a point just outside the step counts as well.
+  rounding only. The place where the slope of alpha vanishes is well known, and serves the rays on
+  both sides. A fold beyond the end cuts the curve at the end, unless alpha is equal to rounding.
+- From a fold at an end the tangent leads along the end: the tangent leans into the interval by as
+  much as the tangent's own rounding.
+- Near a branch point [J; t^T] is nearly singular: the point is the regular solution of an extended
+  system (:mod:`pwscont.curve.crossing`), and the curve is bisected only while the step is too long
+  for that. The sign next to the point is rounding: a point just outside the step counts as well.
 - The step jumped from one curve to another that passes close by: the sign flips without a branch
   point. Such a jump is a failure, on which the step is shortened until the steps follow the bend.
-- Two branch points within one step flip the sign twice and go unseen: allow shorter steps. Points
-  where the sign does not flip go unseen, too: where an even number of eigenvalues vanishes
-  together, as under symmetry, and where curves touch.
+- Two branch points within one step flip the sign twice and go unseen, as do points where the sign
+  does not flip: where an even number of eigenvalues vanishes together, and where curves touch.
 - Several branch points lie within one step, and Newton leads to a later one: the sign half way to
   the point found has flipped already, and the bisection goes on before the point.
 - Curves that cross to higher order flip the sign but have no two directions to tell apart: the

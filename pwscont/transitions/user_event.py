@@ -4,11 +4,10 @@ Failure modes and answers
 -------------------------
 - Where an event was found, the next piece begins with g = 0, with a sign that is rounding: what the
   accuracy of the point explains is zero.
-- g is zero up to rounding on a stretch or everywhere, as sin^2 + cos^2 - 1 is, or a residual on all
-  branches: the rounding of g is measured where nothing but rounding changes the arguments of g.
-- g is zero, to rounding, at every place tried: g is no event, and is refused at the start.
-- g cannot be computed, is not a number, or is a truth value, which has no zero to be found: an
-  error tells the user the name of the event.
+- g is zero up to rounding on a stretch or everywhere, as sin^2 + cos^2 - 1 is: the rounding of g is
+  measured where nothing but rounding changes the arguments of g. If g is zero, to rounding, at
+  every place tried, g is no event, and is refused at the start.
+- g cannot be computed, is not a number, or is a truth value: an error names the event.
 """
 
 from __future__ import annotations

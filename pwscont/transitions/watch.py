@@ -4,10 +4,9 @@ Failure modes and answers
 -------------------------
 - A cell thinner than the step: the character is frozen, so the far end of the step lies
   outside the cell whatever lies beyond the cell (docs/theory, F7).
-- A test that dips below zero and comes back within a step: the slopes of the test at the two ends
-  differ in sign, and where the two tangent lines cross below zero, the dip is searched. A dip
-  that the slopes do not show is seen by the tests at points inside the step: at thirds of a long
-  step, at a single point of a short step.
+- A test dips below zero and comes back within a step: where the slopes at the two ends differ in
+  sign, and the two tangent lines cross below zero, the dip is searched. Other dips are seen by the
+  tests at points inside the step.
 - A fold lies at an interface up to rounding: of events that only errors tell apart the event that
   was located first counts. A piece that begins with a test below zero never meets that test again.
 - The test that was just crossed starts at zero, with a sign that is rounding: the slope of the test

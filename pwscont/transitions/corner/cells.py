@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import product
 from typing import TypeAlias, final
@@ -69,20 +69,15 @@ class Corner:
 
     def restricted(self, blocks: Iterable[Block]) -> list[Block]:
         """Return blocks of the system with only the modes of cells that meet at the corner."""
-        return [Block(b.tests, b.rows, tuple(self._admitted(b))) for b in blocks]
+        here = self.character
 
-    def _admitted(self, block: Block) -> list[tuple[bool, ...]]:
-        """Return the modes that agree with the signs of the tests that do not vanish."""
-        fixed, here = set(block.tests) - self.zero, self.signs.tolist()
-        admitted: list[tuple[bool, ...]] = []
-        for mode in block.modes:
-            signs = here.copy()
-            for test, sign in zip(block.tests, mode, strict=True):
-                signs[test] = sign
-            bounding = self.system.bounding_tests(Character(tuple(signs)))
-            if all(signs[i] == here[i] for i in fixed.intersection(bounding)):
-                admitted.append(mode)
-        return admitted
+        def meets(block: Block, mode: tuple[bool, ...]) -> bool:
+            """Tell whether a mode agrees with the signs of the tests that do not vanish."""
+            there, fixed = here.with_signs(block.tests, mode), set(block.tests) - self.zero
+            bounding = fixed.intersection(self.system.bounding_tests(there))
+            return all(there.array[i] == here.array[i] for i in bounding)
+
+        return [Block(b.tests, b.rows, tuple(m for m in b.modes if meets(b, m))) for b in blocks]
 
     def direction_in(self, selection: Selection) -> Array | None:
         """Return the null vector d of J_chi, None where J_chi has several to rounding."""
@@ -106,12 +101,3 @@ def has_named_cells(system: PiecewiseSystem) -> bool:
         and type(system).blocks is not SlicewiseLinearSystem.blocks
     )
     return by_blocks or type(system).cells is not PiecewiseSystem.cells
-
-
-def with_modes(
-    here: Character, blocks: Sequence[Block], modes: Sequence[tuple[bool, ...]]
-) -> Character:
-    """Return a character with the signs of some blocks replaced."""
-    for block, mode in zip(blocks, modes, strict=True):
-        here = here.with_signs(block.tests, mode)
-    return here

@@ -7,18 +7,13 @@ the paths, so that structure and updates of factorisations serve at corners as w
 At all other corners the rays are the solutions of a piecewise-linear problem, the cone problem
 H'(x; d) = 0. A linear condition c . d = +1 or -1 fixes the length of d, and the solutions of these
 two slices are enumerated like those of any other slice, part by part where the problem has parts.
+All rays are found, the extreme rays where a cone of dimension two or more solves the problem.
 
-Guarantee: all rays are found, the extreme rays where a cone of dimension two or more solves the
-problem. Where the cells are too many, nothing is said.
-
-The index of a ray along interfaces
------------------------------------
-Where tests vanish all along a path, small changes of H move the path into one cell or into several,
-or leave no solution there. The index (the local degree) does not change: the sum of the signs of
-det(dH/dz) over the solutions nearby. At fixed alpha these are the solutions w of
-H'(x; (w, 0)) = e for a generic e (docs/theory, "Degenerate paths"): a cone problem in which the
-tests that vanish along the path choose the cell. With several tests the signs in the cells do not
-tell the index: all cells may have the sign +1 and the index be 2.
+Where tests vanish all along a ray, small changes of H move the path into one cell or into several,
+or leave no solution there. The *index* of the ray is the sum of the signs of det(dH/dz) over the
+solutions nearby, which does not change (docs/theory, "Degenerate paths"): the solutions w of
+H'(x; (w, 0)) = e for a generic e, a cone problem in which the tests that vanish along the path
+choose the cell.
 
 Failure modes and answers
 -------------------------
@@ -27,32 +22,27 @@ Failure modes and answers
 - A ray is vertical, so that alpha cannot fix its length: alpha is used as c only if every part is
   regular in all cells; then no ray is vertical.
 - Index: e is not generic, so that a solution lies on an interface or in a singular cell: another e
-  is tried.
-- Index: the cells are too many. The sign in the first cell is taken, and the corner is called
-  searched in part, so that nothing is promised.
-- Index: solutions fill a face at one alpha. The extreme rays of a face are not followed along
-  interfaces, and need no index.
+  is tried. If the cells are too many, the sign in the first cell is taken, and the corner is called
+  searched in part. The extreme rays of a face need no index.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from functools import cached_property
-from itertools import product
+from itertools import chain, product
 from math import prod
 from typing import final
 
 import numpy as np
 import scipy.sparse as sp
 
-from pwscont.basics.arrays import Array, Matrix, are_finite, by_rows, dense, generic
+from pwscont.basics.arrays import Array, Matrix, by_rows, dense, generic
 from pwscont.basics.character import Character
 from pwscont.basics.looks import at
 from pwscont.basics.rounding import EPS
 from pwscont.curve.metric import Metric
 from pwscont.enumeration.by_parts import Cells, is_regular, most_cells, parts_of_table
 from pwscont.enumeration.options import Table
-from pwscont.enumeration.polyhedron import Slice
 from pwscont.enumeration.slices import FEW_CELLS, solve_slice
 from pwscont.linear.factorise import last_unit
 from pwscont.linear.jacobian import StructuredJacobian
@@ -60,7 +50,7 @@ from pwscont.system.contract import jacobian_at
 from pwscont.system.returned import refuse_infinite
 from pwscont.system.selection import Selection
 from pwscont.system.system import Block, SlicewiseLinearSystem, number_of_cells
-from pwscont.transitions.corner.cells import Corner, Direction, has_named_cells, with_modes
+from pwscont.transitions.corner.cells import Corner, Direction, has_named_cells
 from pwscont.transitions.rays import Ray
 
 #: Most cells that the cone problem tries at a corner: those of eight contact nodes.
@@ -109,7 +99,8 @@ def _few_cells(corner: Corner) -> list[Character] | None:
     choices = [block.modes for block in corner.restricted(blocks)]
     if prod(map(len, choices)) > FEW_CELLS:
         return None
-    return [with_modes(corner.character, blocks, modes) for modes in product(*choices)]
+    tests = [test for block in blocks for test in block.tests]
+    return [corner.character.with_signs(tests, chain(*modes)) for modes in product(*choices)]
 
 
 def rays_of_slices(corner: Corner) -> tuple[list[Direction], int] | None:
@@ -123,14 +114,14 @@ def rays_of_slices(corner: Corner) -> tuple[list[Direction], int] | None:
         return None
     metric = Metric(np.append(corner.metric.scale, 1.0))
     slices = [solve_slice(problem, metric, side) for side in (1.0, -1.0)]
-    rays = [(point.x[:-1], _listed(point.characters)) for s in slices for point in s.points]
+    rays = []
+    for point in (point for s in slices for point in s.points):
+        cells = point.characters
+        cells = cells.listed() if isinstance(cells, Cells) else tuple(cells)
+        rays.append((point.x[:-1], cells))
     faces = [face for s in slices for face in s.faces]
     rays += [(x[:-1], (face.character,)) for face in faces for x in face.corners]
     return rays, max((1 + face.dimension for face in faces), default=1)
-
-
-def _listed(cells: Sequence[Character]) -> tuple[Character, ...]:
-    return cells.listed() if isinstance(cells, Cells) else tuple(cells)
 
 
 def _in_parts(corner: Corner) -> ConeProblem | None:
@@ -171,16 +162,10 @@ def index_along(ray: Ray, zero: frozenset[int]) -> int:
         if not problem.is_small:
             break
         found = solve_slice(problem, metric, 0.0)
-        if _is_regular(found):
+        isolated = (len(point.characters) == 1 and point.det_sign for point in found.points)
+        if not found.faces and all(isolated):  # and inside of a cell
             return sum(point.det_sign for point in found.points)
     return ray.state.orientation * int(np.sign(ray.curve.slope(ray.state)))
-
-
-def _is_regular(found: Slice) -> bool:
-    """Tell whether all solutions of a slice are isolated and lie inside their cells."""
-    return not found.faces and all(
-        len(point.characters) == 1 and point.det_sign for point in found.points
-    )
 
 
 def _beside(ray: Ray, zero: frozenset[int]) -> Corner:
@@ -252,7 +237,8 @@ class ConeProblem(SlicewiseLinearSystem):
             self._known.clear()
         system, x = self._corner.system, self._corner.x
         jacobian = jacobian_at(system, x[:-1], float(x[-1]), character)
-        if not _is_finite(jacobian):
+        entries = by_rows(jacobian).data if sp.issparse(jacobian) else jacobian
+        if not isinstance(jacobian, StructuredJacobian) and not np.isfinite(entries).all():
             why = f"this cell meets others at {at(x)}, where H is continued into it"
             refuse_infinite(system, f"jacobian in {system.label(character)}", jacobian, why)
         self._known[character] = jacobian
@@ -292,11 +278,3 @@ class ConeProblem(SlicewiseLinearSystem):
             return tuple(corner.restricted(corner.system.blocks()))
         cells = tuple(cell.signs for cell in corner.all_cells())
         return (Block(tuple(range(len(corner.signs))), tuple(range(self.size - 1)), cells),)
-
-
-def _is_finite(jacobian: Matrix) -> bool:
-    """Tell whether all entries are finite; those of a structured Jacobian are not at hand."""
-    if isinstance(jacobian, StructuredJacobian):
-        return True
-    entries = by_rows(jacobian).data if sp.issparse(jacobian) else jacobian.ravel()
-    return not len(entries) or are_finite(entries)

@@ -3,14 +3,12 @@
 The rays of a corner are the solutions of the cone problem H'(x; d) = 0, which is piecewise linear
 and homogeneous. For a generic constant e the solutions of H'(x; d) = e are paths that cross one
 interface at a time, and far out a path has the direction of a ray. Following the path beside a
-known ray to the other end of the path therefore leads to another ray. The way takes about one
-crossing per vanishing test, where the cells number two to the power of the vanishing tests.
+known ray to the other end of the path therefore leads to another ray, in about one crossing per
+vanishing test. The constant e is never formed: a path is given by a point s r + w beside the ray r,
+with w generic, and e is H' there.
 
-The constant e is never formed: a path is given by a point s r + w beside the ray r, with w generic,
-and e is H' there.
-
-Guarantee: every direction returned is a ray, verified by the matrix of the cell of the ray and the
-signs of the slopes. Rays to which no path was followed may be missing.
+Every direction returned is a ray, verified by the matrix of the cell of the ray and the signs of
+the slopes. Rays to which no path was followed may be missing.
 
 Failure modes and answers
 -------------------------
@@ -18,10 +16,8 @@ Failure modes and answers
 - The direction at the end of a path is no ray of the last cell: the direction is dropped.
 - A ray runs along interfaces: w chooses one of the cells in whose closure the ray lies.
 - Tests with parallel gradients vanish together wherever the path is: all of them change sign.
-- A generic number is not generic enough, or rounding leads the path astray: the tangent is checked
-  against the matrix of each cell, and the path is given up.
-- A path that does not begin at a ray is closed: the path is given up in its first cell.
-- A path meets nearly all cells, which happens in examples made for that: the path is given up.
+- A generic number is not generic enough, rounding leads the path astray, the path is closed, or
+  meets nearly all cells: the path is given up.
 """
 
 from __future__ import annotations
@@ -62,23 +58,15 @@ def rays_by_perturbation(corner: Corner, back: Direction | None) -> list[Directi
     """
     paths, found = Paths(corner), list[Direction]()
     if back is None or not _add(paths, found, (back[1][0], back[0])):
-        _add_ends(paths, found)
+        for start in map(paths.away, range(PATHS_PER_RAY)):  # paths that begin anywhere
+            for towards in () if found else (start, -start):
+                _add(paths, found, paths.along(paths.character(start), start, towards))
     for direction, _ in found:  # grows meanwhile
         for shift in range(PATHS_PER_RAY):
             if len(found) > 1 and paths.crossings > ENOUGH_CROSSINGS:
                 return found
             _add(paths, found, paths.across(direction, paths.away(shift)))
     return found
-
-
-def _add_ends(paths: Paths, found: list[Direction]) -> None:
-    """Add the rays at both ends of paths that begin anywhere, until a path has a ray."""
-    for shift in range(PATHS_PER_RAY):
-        start = paths.away(shift)
-        for towards in (start, -start):
-            _add(paths, found, paths.along(paths.character(start), start, towards))
-        if found:
-            return
 
 
 def _add(paths: Paths, found: list[Direction], end: tuple[Character, Array] | None) -> bool:
