@@ -59,13 +59,13 @@ BUDGET = {
     "basics": (10, 1170),
     "intervals": (3, 380),
     "system": (11, 2980),
-    "linear": (12, 1700),
+    "linear": (11, 1680),
     "notation": (13, 2910),
     "curve": (15, 3090),
-    "enumeration": (11, 2710),
-    "transitions": (17, 4140),
+    "enumeration": (11, 2700),
+    "transitions": (16, 4070),
     "graph": (10, 3110),
-    "search": (9, 2020),
+    "search": (9, 1980),
     "continuation": (9, 3350),
     "proof": (13, 1950),
     "exact": (5, 820),
@@ -78,7 +78,7 @@ BUDGET = {
     "commands": (12, 1240),
 }
 #: Most files and classes of pwscont that the README's arch meets: bounds to lower, not to raise.
-MOST_FILES_MET, MOST_CLASSES_MET = 54, 76
+MOST_FILES_MET, MOST_CLASSES_MET = 52, 75
 
 
 def module_of(path):

@@ -20,8 +20,14 @@ import scipy.sparse as sp
 
 from pwscont.basics.arrays import Array, Matrix, dense
 from pwscont.linear.bordered import BorderedFactor, Interior
-from pwscont.linear.dense import DenseFactor, DenseLU, row_maxima
-from pwscont.linear.factor import Factor, ScaledFactor, power_of_two
+from pwscont.linear.factor import (
+    DenseFactor,
+    DenseLU,
+    Factor,
+    ScaledFactor,
+    power_of_two,
+    row_maxima,
+)
 from pwscont.linear.jacobian import StoredJacobian, StructuredJacobian
 from pwscont.linear.sparse import SparseFactor, SparseJacobian
 

@@ -31,8 +31,7 @@ from scipy.linalg import blas, lapack
 
 from pwscont.basics.arrays import Array, Indices
 from pwscont.basics.rounding import EPS
-from pwscont.linear.dense import DenseLU
-from pwscont.linear.factor import Factor
+from pwscont.linear.factor import DenseLU, Factor
 from pwscont.linear.vectors import add_multiples
 
 #: Least pivot of a change, as a part of the sum of the magnitudes of the pivot's terms. A change

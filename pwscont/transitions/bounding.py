@@ -38,8 +38,7 @@ from pwscont.system.selection import Selection
 from pwscont.system.system import PiecewiseSystem
 from pwscont.transitions.corner.cells import SLANT, Corner
 from pwscont.transitions.corner.cone import TangentCone, opposite, same_piece, tangent_cone
-from pwscont.transitions.detector import Reading, SpecialPointFound, TransitionDetector
-from pwscont.transitions.location import locate_zero
+from pwscont.transitions.detector import Reading, SpecialPointFound, TransitionDetector, locate_zero
 from pwscont.transitions.rays import (
     Ray,
     beyond,

@@ -36,8 +36,14 @@ from pwscont.system.box import Box
 from pwscont.transitions.bounding import BoundingTests, turns
 from pwscont.transitions.corner.cells import Corner
 from pwscont.transitions.corner.cone import same_piece, tangent_cone
-from pwscont.transitions.detector import Reading, SpecialPointFound, TransitionDetector
-from pwscont.transitions.location import NARROW_BRACKET, locate_sign_change, locate_zero
+from pwscont.transitions.detector import (
+    NARROW_BRACKET,
+    Reading,
+    SpecialPointFound,
+    TransitionDetector,
+    locate_sign_change,
+    locate_zero,
+)
 from pwscont.transitions.rays import Ray, vanishing
 from pwscont.transitions.smooth import fold_at_end
 

@@ -33,8 +33,12 @@ from pwscont.basics.rounding import CONVERGED, EPS
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.metric import Metric
 from pwscont.curve.stepper import BESIDE, CurvedSegment, Segment
-from pwscont.transitions.detector import SpecialPointFound
-from pwscont.transitions.location import MOST_BRENT, locate_point, locate_sign_change
+from pwscont.transitions.detector import (
+    MOST_BRENT,
+    SpecialPointFound,
+    locate_point,
+    locate_sign_change,
+)
 from pwscont.transitions.rays import Ray
 from pwscont.transitions.user_event import Stop, UserEvent
 

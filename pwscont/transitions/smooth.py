@@ -39,8 +39,14 @@ from pwscont.curve.curve import Curve, State
 from pwscont.curve.newton import uncertainty_beside
 from pwscont.curve.stepper import CurvedSegment, Segment
 from pwscont.linear.factorise import bordered
-from pwscont.transitions.detector import UNKNOWN, Reading, SpecialPointFound, TransitionDetector
-from pwscont.transitions.location import NARROW_BRACKET, locate_sign_change
+from pwscont.transitions.detector import (
+    NARROW_BRACKET,
+    UNKNOWN,
+    Reading,
+    SpecialPointFound,
+    TransitionDetector,
+    locate_sign_change,
+)
 from pwscont.transitions.rays import Ray
 
 #: A dip of the slope of alpha below zero by less than this part of the slope is left alone.

@@ -31,12 +31,14 @@ from pwscont.curve.curve import Curve, State
 from pwscont.curve.stepper import CurvedSegment, Segment
 from pwscont.system.promises import AFFINE_DEFECT, refuse_bent_ray, refuse_stray_ray
 from pwscont.transitions.detector import (
+    MOST_BRACKET_HALVINGS,
+    NARROW_BRACKET,
     Reading,
     SpecialPointFound,
     TransitionDetector,
+    locate_sign_change,
     ratio_test,
 )
-from pwscont.transitions.location import MOST_BRACKET_HALVINGS, NARROW_BRACKET, locate_sign_change
 
 #: Closer to the beginning of a piece than this, in the metric and times 1 + |x|, the event of a
 #: user's detector is rounding.
