@@ -63,7 +63,7 @@ BUDGET = {
     "notation": (13, 2910),
     "curve": (15, 3090),
     "enumeration": (11, 2700),
-    "transitions": (16, 4070),
+    "transitions": (15, 4050),
     "graph": (10, 3110),
     "search": (9, 1980),
     "continuation": (9, 3350),

@@ -42,9 +42,8 @@ from pwscont.system.box import Box
 from pwscont.system.contract import check_attributes
 from pwscont.system.selection import Selection
 from pwscont.system.system import PiecewiseSystem, SlicewiseLinearSystem
-from pwscont.transitions.corner.cells import Corner
 from pwscont.transitions.corner.cone import tangent_cone
-from pwscont.transitions.rays import vanishing
+from pwscont.transitions.rays import Corner, vanishing
 
 
 @final

@@ -36,10 +36,11 @@ from pwscont.linear.vectors import plus
 from pwscont.system.abilities import end_of
 from pwscont.system.selection import Selection
 from pwscont.system.system import PiecewiseSystem
-from pwscont.transitions.corner.cells import SLANT, Corner
 from pwscont.transitions.corner.cone import TangentCone, opposite, same_piece, tangent_cone
 from pwscont.transitions.detector import Reading, SpecialPointFound, TransitionDetector, locate_zero
 from pwscont.transitions.rays import (
+    SLANT,
+    Corner,
     Ray,
     beyond,
     check_continuity,

@@ -34,7 +34,6 @@ from pwscont.linear.factorise import last_unit
 from pwscont.system.abilities import Ending, end_of
 from pwscont.system.box import Box
 from pwscont.transitions.bounding import BoundingTests, turns
-from pwscont.transitions.corner.cells import Corner
 from pwscont.transitions.corner.cone import same_piece, tangent_cone
 from pwscont.transitions.detector import (
     NARROW_BRACKET,
@@ -44,7 +43,7 @@ from pwscont.transitions.detector import (
     locate_sign_change,
     locate_zero,
 )
-from pwscont.transitions.rays import Ray, vanishing
+from pwscont.transitions.rays import Corner, Ray, vanishing
 from pwscont.transitions.smooth import fold_at_end
 
 

@@ -54,10 +54,9 @@ from pwscont.system.returned import own_array
 from pwscont.system.selection import Selection
 from pwscont.system.system import PiecewiseLinearSystem
 from pwscont.transitions.bounding import BoundingTests, crossed
-from pwscont.transitions.corner.cells import SLANT
 from pwscont.transitions.detector import Reading, SpecialPointFound, TransitionDetector, ratio_test
 from pwscont.transitions.ends import at_end
-from pwscont.transitions.rays import Ray, is_zero
+from pwscont.transitions.rays import SLANT, Ray, is_zero
 
 #: A piece keeps the direction in which the piece began up to this part of the direction.
 ALIGNED = EPS**0.5

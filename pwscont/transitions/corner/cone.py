@@ -21,10 +21,9 @@ from pwscont.curve.error_samples import magnitude_of_values
 from pwscont.system.abilities import DecidesCorners
 from pwscont.system.selection import Selection
 from pwscont.system.system import PiecewiseLinearSystem
-from pwscont.transitions.corner.cells import Corner, Direction
 from pwscont.transitions.corner.enumeration import index_along, rays_cell_by_cell, rays_of_slices
 from pwscont.transitions.corner.perturbation import rays_by_perturbation
-from pwscont.transitions.rays import Ray, state_on
+from pwscont.transitions.rays import Corner, Direction, Ray, state_on
 
 #: Length, in the metric, over which a curve tangent to an interface is followed to see to which
 #: side the curve bends.

@@ -50,8 +50,7 @@ from pwscont.system.contract import jacobian_at
 from pwscont.system.returned import refuse_infinite
 from pwscont.system.selection import Selection
 from pwscont.system.system import Block, SlicewiseLinearSystem, number_of_cells
-from pwscont.transitions.corner.cells import Corner, Direction, has_named_cells
-from pwscont.transitions.rays import Ray
+from pwscont.transitions.rays import Corner, Direction, Ray, has_named_cells
 
 #: Most cells that the cone problem tries at a corner: those of eight contact nodes.
 MOST_CELLS = 4**8

@@ -34,7 +34,7 @@ from pwscont.linear.factorise import bordered, kink_by_columns, last_unit
 from pwscont.linear.updates import ProductForm
 from pwscont.linear.vectors import Rows
 from pwscont.system.selection import Selection
-from pwscont.transitions.corner.cells import Corner, Direction
+from pwscont.transitions.rays import Corner, Direction
 
 #: Paths that are followed from each ray, each with a perturbation of its own.
 PATHS_PER_RAY = 4
