@@ -117,19 +117,6 @@ WELL_CONDITIONED = EPS**-0.75
 
 
 @final
-@dataclass(frozen=True, slots=True, eq=False)
-class ExactSolution:
-    """The solution of the equations of a cell, which lies in the cell or not far outside."""
-
-    z: Array  # the solution, correctly rounded, shape (n,)
-    exactly: tuple[Fraction, ...]  # the solution, not rounded
-    error: Array  # the error by the rounding of each equation, a row per equation, shape (n, n)
-    character: Character
-    det_sign: int
-    is_inside: bool  # whether no bounding test is negative there
-
-
-@final
 class ExactSlice:
     """The rows of all modes and all tests at a fixed alpha, as integers.
 
@@ -137,7 +124,7 @@ class ExactSlice:
     """
 
     def __init__(self, system: SlicewiseLinearSystem, scale: Array, alpha: float) -> None:
-        self._n, self._scale = system.size, scale
+        self._n, self._scale, self._alpha = system.size, scale, alpha
         table = Table.of(system, alpha, scale)
         self._rows = [np.column_stack(rows) for rows in table.rows]
         self._tests = np.column_stack(table.tests)
@@ -149,10 +136,11 @@ class ExactSlice:
         self._common = np.setdiff1d(np.arange(system.size), taken).tolist()
         self._order = [*self._common, *taken]
 
-    def solutions(self) -> list[ExactSolution] | None:
-        """Return the solutions of regular cells that lie in the cell, or not far outside.
+    def solutions(self) -> list[tuple[Point, bool]] | None:
+        """Return the solutions of regular cells, each with whether no bounding test is negative.
 
-        None for numbers that are not finite, hence not rational, or if the work takes too long.
+        Solutions far outside of the cell are left out. None for numbers that are not finite, hence
+        not rational, or if the work takes too long.
         """
         numbers = *self._rows, self._tests
         if self._price() > MOST_WORK or not all(np.isfinite(n).all() for n in numbers):
@@ -229,7 +217,7 @@ class ExactSlice:
             if longer is not None:
                 yield from self._descend((*picks, k), longer, some)
 
-    def _at(self, picks: tuple[int, ...], echelon: Echelon) -> ExactSolution | None:
+    def _at(self, picks: tuple[int, ...], echelon: Echelon) -> tuple[Point, bool] | None:
         """Return the solution of a cell, None for a solution far outside."""
         free, D = echelon.solved(echelon.n), echelon.determinant
         worst = self._worst(picks, free, D)
@@ -239,15 +227,20 @@ class ExactSlice:
         for j, value in zip(self._free, free, strict=True):
             y[j] = value
         y = self._eliminated.solved(self._n, D, y)
-        exactly = tuple(Fraction(value, D) for value in y)
-        z = np.array([_float(value) for value in exactly])
+        z = np.array([_float(Fraction(value, D)) for value in y])  # correctly rounded
         if not np.isfinite(z).all():
             return None
-        error, character = self._error(picks, z), self._character(picks)
+        rows = np.array(self._rows[0])
+        for block, pick in zip(self._blocks, picks, strict=True):
+            rows[list(block.rows)] = self._rows[pick][list(block.rows)]
+        rounding = EPS * (np.abs(rows) @ np.append(np.abs(z), 1.0))
+        error = np.zeros((self._n, self._n + 1))  # a row by the rounding of each equation
+        error[:, :-1] = _inverse(rows[:, :-1], self._scale) * rounding[:, np.newaxis]
         columns = [*self._eliminated.columns, *(self._free[j] for j in echelon.columns)]
         parity = sign_of_permutation(self._order) * sign_of_permutation(columns)
         det_sign = parity if D > 0 else -parity
-        return ExactSolution(z, exactly, error, character, det_sign, worst >= 0.0)
+        cells = (self._character(picks),)
+        return Point(np.append(z, self._alpha), error, cells, det_sign), worst >= 0.0
 
     def _character(self, picks: tuple[int, ...]) -> Character:
         character = Character([True] * len(self._tests))
@@ -277,15 +270,6 @@ class ExactSlice:
             return -np.inf
         terms = np.abs(row) @ np.append(np.abs(z) + self._scale, 1.0)
         return -max(float(abs(row[-1] + row[:-1] @ z) / terms), np.finfo(float).tiny)
-
-    def _error(self, picks: tuple[int, ...], z: Array) -> Array:
-        """Return the columns of the inverse times the rounding of the rows, as rows."""
-        rows = np.array(self._rows[0])
-        for block, pick in zip(self._blocks, picks, strict=True):
-            rows[list(block.rows)] = self._rows[pick][list(block.rows)]
-        rounding = EPS * (np.abs(rows) @ np.append(np.abs(z), 1.0))
-        error: Array = _inverse(rows[:, :-1], self._scale) * rounding[:, np.newaxis]
-        return error
 
 
 def _inverse(matrix: Array, scale: Array) -> Array:
@@ -352,28 +336,22 @@ def solve_exactly(
     solutions = ExactSlice(system, metric.scale[:-1], alpha).solutions()
     if solutions is None:
         return None
-    candidates = []
-    for one in solutions:
-        error = np.column_stack([one.error, np.zeros(len(one.error))])
-        x = np.append(one.z, alpha)
-        candidates.append((one, Point(x, error, (one.character,), one.det_sign)))
     points: list[Point] = []
-    for one, point in candidates:
-        if one.is_inside and not any(_joins(metric, point, other) for other in points):
-            shared = [o for o, other in candidates if o.is_inside and _joins(metric, other, point)]
-            cells, signs = tuple(o.character for o in shared), tuple(o.det_sign for o in shared)
+    for point in (point for point, is_inside in solutions if is_inside):
+        if not any(_joins(metric, point, other) for other in points):
+            shared = [p for p, is_inside in solutions if is_inside and _joins(metric, p, point)]
+            signs = tuple(p.det_sign for p in shared)
+            cells = tuple(p.characters[0] for p in shared)
             points.append(replace(point, characters=cells, det_sign=signs[0], known_signs=signs))
 
-    def is_undecided(one: ExactSolution, point: Point) -> bool:
-        """Tell whether a solution lies in no cell, and misses a cell by no more than the error."""
-        if one.is_inside:
-            return False
-        selection, place = Selection(system, one.character), (point.x, point.error)
-        tests, slack = tests_of(selection, metric, *place)
+    def is_undecided(point: Point) -> bool:
+        """Tell whether a solution misses a cell by no more than the error, and lies in no other."""
+        place = point.x, point.error
+        tests, slack = tests_of(Selection(system, point.characters[0]), metric, *place)
         found = any(is_same(metric, place, (p.x, p.error)) for p in (*points, *known))
         return bool((tests >= -slack).all()) and not found
 
-    undecided = sum(is_undecided(*candidate) for candidate in candidates)
+    undecided = sum(is_undecided(point) for point, is_inside in solutions if not is_inside)
     return Slice(tuple(points), (), undecided, exact=True)
 
 
