@@ -31,17 +31,15 @@ from scipy.linalg import lstsq, null_space, svd
 
 from pwscont.basics.arrays import Array, are_finite, dense, own_dense
 from pwscont.basics.budget import check_budget
-from pwscont.basics.character import Character
-from pwscont.basics.rounding import EPS, GUARD
+from pwscont.basics.rounding import EPS
 from pwscont.curve.metric import Metric
-from pwscont.enumeration.choices import SLACK, Choices
-from pwscont.enumeration.options import Problem, aside, in_modes, most_modes, problem_of
-from pwscont.enumeration.polyhedron import Polyhedron, polyhedron_of, satisfies
+from pwscont.enumeration.choices import Choices
+from pwscont.enumeration.options import Problem, affine, aside, problem_of
+from pwscont.enumeration.polyhedron import Polyhedron, inside_of
 from pwscont.enumeration.slices import solve_slice
 from pwscont.enumeration.tree import Prices, leaves
 from pwscont.system.box import Box
 from pwscont.system.contract import jacobian_at, residual_at
-from pwscont.system.promises import refuse_bent
 from pwscont.system.system import (
     PiecewiseLinearSystem,
     PiecewiseSystem,
@@ -222,17 +220,11 @@ def _in_linear_pieces(system: PiecewiseLinearSystem, metric: Metric) -> Iterator
 def _with_alpha(system: PiecewiseLinearSystem, metric: Metric) -> Problem | None:
     """Return the problem for the unknowns (z, alpha - lo), None for a problem without solution."""
     (lo, hi), scale, box = metric.interval, metric.scale[:-1], Box.of(system)
-    n, blocks = system.size, system.blocks()
+    n = system.size
     x, dx = np.append(np.zeros(n), lo), aside(scale)
     dx[-1] = hi - lo
     tests = np.array(system.test_functions(x[:-1], lo), dtype=float)
-    slices = []
-    for k in range(most_modes(blocks)):
-        character: Character = in_modes(blocks, k, len(tests))
-        jacobian = own_dense(jacobian_at(system, x[:-1], lo, character))
-        residual = residual_at(system, x[:-1], lo, character)
-        refuse_bent(system, character, x, dx, residual, jacobian)
-        slices.append((jacobian, residual))
+    slices = list(affine(system, lo, dx, len(tests)))
     K = own_dense(system.test_jacobian(x[:-1], lo))
     least, most = np.append(box.lower, 0.0), np.append(box.upper, hi - lo)
     unit, below, above = np.eye(n + 1), np.isfinite(least), np.isfinite(most)
@@ -242,14 +234,10 @@ def _with_alpha(system: PiecewiseLinearSystem, metric: Metric) -> Problem | None
 
 def _in_cell(problem: Problem, one: Choices, interval: tuple[float, float]) -> Iterator[Continuum]:
     """Yield the interval that the solutions of a cell fill, if any."""
-    rounding = min(GUARD * float(one.rounding[0]), SLACK)
-    if not satisfies(problem.chosen(one.picks[:, 0]), one.starts[0]):
+    cell = inside_of(problem, one)
+    if cell is None or not cell[2].shape[1]:
         return
-    around = polyhedron_of(problem, one, rounding)
-    inside = around and around.inside(rounding)
-    if around is None or inside is None or not inside[1].shape[1]:
-        return
-    point, basis = inside
+    around, point, basis, rounding = cell
     width = interval[1] - interval[0]
     origin, row = float(problem.origin[-1]) / width, problem.basis[-1] / width
     here = origin + float(row @ (one.starts[0] + one.directions[0] @ point))
@@ -269,10 +257,7 @@ def _in_cell(problem: Problem, one: Choices, interval: tuple[float, float]) -> I
 
 
 def _end(flat: Polyhedron, way: Array, ramp: Array, rounding: float) -> tuple[float, bool] | None:
-    """Return the rise to the end of a polyhedron, and whether the end is more than a point.
-
-    None if rounding hides the end.
-    """
+    """Return the rise to an end, and whether the end is more than a point; None if hidden."""
     w = flat.farthest(way)
     if w is None:
         return None

@@ -8,7 +8,7 @@ contact node, however many displacements the body has.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from math import prod
 from typing import final
@@ -109,7 +109,7 @@ class Table:
         tests = np.array(system.test_functions(zero, alpha), dtype=float)
         gradients = own_dense(system.test_jacobian(zero, alpha))
         refuse_bent_tests(system, np.append(zero, alpha), dx, tests, gradients)
-        rows = [affine(system, blocks, k, alpha, dx) for k in range(most_modes(blocks))]
+        rows = [(J[:, :-1], r) for J, r in affine(system, alpha, dx, len(tests))]
         bounds = [[bounding(system, b, mode, len(tests)) for mode in b.modes] for b in blocks]
         return cls(rows, (gradients[:, :-1], tests), blocks, bounds)
 
@@ -173,18 +173,19 @@ def most_modes(blocks: Sequence[Block]) -> int:
 
 
 def affine(
-    system: SlicewiseLinearSystem, blocks: Sequence[Block], k: int, alpha: float, dx: Array
-) -> tuple[Array, Array]:
-    """Return dH/dz and H at z = 0 where every block is in mode k (or the last mode).
+    system: SlicewiseLinearSystem, alpha: float, dx: Array, tests: int
+) -> Iterator[tuple[Array, Array]]:
+    """Yield the Jacobian, and H at z = 0, where every block is in mode k (or the last mode).
 
     Refuse a system whose H is not affine up to ``dx``.
     """
-    zero = np.zeros(system.size)
-    character = in_modes(blocks, k, len(system.test_functions(zero, alpha)))
-    jacobian = own_dense(system.jacobian(zero, alpha, character))
-    residual = residual_at(system, zero, alpha, character)
-    refuse_bent(system, character, np.append(zero, alpha), dx, residual, jacobian)
-    return jacobian[:, :-1], residual
+    zero, blocks = np.zeros(system.size), system.blocks()
+    for k in range(most_modes(blocks)):
+        character = in_modes(blocks, k, tests)
+        jacobian = own_dense(system.jacobian(zero, alpha, character))
+        residual = residual_at(system, zero, alpha, character)
+        refuse_bent(system, character, np.append(zero, alpha), dx, residual, jacobian)
+        yield jacobian, residual
 
 
 def in_modes(blocks: Sequence[Block], k: int, tests: int) -> Character:

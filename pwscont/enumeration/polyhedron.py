@@ -81,16 +81,11 @@ class Face:
 
 def face_of(problem: Problem, one: Choices, alpha: float) -> Face | None:
     """Return the solutions of a singular cell as a face, None for a cell without solution."""
-    start, directions, picks = one.starts[0], one.directions[0], one.picks[:, 0]
-    chosen = problem.chosen(picks)
-    if not satisfies(chosen, start):
+    cell = inside_of(problem, one)
+    if cell is None:
         return None
-    rounding = min(GUARD * float(one.rounding[0]), SLACK)
-    around = polyhedron_of(problem, one, rounding)
-    inside = around and around.inside(rounding)
-    if around is None or inside is None:
-        return None
-    point, basis = inside
+    around, point, basis, rounding = cell
+    start, directions = one.starts[0], one.directions[0]
 
     def whole(w: Array) -> Array:
         z = problem.origin + (start + w @ directions.T) @ problem.basis.T
@@ -98,16 +93,25 @@ def face_of(problem: Problem, one: Choices, alpha: float) -> Face | None:
 
     corners = whole(point + _corners(around.moved(point), basis, rounding) @ basis.T)
     span = problem.basis @ directions @ basis
-    return Face(problem.character(picks), basis.shape[1], corners, whole(point[None])[0], span)
+    character = problem.character(one.picks[:, 0])
+    return Face(character, basis.shape[1], corners, whole(point[None])[0], span)
 
 
-def polyhedron_of(problem: Problem, one: Choices, rounding: float) -> Polyhedron | None:
-    """Return the closed cell of a choice, in the coordinates of the choice's directions."""
-    start, directions = one.starts[0], one.directions[0]
-    chosen = problem.chosen(one.picks[:, 0])
+def inside_of(problem: Problem, one: Choices) -> tuple[Polyhedron, Array, Array, float] | None:
+    """Return the closed cell of a choice, by the directions of the choice, and its inside.
+
+    The inside is a point and a basis of the directions there, as :meth:`Polyhedron.inside` returns
+    them; the last number is the rounding. None for a cell without solution.
+    """
+    start, directions, chosen = one.starts[0], one.directions[0], problem.chosen(one.picks[:, 0])
+    if not satisfies(chosen, start):
+        return None
+    rounding = min(GUARD * float(one.rounding[0]), SLACK)
     G = np.vstack([problem.A, *(option.G for option in chosen)])
     g = np.concatenate([problem.b, *(option.g for option in chosen)])
-    return Polyhedron.of(G @ directions, G @ start + g, rounding)
+    around = Polyhedron.of(G @ directions, G @ start + g, rounding)
+    inside = around and around.inside(rounding)
+    return (around, *inside, rounding) if around and inside else None
 
 
 def satisfies(chosen: Sequence[Option], y: Array, growth: float = GUARD) -> bool:
