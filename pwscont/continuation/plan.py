@@ -42,7 +42,7 @@ from pwscont.graph import BranchGraph
 from pwscont.graph.queries import joined
 from pwscont.graph.records import Solution, Stretch
 from pwscont.graph.structure import NOT_SEARCHED
-from pwscont.linear.threads import FACTORISED, MULTIPLIED, few_threads
+from pwscont.linear.threads import MOST_FACTORISED, MOST_MULTIPLIED, few_threads
 from pwscont.search import Search
 from pwscont.search.search import scope_of
 from pwscont.system.abilities import Reduction, reduction_of, shown_size
@@ -332,8 +332,8 @@ class Plan:
     def few_threads(self) -> AbstractContextManager[Any]:
         """Let BLAS use as few threads as are fast for the steps of the stepper."""
         if isinstance(self.stepper, ExactLinear):
-            return few_threads(self.followed.size, MULTIPLIED)
-        return few_threads(self.followed.size, FACTORISED, few=0)
+            return few_threads(self.followed.size, MOST_MULTIPLIED)
+        return few_threads(self.followed.size, MOST_FACTORISED, few=0)
 
     def _infinite(self, discovery: Discovery, is_part: bool) -> tuple[Stretch, ...]:
         """Return the stretches of alpha at which solutions fill more than curves."""

@@ -105,11 +105,11 @@ def most_cells(parts: Sequence[Part], blocks: Sequence[Block]) -> int:
 
 
 #: Constants below this fraction of typical constants are as good as zero: typical magnitudes stay.
-TINY = 1e-150
+TINY_CONSTANTS = 1e-150
 #: Most cells of a solution that are listed.
-MOST_LISTED = 4**6
+MOST_CELLS_LISTED = 4**6
 #: Most cells of a part that is checked for regularity, to bound the time.
-MOST_CELLS = 4**6
+MOST_CELLS_CHECKED = 4**6
 
 
 def parts_of_table(table: Table) -> list[Part]:
@@ -243,7 +243,7 @@ class PartSlice(SlicewiseLinearSystem):
         """
         usual = np.abs(self._rows[0][0][:, self.unknowns]) @ scale
         part = float((self._terms / np.where(usual > 0.0, usual, 1.0)).max(initial=0.0))
-        return scale * part if TINY < part < 1.0 else scale
+        return scale * part if TINY_CONSTANTS < part < 1.0 else scale
 
 
 def solve_scalar(part: PartSlice, scale: float) -> Slice | None:
@@ -313,7 +313,7 @@ class Cells(Sequence[Character]):
 
     def listed(self) -> tuple[Character, ...]:
         """Return all cells; if too many, the cells that differ from the first in a single part."""
-        if len(self) <= MOST_LISTED:
+        if len(self) <= MOST_CELLS_LISTED:
             return tuple(self)
         found, stride = [self[0]], 1
         for cells in self._cells:
@@ -375,7 +375,7 @@ def is_regular(table: Table, parts: Sequence[Part], scale: Array) -> bool:
 def _is_regular(table: Table, part: Part, scale: Array) -> bool:
     blocks = [table.blocks[i] for i in part.blocks]
     modes = [range(len(block.modes)) for block in blocks]
-    if prod(map(len, modes)) > MOST_CELLS:
+    if prod(map(len, modes)) > MOST_CELLS_CHECKED:
         return False
     matrices = [J[np.ix_(part.rows, part.unknowns)] * scale[part.unknowns] for J, _ in table.rows]
     place = {int(row): i for i, row in enumerate(part.rows)}

@@ -49,23 +49,23 @@ from pwscont.system.system import (
 )
 
 #: Largest singular value that counts as zero, as a part of the largest: the error of differences.
-SINGULAR = EPS ** (1.0 / 3.0)
+SINGULAR_VALUE = EPS ** (1.0 / 3.0)
 #: Distance at which another solution is looked for, as a part of 1 plus the length of a solution.
-BESIDE = 0.01
+DISTANCE_TO_OTHER = 0.01
 #: Most shortest steps to another solution; beside a double root, steps shrink more slowly.
-MOST_STEPS = 6
+MOST_SHORTEST_STEPS = 6
 #: Longest step to a solution that has arrived, as a part of 1 plus the length of the solution.
-ARRIVED = EPS**0.5
+LONGEST_LAST_STEP = EPS**0.5
 #: Most cells of a system that is asked for such sets.
-MANY_CELLS = 4**10
+MOST_CELLS_FILLED = 4**10
 #: Distance from an end of a stretch at which the stretch is asked for, as a part of the stretch.
 NEAR_AN_END = 1e-3
 #: Most unknowns for which a singular value decomposition costs little beside a search.
-MOST_UNKNOWNS = 200
+MOST_UNKNOWNS_OF_SVD = 200
 #: Cells are cut off by linear programs before anything else is done.
 CUT_OFF = Prices(1, 1e-9)
 #: Largest component along alpha, in widths of the interval, of a unit direction at a single alpha.
-LEVEL = EPS**0.5
+LEVEL_DIRECTION = EPS**0.5
 
 
 def is_one_of_many(system: PiecewiseSystem, metric: Metric, x: Array) -> bool:
@@ -74,14 +74,14 @@ def is_one_of_many(system: PiecewiseSystem, metric: Metric, x: Array) -> bool:
     ``system``: not one that is affine in z at fixed alpha, which has exact answers.
     ``x``, shape (n + 1,): a solution and the value of alpha.
     """
-    if isinstance(system, SlicewiseLinearSystem) or system.size > MOST_UNKNOWNS:
+    if isinstance(system, SlicewiseLinearSystem) or system.size > MOST_UNKNOWNS_OF_SVD:
         return False
     scale, alpha = metric.scale[:-1], float(x[-1])
     y = x[:-1] / scale
     null = _null_direction(system, scale, y, alpha)
     if null is None:
         return False
-    way = BESIDE * (1.0 + float(np.linalg.norm(y)))
+    way = DISTANCE_TO_OTHER * (1.0 + float(np.linalg.norm(y)))
     for start in (y + way * null, y - way * null):
         other = solution_near(system, scale, start, alpha)
         if other is None or np.linalg.norm(other - y) < 0.5 * way:
@@ -96,14 +96,14 @@ def solution_near(system: PiecewiseSystem, scale: Array, y: Array, alpha: float)
 
     States are in typical magnitudes ``scale``.
     """
-    for _ in range(MOST_STEPS):
+    for _ in range(MOST_SHORTEST_STEPS):
         linear = equations_in_magnitudes(system, y * scale, alpha, scale)
         if linear is None:
             return None
         residual, jacobian, _ = linear
-        step = lstsq(jacobian, -residual, cond=SINGULAR)[0]
+        step = lstsq(jacobian, -residual, cond=SINGULAR_VALUE)[0]
         y = y + step
-        if np.linalg.norm(step) <= ARRIVED * (1.0 + np.linalg.norm(y)):
+        if np.linalg.norm(step) <= LONGEST_LAST_STEP * (1.0 + np.linalg.norm(y)):
             return y
     return None
 
@@ -135,7 +135,7 @@ def find_continua(
     """
     if not isinstance(system, SlicewiseLinearSystem):
         yield from _beside(system, metric, alphas, one_of_many)
-    elif has_too_many_tests(system) or number_of_cells(system.blocks()) > MANY_CELLS:
+    elif has_too_many_tests(system) or number_of_cells(system.blocks()) > MOST_CELLS_FILLED:
         return
     elif isinstance(system, PiecewiseLinearSystem):
         yield from _in_linear_pieces(system, metric)
@@ -199,7 +199,7 @@ def _null_direction(system: PiecewiseSystem, scale: Array, y: Array, alpha: floa
     if linear is None:
         return None
     _, sizes, directions = svd(linear[1])
-    return directions[-1] if sizes[-1] <= SINGULAR * sizes[0] else None
+    return directions[-1] if sizes[-1] <= SINGULAR_VALUE * sizes[0] else None
 
 
 def _in_linear_pieces(system: PiecewiseLinearSystem, metric: Metric) -> Iterator[Continuum]:
@@ -211,7 +211,7 @@ def _in_linear_pieces(system: PiecewiseLinearSystem, metric: Metric) -> Iterator
         may_fill = np.ones(len(choices), dtype=bool)
         if choices.directions.shape[-1] == 1:  # then only a line at a single alpha
             rise = choices.directions[..., 0] @ problem.basis[-1] / (hi - lo)
-            may_fill = np.abs(rise) <= LEVEL
+            may_fill = np.abs(rise) <= LEVEL_DIRECTION
         for k in np.flatnonzero(may_fill).tolist():
             check_budget()
             yield from _in_cell(problem, choices[k : k + 1], metric.interval)
@@ -242,7 +242,7 @@ def _in_cell(problem: Problem, one: Choices, interval: tuple[float, float]) -> I
     origin, row = float(problem.origin[-1]) / width, problem.basis[-1] / width
     here = origin + float(row @ (one.starts[0] + one.directions[0] @ point))
     ramp, blur = row @ one.directions[0] @ basis, rounding * width
-    if (np.abs(ramp) <= LEVEL).all():
+    if (np.abs(ramp) <= LEVEL_DIRECTION).all():
         alpha = interval[0] + width * here
         yield Continuum(alpha, alpha, True, True, blur)
     elif len(ramp) > 1:

@@ -45,12 +45,12 @@ from pwscont.system.selection import Selection
 from pwscont.system.system import Block, SlicewiseLinearSystem, number_of_cells
 
 #: Number of cells that are looked at together, to bound memory.
-BATCH = 4**6
+CELLS_AT_ONCE = 4**6
 #: Largest condition of unit rows at which doubles decide: half of all digits are right.
-WORST = EPS**-0.5
+WORST_IN_DOUBLES = EPS**-0.5
 #: Largest negative test of a solution that may be inside such a cell, as a part of the sum of the
 #: magnitudes of the test's terms: far above the error of the solution.
-OUTSIDE = 1e-5
+CERTAINLY_OUTSIDE = 1e-5
 
 
 @final
@@ -96,16 +96,16 @@ class CellsInDoubles:
         typical = np.abs(y @ self.z.T) + self.scale
         terms = typical @ np.abs(self.whole[:, :-1]).T + np.abs(self.whole[:, -1])
         side = sum(sides[k] for sides, k in zip(self.sides, picks.T, strict=True))
-        outside = side * (y @ self.tests.T) < -(OUTSIDE * terms + off)
-        excluded: Signs = outside.any(axis=1) & (condition <= WORST)
+        outside = side * (y @ self.tests.T) < -(CERTAINLY_OUTSIDE * terms + off)
+        excluded: Signs = outside.any(axis=1) & (condition <= WORST_IN_DOUBLES)
         return excluded
 
 
 def _batches(numbers: Sequence[int]) -> Iterator[Indices]:
     """Yield all tuples of whole numbers from 0 to below ``numbers``, in batches."""
-    for first in range(0, prod(numbers), BATCH):
+    for first in range(0, prod(numbers), CELLS_AT_ONCE):
         check_budget()
-        which = np.arange(first, min(first + BATCH, prod(numbers)))
+        which = np.arange(first, min(first + CELLS_AT_ONCE, prod(numbers)))
         yield np.array(np.unravel_index(which, numbers)).T if numbers else np.zeros((1, 0), np.intp)
 
 

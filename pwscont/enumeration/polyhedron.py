@@ -167,7 +167,7 @@ UNBOUNDED = 3
 #: Least multiplier that is not zero; the sum of all multipliers is 1.
 LEAST_MULTIPLIER = 1e-6
 #: Least length by which a direction is divided.
-TINY = float(np.finfo(float).tiny)
+LEAST_LENGTH = float(np.finfo(float).tiny)
 
 
 @final
@@ -257,7 +257,7 @@ class Polyhedron:
 
     def _largest(self, way: Array) -> tuple[Array, Array] | None:
         """Return a point with the largest ``way @ w``, and the multipliers of the inequalities."""
-        point, way = np.zeros(len(way)), way / max(float(np.abs(way).max()), TINY)
+        point, way = np.zeros(len(way)), way / max(float(np.abs(way).max()), LEAST_LENGTH)
         multipliers = np.zeros(len(self.vector))
         for factor in MAGNIFIED:
             found = self._program(way, factor * self.moved(point).vector)

@@ -16,9 +16,9 @@ Failure modes and answers
 -------------------------
 - Rounding grows from step to step: a proof is checked against the forms themselves. If the check
   fails, the vertex is computed anew from the basis; if the check fails again, the program counts
-  as feasible, which costs time, and no more. So does a program after MOST_STEPS, as ties may cycle.
+  as feasible, which costs time, and no more. So does a program of too many steps: ties may cycle.
 - A solution lies on a boundary: signs count as wrong from SLACK on only, and a proof holds for
-  points with an error of MARGIN.
+  points with an error of SOLUTION_MARGIN.
 """
 
 from __future__ import annotations
@@ -39,11 +39,11 @@ from pwscont.enumeration.options import Option, Problem
 Asked: TypeAlias = npt.NDArray[np.int8]
 
 #: Signs that may be asked of a form, as bits: a form asked for two signs vanishes.
-ANY, NOT_NEGATIVE, NOT_POSITIVE, ZERO = 0, 1, 2, 3
+ANY, NOT_NEGATIVE, NOT_POSITIVE, VANISHES = 0, 1, 2, 3
 #: The signs that are asked of a form if these signs are asked of the negative form.
-NEGATED = (ANY, NOT_POSITIVE, NOT_NEGATIVE, ZERO)
+NEGATED = (ANY, NOT_POSITIVE, NOT_NEGATIVE, VANISHES)
 #: Number of decimals to which the entries of two unit rows agree if the rows are the same form.
-DIGITS = 12
+SAME_DECIMALS = 12
 
 
 @final
@@ -67,7 +67,7 @@ class Forms:
         table = _Table(space)
         always = table.asked([(problem.A, problem.b, NOT_NEGATIVE)])
         asked = [
-            [table.asked([(o.E, o.e, ZERO), (o.G, o.g, NOT_NEGATIVE)]) for o in options]
+            [table.asked([(o.E, o.e, VANISHES), (o.G, o.g, NOT_NEGATIVE)]) for o in options]
             for options in blocks
         ]
         rows, constants = table.forms()
@@ -103,11 +103,11 @@ class _Table:
             [matrix @ self._space.directions, matrix @ self._space.start + vector]
         )
         lengths = np.linalg.norm(rows[:, :-1], axis=1)
-        lengths[lengths <= 10.0**-DIGITS] = 1.0
+        lengths[lengths <= 10.0**-SAME_DECIMALS] = 1.0
         return [self._place(row, sign) for row in rows / lengths[:, np.newaxis]]
 
     def _place(self, row: Array, sign: int) -> tuple[int, int]:
-        rounded = np.round(row, DIGITS) + 0.0
+        rounded = np.round(row, SAME_DECIMALS) + 0.0
         if (place := self._places.get(rounded.tobytes())) is not None:
             return place, sign
         if (place := self._places.get((0.0 - rounded).tobytes())) is not None:
@@ -135,13 +135,13 @@ Flags = npt.NDArray[np.bool_]
 #: Largest coefficient that is taken for rounding, as a part of the largest in a row, or of 1.
 NEGLIGIBLE = 1e-9
 #: Largest value of the wrong sign of a unit form at a solution: far above rounding.
-MARGIN = 1e-9
+SOLUTION_MARGIN = 1e-9
 #: Largest reduced unknown of a solution; typical reduced unknowns are of the order of 1.
 REACH = 1e4
 #: Largest difference of costs that count as equal, so that steps divide by no small number.
 EQUAL_COSTS = 1e-4
 #: Most steps of a program, per unknown.
-MOST_STEPS = 20
+STEPS_PER_UNKNOWN = 20
 #: The change of a form that is asked for a sign: free forms may change either way.
 _WAY = np.array([0.0, 1.0, -1.0, 0.0])
 
@@ -193,7 +193,7 @@ def feasible(forms: Forms, programs: Vertices) -> tuple[Indices, Vertices]:
     """Return the feasible programs, each with a point of the signs asked as the new vertex."""
     left = _Open(programs, np.arange(len(programs)), np.zeros(len(programs), dtype=bool))
     done: list[_Open] = []
-    for _ in range(MOST_STEPS * (1 + forms.rows.shape[1])):
+    for _ in range(STEPS_PER_UNKNOWN * (1 + forms.rows.shape[1])):
         form, value = _most_wrong(forms, left.vertices)
         done.append(left[value == 0.0])
         wrong = value != 0.0
@@ -301,13 +301,13 @@ def _is_proved(
 
     At a solution within REACH the terms taken for rounding, and the difference of the two sides,
     are at most the coefficients times REACH, and all other terms help by at most the coefficients
-    times MARGIN.
+    times SOLUTION_MARGIN.
     """
     basis = forms.rows[vertices.basis]
     constant = forms.constants[form] - (row * forms.constants[vertices.basis]).sum(axis=1)
     off = np.abs(forms.rows[form] - (row[:, np.newaxis] @ basis)[:, 0]).sum(axis=1)
     off += np.maximum(gain, 0.0).sum(axis=1)
-    most = MARGIN * (1.0 + np.abs(row).sum(axis=1)) + REACH * off
+    most = SOLUTION_MARGIN * (1.0 + np.abs(row).sum(axis=1)) + REACH * off
     is_proved: Flags = constant * np.sign(value) > most
     return is_proved
 

@@ -33,10 +33,10 @@ from pwscont.basics.arrays import Array, Indices
 from pwscont.basics.rounding import EPS
 
 #: Most rows, and most right-hand sides, for solutions one after the other, see :func:`_solved`.
-FEW_ROWS, FEW_COLUMNS = 32, 8
+ROWS_IN_TURN, COLUMNS_IN_TURN = 32, 8
 #: Number of columns of an inverse that LAPACK computes together, the block size of ``dgetri``:
 #: with less room ``dgetri`` works column by column.
-BLOCK = 64
+COLUMNS_AT_ONCE = 64
 
 
 class Factor(ABC):
@@ -224,7 +224,7 @@ def _solved(lu: Array, pivots: Indices, rhs: Array, transposed: bool = False) ->
     OpenBLAS shares several right-hand sides among threads, however small the matrix is, and a
     thread may have to wait for a core: a few columns of a small matrix are solved for in turn.
     """
-    if rhs.ndim == 2 and 1 < rhs.shape[1] <= FEW_COLUMNS and len(pivots) <= FEW_ROWS:
+    if rhs.ndim == 2 and 1 < rhs.shape[1] <= COLUMNS_IN_TURN and len(pivots) <= ROWS_IN_TURN:
         solutions = np.array(rhs, order="F")
         for column in solutions.T:  # solved for in the room of the column
             lapack.dgetrs(lu, pivots, column, int(transposed), 1)
@@ -272,5 +272,5 @@ class DenseLU(LU):
 
     def turned_into_inverse(self) -> Array:
         """Return the inverse matrix in the room of the factorisation, which is lost."""
-        inverse: Array = lapack.dgetri(self.lu, self.pivots, BLOCK * len(self.lu), 1)[0]
+        inverse: Array = lapack.dgetri(self.lu, self.pivots, COLUMNS_AT_ONCE * len(self.lu), 1)[0]
         return inverse

@@ -39,7 +39,7 @@ from pwscont.linear.vectors import add_multiples
 SMALL_PIVOT = 1e-6
 #: Number of changes that are kept as vectors before a fresh factorisation is due: two products with
 #: 48 vectors cost as much as a solve with a matrix of about a hundred rows.
-TOGETHER = 48
+MOST_CHANGES_KEPT = 48
 #: Largest residual of a solution, as a part of the largest entry of solution and right-hand side.
 #: The solutions are corrections and directions, whose points are corrected afterwards: nine digits
 #: are enough.
@@ -49,7 +49,7 @@ DRIFT = 1e-9
 INVERTIBLE = EPS**0.75
 #: Largest part of the rows of an inverse that is replaced at once, in 4 k m^2 operations for k of m
 #: rows: two thirds of the 2 m^3 operations that a new inverse takes.
-FEW_ROWS = 1.0 / 3.0
+LARGEST_PART_REPLACED = 1.0 / 3.0
 #: Number of changes, as a multiple of the number of rows, after which the matrix is factorised
 #: afresh: the factorisation then costs a tenth of the changes before.
 MANY_UPDATES = 2.0
@@ -74,7 +74,7 @@ class ProductForm(Factor):
     """
 
     def __init__(self, factor: Factor, size: int) -> None:
-        self._v = np.empty((TOGETHER, size))  # the columns of V
+        self._v = np.empty((MOST_CHANGES_KEPT, size))  # the columns of V
         self._d = np.empty_like(self._v)
         self.renew(factor)
 
@@ -86,7 +86,7 @@ class ProductForm(Factor):
     @property
     def is_full(self) -> bool:
         """Whether a fresh factorisation is due before the next change."""
-        return self.count == TOGETHER
+        return self.count == MOST_CHANGES_KEPT
 
     @property
     def sign(self) -> int:
@@ -277,7 +277,7 @@ class Updating(RowSolver):
         m, changed = len(last.keys), np.flatnonzero(last.keys != matrix.keys)
         if not len(changed):
             return True
-        few = MOST_BEFORE_INVERSE if self._lu is not None else max(2.0, FEW_ROWS * m)
+        few = MOST_BEFORE_INVERSE if self._lu is not None else max(2.0, LARGEST_PART_REPLACED * m)
         if len(changed) > few or self._replaced >= max(LEAST_UPDATES, MANY_UPDATES * m):
             return False
         if not self._invert() or not self._replace(matrix, last, changed):

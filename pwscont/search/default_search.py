@@ -30,9 +30,9 @@ MANY_INTERFACES = 2_000_000
 #: Most cells of a curved system in which Newton is tried, in a second or two.
 MANY_NEWTONS = 2**11
 #: Least and most random starts at each end if no other search is affordable.
-FEWEST, MOST = 4, 20
+LEAST_STARTS, MOST_STARTS = 4, 20
 #: Most unknowns of a curved system that is searched inside of the interval as well.
-MANY_UNKNOWNS = 200
+MOST_UNKNOWNS_INSIDE = 200
 #: Least and most slices between the ends, to find loops, and the most cells of all slices if there
 #: are more slices than the least.
 FEW_SLICES, MANY_SLICES, MANY_CELLS_BETWEEN = 2, 8, 100_000
@@ -53,9 +53,9 @@ def default_search(
 def _most_complete(
     system: PiecewiseSystem, interval: tuple[float, float], around: Sequence[Array]
 ) -> Search:
-    some = replace(_from_many(around), count=affordable_starts(system, FEWEST, MOST))
+    some = replace(_from_many(around), count=affordable_starts(system, LEAST_STARTS, MOST_STARTS))
     if not isinstance(system, SlicewiseLinearSystem):
-        is_small = system.size <= MANY_UNKNOWNS
+        is_small = system.size <= MOST_UNKNOWNS_INSIDE
         many: Search = Throughout.affordable(system, _from_many(around)) if is_small else some
         if not has_too_many_tests(system):
             few = len(list(islice(system.cells(), MANY_NEWTONS + 1))) <= MANY_NEWTONS

@@ -31,31 +31,31 @@ from pwscont.system.contract import residual_at
 from pwscont.system.system import PiecewiseSystem
 
 #: Most iterations at fixed alpha, and again with alpha free.
-MOST_ITERATIONS = 20
+MOST_PURSUIT_STEPS = 20
 #: Most halvings of a step that does not reduce the merit.
-MOST_HALVINGS = 5
+MOST_STEP_HALVINGS = 5
 #: Least fall of the merit, as a part of the fall that a Newton step promises.
 DESCENT = 0.05
 #: Longest step of a pursuit that has arrived, as a part of 1 plus the length of the point.
-ARRIVED = 1e-6
+LAST_STEP = 1e-6
 #: Longest step, as a multiple of 1 plus the distance of the point from zero.
-LONGEST = 4.0
+LONGEST_STEP = 4.0
 #: Length of a point, in typical magnitudes, from which on a pursuit has run away.
 RUN_AWAY = 1e5
 #: Regularisation of a shortest step, as a part of the merit: steps stay finite where the Jacobian
 #: is singular.
 DAMPED = 1e-2
 #: Most Newton iterations in a plane across a curve.
-MOST_CORRECTIONS = 5
+MOST_IN_PLANE = 5
 #: Distance by which a point found with alpha free is moved along the curve, as a part of 1 plus the
 #: length of the point, because a pursuit may have ended right beside a kink.
-FARTHER = 0.01
+MOVED_ALONG = 0.01
 #: Distance, in typical magnitudes, beyond which a point is far away, and the slope of alpha below
 #: which alpha hardly changes there.
 AWAY, ALMOST = 3.0, 1e-3
 #: Distance by which a point is moved aside before alpha is set free, as a part of 1 plus the length
 #: of the point, because a minimum of the merit may lie where H is flat by symmetry.
-ASIDE = 1e-3
+MOVED_ASIDE = 1e-3
 
 
 @final
@@ -104,12 +104,12 @@ class Pursuit:
         self, y: Array, step_at: Callable[[Array, Array, Array], Array], known: Sequence[Array]
     ) -> tuple[Array, bool]:
         """Return where steps lead, and whether a solution is there."""
-        for _ in range(MOST_ITERATIONS):
+        for _ in range(MOST_PURSUIT_STEPS):
             here = self._linear(y)
             step = None if here is None else step_at(y, *here)
             if here is None or step is None or not are_finite(step):
                 return y, False
-            if _length(step) <= ARRIVED * (1.0 + _length(y)):
+            if _length(step) <= LAST_STEP * (1.0 + _length(y)):
                 return y + step, True
             moved = self._moved(y, here[0], step, known)
             if moved is None or _length(moved) > RUN_AWAY:
@@ -126,14 +126,14 @@ class Pursuit:
         found = None if direction is None else self.across(start, y, direction)
         if found is None:
             return False
-        return _length(self._apart(found, y)) <= 10.0 * ARRIVED * (1.0 + _length(y))
+        return _length(self._apart(found, y)) <= 10.0 * LAST_STEP * (1.0 + _length(y))
 
     def across(self, start: Array, y: Array, direction: Array) -> Array | None:
         """Return the point of a curve to which Newton leads in the plane normal to a direction.
 
         The plane passes through ``y``.
         """
-        for _ in range(MOST_CORRECTIONS):
+        for _ in range(MOST_IN_PLANE):
             here = self._linear(start)
             if here is None:
                 return None
@@ -142,7 +142,7 @@ class Pursuit:
             if not are_finite(step):
                 return None
             start = start + step
-            if _length(step) <= ARRIVED * (1.0 + _length(y)):
+            if _length(step) <= LAST_STEP * (1.0 + _length(y)):
                 return start
         return None
 
@@ -152,7 +152,7 @@ class Pursuit:
         if direction is None:
             return y
         for way in (direction, -direction):
-            beside = y + FARTHER * (1.0 + _length(y)) * way
+            beside = y + MOVED_ALONG * (1.0 + _length(y)) * way
             if not self._ends[0] <= beside[-1] <= self._ends[1]:
                 continue
             found = self.across(beside, beside, direction)
@@ -172,7 +172,7 @@ class Pursuit:
         """
         outwards = direction if direction.dot(y) > 0.0 else -direction
         far = _length(y) > AWAY
-        least, way = (ALMOST, 0.5 * _length(y)) if far else (LEAN, ASIDE)
+        least, way = (ALMOST, 0.5 * _length(y)) if far else (LEAN, MOVED_ASIDE)
         if abs(direction[-1]) > least:
             return False
         beside = self.direction(y + way * outwards)
@@ -180,7 +180,7 @@ class Pursuit:
 
     def aside(self, y: Array, direction: Array) -> Array:
         """Return a point moved aside."""
-        return y + ASIDE * (1.0 + _length(y)) * direction
+        return y + MOVED_ASIDE * (1.0 + _length(y)) * direction
 
     def _linear(self, y: Array) -> tuple[Array, Array] | None:
         """Return scaled residual and Jacobian; None if H is not finite, or outside the interval."""
@@ -218,7 +218,7 @@ class Pursuit:
     ) -> Array | None:
         """Return the first of y + step, y + step / 2, ... that reduces the merit enough."""
         before, length = _length(residual) * self._deflation(known, y), 1.0
-        for _ in range(MOST_HALVINGS):
+        for _ in range(MOST_STEP_HALVINGS):
             trial = y + length * step
             merit = _length(self._residual(trial)) * self._deflation(known, trial)
             if merit <= (1.0 - DESCENT * length) * before:
@@ -272,7 +272,7 @@ def _shortest_step(jacobian: Array, residual: Array) -> Array:
 
 def _limited(step: Array, y: Array) -> Array:
     """Return a step, shortened if much longer than the way from zero to the point."""
-    most = LONGEST * (1.0 + _length(y[:-1]))
+    most = LONGEST_STEP * (1.0 + _length(y[:-1]))
     length = _length(step)
     return step * (most / length) if length > most else step
 

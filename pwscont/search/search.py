@@ -62,7 +62,7 @@ WANTED = (
 
 #: Largest test that may be zero, as a part of the sum of the magnitudes of the terms, taken at z
 #: plus typical magnitudes.
-ZERO = 1e-6
+NEARLY_ZERO_TEST = 1e-6
 
 
 class Search(ABC):
@@ -248,5 +248,5 @@ def _refuse_off_curve(
 def _is_between_cells(system: PiecewiseSystem, x: Array, scale: Array) -> bool:
     """Tell whether the cell of a point may be a matter of rounding."""
     z, alpha = x[:-1], float(x[-1])
-    near = ZERO * (abs(system.test_jacobian(z, alpha)) @ (np.abs(x) + scale))
+    near = NEARLY_ZERO_TEST * (abs(system.test_jacobian(z, alpha)) @ (np.abs(x) + scale))
     return bool((np.abs(system.test_functions(z, alpha)) <= near).any())

@@ -45,7 +45,7 @@ from pwscont.system.system import PiecewiseSystem
 from pwscont.transitions.departures import settled
 
 #: Evaluations of H that a search may take; a Newton iteration takes about n + 2.
-EVALUATIONS = 12_000
+MOST_EVALUATIONS = 12_000
 #: Newton iterations of a start, on average.
 USUAL = 20
 #: Distance below which two solutions coincide, in typical magnitudes, as a part of 1 plus the
@@ -60,26 +60,26 @@ MOST_ROUNDS = 4
 #: Most solutions at an end, and most between the ends: an equation such as tan(z) = alpha has
 #: infinitely many branches.
 MOST_FOUND = 48
-#: Starts are spread over a typical magnitude, over WIDER times as much, and so on for WIDTHS widths
-#: in turn.
-WIDER, WIDTHS = 4.0, 3
+#: Starts are spread over a typical magnitude, over WIDER_BY times as much, and so on for SPREADS
+#: widths in turn.
+WIDER_BY, SPREADS = 4.0, 3
 #: Largest distance from zero, in typical magnitudes, over which starts are spread at first: each
 #: branch of a periodic function would lead farther out.
-FARTHEST = 1e3
-#: Number of values of a single unknown at which the equation is evaluated, within MARGIN times the
-#: known magnitude and again farther out.
-ON_LINE, MARGIN = 64, 1.5
+FARTHEST_START = 1e3
+#: Number of values of a single unknown at which the equation is evaluated, within LINE_WIDTH times
+#: the known magnitude and again farther out.
+ON_LINE, LINE_WIDTH = 64, 1.5
 #: Number of other starts at each alpha for a single unknown, and of alphas.
 FEW_ON_LINE = 6
 #: Accuracy of a sign change, as a part of the known magnitude, and distance below which a sign
 #: change is a known solution, measured like SAME_SOLUTION.
-PART, NEAR_ZERO = 1e-3, 1e-2
+ZERO_ACCURACY, NEAR_ZERO = 1e-3, 1e-2
 #: The golden section.
 GOLDEN = 0.5 * (5.0**0.5 - 1.0)
 #: Largest correction of a point that a pursuit found, as a part of 1 plus the length of the point.
-CORRECTED = 1e-3
+MOST_CORRECTED = 1e-3
 #: Most Newton iterations of such a correction.
-MOST_CORRECTIONS = 8
+MOST_STANDING = 8
 
 
 @final
@@ -195,14 +195,19 @@ class _Looking:
         if shown_size(self._system) != 1:
             return
         even = np.linspace(-1.0, 1.0, ON_LINE + 2)[1:-1]  # and ever sparser farther out
-        far = WIDER * even * np.sqrt(2.0 / (1.0 - even**2))
-        places = self._reach[0] * np.concatenate([MARGIN * even, far])
+        far = WIDER_BY * even * np.sqrt(2.0 / (1.0 - even**2))
+        places = self._reach[0] * np.concatenate([LINE_WIDTH * even, far])
         places = np.unique(np.clip(places, self.box.lower[0], self.box.upper[0]))
         signs = np.sign([self._equation(z, alpha) for z in places])
         from scipy.optimize import bisect  # noqa: PLC0415  importing takes as long as all else
 
         for i in np.flatnonzero(signs[1:] * signs[:-1] < 0.0):
-            z = bisect(self._equation, *places[i : i + 2], (alpha,), xtol=PART * self._reach[0])
+            z = bisect(
+                self._equation,
+                *places[i : i + 2],
+                (alpha,),
+                xtol=ZERO_ACCURACY * self._reach[0],
+            )
             full = completed(self._system, np.array([z]), alpha)
             if self._is_new(np.append(full, alpha), known, NEAR_ZERO):
                 yield full
@@ -232,7 +237,7 @@ class _Looking:
         if direction is None or self._pursuit.is_flat(y, direction):
             return None
         row = metric.covector(direction * metric.scale)
-        root = newton(curve, lambda at: (float(row.dot(at - x)), row), x, MOST_CORRECTIONS)
+        root = newton(curve, lambda at: (float(row.dot(at - x)), row), x, MOST_STANDING)
         if isinstance(root, Failure):
             return None
         return self._usable((root.x, root.error[np.newaxis]), x)
@@ -241,7 +246,7 @@ class _Looking:
         """Return the known solutions at an alpha, in typical magnitudes."""
         found = []
         for x in self._known.at(alpha):
-            reach = np.minimum(np.abs(x[:-1]), FARTHEST * self._metric.scale[:-1])
+            reach = np.minimum(np.abs(x[:-1]), FARTHEST_START * self._metric.scale[:-1])
             self._reach = np.maximum(self._reach, reach)
             y, arrived = self._pursuit.at_alpha(x / self._metric.scale, ())
             found.append(y if arrived else x / self._metric.scale)
@@ -270,7 +275,7 @@ class _Looking:
         steps = root ** -np.arange(1.0, size + 1.0)
         even = 2.0 * ((0.5 + (number + 1) * steps) % 1.0) - 1.0
         spread = even * np.sqrt(2.0 / (1.0 - even**2))
-        farther = WIDER ** (number % WIDTHS)
+        farther = WIDER_BY ** (number % SPREADS)
         return self.box.guess(spread, 0.5 * even, farther * self._reach)
 
     def _corrected(self, y: Array, alpha: float) -> Found | None:
@@ -285,7 +290,7 @@ class _Looking:
     def _usable(self, found: Found, rough: Array) -> Found | None:
         """Return a solution with digits, inside the bounds and near a rough solution, else None."""
         metric, (x, error) = self._metric, found
-        if metric.norm(metric.difference(x, rough)) > CORRECTED * (1.0 + metric.norm(rough)):
+        if metric.norm(metric.difference(x, rough)) > MOST_CORRECTED * (1.0 + metric.norm(rough)):
             return None
         x[:-1] = self.box.wrapped(x[:-1])
         error, scale = np.atleast_2d(error), metric.scale
@@ -301,4 +306,4 @@ class _Looking:
 
 def affordable_starts(system: PiecewiseSystem, fewest: int, most: int) -> int:
     """Return how many starts a budget of evaluations allows for a system of this size."""
-    return min(max(EVALUATIONS // ((system.size + 2) * USUAL), fewest), most)
+    return min(max(MOST_EVALUATIONS // ((system.size + 2) * USUAL), fewest), most)

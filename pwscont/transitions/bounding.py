@@ -111,7 +111,7 @@ LONG_STEP = 0.05
 #: Where perturbation leads nowhere, as where solutions fill a face.
 NO_WAY_FOUND = "{} test functions vanish, too many cells to try all; perturbation found no way on"
 THIRDS = (1.0 / 3.0, 2.0 / 3.0)
-NONE = np.zeros(0, dtype=np.intp)
+NO_TESTS = np.zeros(0, dtype=np.intp)
 
 
 @final
@@ -198,7 +198,7 @@ class BoundingTests(TransitionDetector):
 def _next_to_zero(values: Array, terms: Array) -> Indices:
     """Return the tests that, next to their own terms, may be zero along a piece."""
     above = plus(np.abs(values), -NEXT_TO_ZERO, terms)
-    return NONE if smallest(above) > 0.0 else np.flatnonzero(above <= 0.0)  # nearly always none
+    return NO_TESTS if smallest(above) > 0.0 else np.flatnonzero(above <= 0.0)  # nearly always none
 
 
 def _terms(rows: Matrix, x: Array, scale: Array) -> Array:

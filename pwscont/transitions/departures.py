@@ -32,7 +32,7 @@ from pwscont.transitions.detector import SpecialPointFound
 from pwscont.transitions.rays import Ray, check_continuity, inward_ray, zeros
 from pwscont.transitions.smooth import at_branch_point, fold_at_end
 
-MOST_NEWTON = 8
+MOST_SETTLING = 8
 
 
 def settled(system: PiecewiseSystem, metric: Metric, found: Found) -> Found | None:
@@ -48,7 +48,7 @@ def settled(system: PiecewiseSystem, metric: Metric, found: Found) -> Found | No
     if held is None or held[1][-1]:
         return found
     row = held[1]
-    root = newton(curve, lambda y: (float(row.dot(y - x)), row), x, MOST_NEWTON)
+    root = newton(curve, lambda y: (float(row.dot(y - x)), row), x, MOST_SETTLING)
     if isinstance(root, Failure):
         return None
     same = 0.5 * SAME_ALPHA * max(abs(float(x[-1])), float(metric.scale[-1]))

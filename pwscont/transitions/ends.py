@@ -145,7 +145,7 @@ def points_inside(ray: Ray, lo: float, hi: float) -> bool:
 
 #: On curved pieces a slope below this, relative to typical magnitudes, is an error of the tangent.
 LEVEL_SLOPE = EPS**0.5
-EVERY = slice(None)
+ALL_BOUNDS = slice(None)
 
 
 @final
@@ -187,7 +187,7 @@ class Bounds(TransitionDetector):
             on |= doubtful & (off <= CONFIDENCE * (error + rounding))
         return on
 
-    def _rounding(self, curve: Curve, some: Signs | slice = EVERY) -> Array:
+    def _rounding(self, curve: Curve, some: Signs | slice = ALL_BOUNDS) -> Array:
         """Return the rounding of distances to bounds."""
         rounding: Array = EPS * (curve.metric.scale[self._which] + np.abs(self._limit))[some]
         return rounding

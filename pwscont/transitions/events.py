@@ -46,14 +46,14 @@ from pwscont.transitions.user_event import Stop, UserEvent
 GRADED = 10.0 ** np.arange(-7.0, -1.0)
 #: How closely the place is found where g comes closest to zero, as a part of the step.
 CLOSEST = EPS**0.5
-NONE = np.empty(0)
+NO_PLACES = np.empty(0)
 #: If g comes no closer to zero than this part of its values, points of the cubic prove the sign.
 SHALLOW_DIP = 1e-3
 #: Distance beside an end of a step, as a part of the way to the next place, at which g shows how it
 #: changes.
 DISTANCE_TO_PLACE = 1e-3
 #: Where between two places, as a part of the way, g is compared with that of a single zero.
-PLAIN = 0.3
+COMPARED_AT = 0.3
 
 
 def _places(count: int) -> Array:
@@ -167,7 +167,7 @@ class _Watched:
                 continue
             if self._sign is not None and sign != self._sign:
                 found = self._change(segment, before, s)
-                more = NONE if is_fine else self._around(segment, before, found[0], s)
+                more = NO_PLACES if is_fine else self._around(segment, before, found[0], s)
                 if len(more):
                     yield from self._walk(segment, before, np.append(more, s), is_fine=True)
                 else:
@@ -181,7 +181,7 @@ class _Watched:
         """
         sign, cell, places = self._sign, hi - lo, [lo]
         if not sign:
-            return NONE
+            return NO_PLACES
 
         def divided(s: float) -> float:
             """Return g over the distance to the zero, positive if the zero is the only zero."""
@@ -189,11 +189,11 @@ class _Watched:
             value = self.event.value(self._exact(segment, s)[0])
             return sign * value / (zero - s) if s != zero else np.inf
 
-        plain, close = PLAIN * cell, DISTANCE_TO_PLACE * cell
+        plain, close = COMPARED_AT * cell, DISTANCE_TO_PLACE * cell
         beside = lo, lo + plain, hi - plain, zero - close, zero + close, hi
         sizes = [divided(s) for s in beside if lo <= s <= hi]
         if min(sizes) >= 0.5 * max(sizes):
-            return NONE
+            return NO_PLACES
         place, least = _least(divided, lo, hi)
         if least < 0.0:  # two more zeros: on either side of this place
             apart = DISTANCE_TO_PLACE * abs(place - zero)
@@ -228,7 +228,7 @@ class _Watched:
         sizes, length = np.abs(values), float(places[-1])
         i = int(sizes.argmin())
         if not sizes[i] <= CLOSE_TO_ZERO * sizes.max() or not sizes.any():
-            return NONE
+            return NO_PLACES
         s = np.concatenate([[0.0], places])
         lo, hi = float(s[i]), float(s[min(i + 2, len(s) - 1)])
         low, _ = _least(lambda s: abs(self.event.value(segment.near(s))), lo, hi)

@@ -44,7 +44,7 @@ from pwscont.transitions.detector import (
 #: user's detector is rounding.
 AT_BEGINNING = 1e-10
 #: The value, in any unit, of a function just before the function vanishes.
-TINY = float(np.finfo(float).tiny)
+JUST_POSITIVE = float(np.finfo(float).tiny)
 #: A function that is zero at the start of a step is watched if the slope makes that function
 #: positive after this part of the step.
 RISES = 1e-3
@@ -157,7 +157,7 @@ class Watch:
     def before(self, reading: Readings, event: Event) -> Readings:
         """Return the reading just before an event, where the function is still positive."""
         part = reading.parts[self._detectors.index(event.detector)]
-        return self._changed(reading, event, TINY, float(part.slopes[event.index]))
+        return self._changed(reading, event, JUST_POSITIVE, float(part.slopes[event.index]))
 
     def _changed(self, reading: Readings, event: Event, value: float, slope: float) -> Readings:
         """Return a reading with another value and slope of the function of an event."""
@@ -311,7 +311,7 @@ def first_on_curve(
 
 def _before(reading: Readings) -> Readings:
     """Return the reading just before an event: functions that vanish at the event are positive."""
-    values = np.where(reading.values == 0.0, TINY, reading.values)
+    values = np.where(reading.values == 0.0, JUST_POSITIVE, reading.values)
     return Readings(reading.parts, values, reading.slopes)
 
 

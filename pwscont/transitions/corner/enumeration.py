@@ -53,13 +53,13 @@ from pwscont.system.system import Block, SlicewiseLinearSystem, number_of_cells
 from pwscont.transitions.rays import Corner, Direction, Ray, has_named_cells
 
 #: Most cells that the cone problem tries at a corner: those of eight contact nodes.
-MOST_CELLS = 4**8
+MOST_CELLS_OF_CONE = 4**8
 #: Most vanishing tests of a system without blocks, whose sign patterns are tried one after another.
-MOST_TESTS = 12
+MOST_PATTERN_TESTS = 12
 #: Jacobians that a cone problem keeps: those of blocks with up to this many modes.
 KEPT_JACOBIANS = 4
 #: A test is level along a ray where its slope is below this part of the magnitudes of its terms.
-LEVEL = EPS**0.5
+LEVEL_TEST = EPS**0.5
 #: Generic right-hand sides e that are tried for an index.
 MOST_RIGHT_HAND_SIDES = 3
 
@@ -93,7 +93,7 @@ def _few_cells(corner: Corner) -> list[Character] | None:
     if not isinstance(system, SlicewiseLinearSystem) or not zero:
         return None
     if not has_named_cells(system):
-        return corner.all_cells() if len(zero) <= MOST_TESTS else None
+        return corner.all_cells() if len(zero) <= MOST_PATTERN_TESTS else None
     blocks = [block for block in system.blocks() if not zero.isdisjoint(block.tests)]
     choices = [block.modes for block in corner.restricted(blocks)]
     if prod(map(len, choices)) > FEW_CELLS:
@@ -173,7 +173,7 @@ def _beside(ray: Ray, zero: frozenset[int]) -> Corner:
     which = np.array(sorted(zero), dtype=np.intp)
     rows = system.some_test_gradients(x[:-1], float(x[-1]), which)
     slopes = np.asarray(rows @ ray.state.tangent)
-    least = LEVEL * (abs(rows) @ (np.abs(ray.state.tangent) + LEVEL * metric.scale))
+    least = LEVEL_TEST * (abs(rows) @ (np.abs(ray.state.tangent) + LEVEL_TEST * metric.scale))
     level = np.abs(slopes) <= least
     signs = system.test_functions(x[:-1], float(x[-1])) >= 0.0
     signs[which] = ~level & (slopes > 0.0)
@@ -256,11 +256,11 @@ class ConeProblem(SlicewiseLinearSystem):
     def is_small(self) -> bool:
         """Whether all cells that meet at the corner can be tried."""
         if not has_named_cells(self._corner.system):
-            return len(self._corner.zero) <= MOST_TESTS
+            return len(self._corner.zero) <= MOST_PATTERN_TESTS
         blocks = self.blocks()
-        if number_of_cells(blocks) <= MOST_CELLS:
+        if number_of_cells(blocks) <= MOST_CELLS_OF_CONE:
             return True
-        return most_cells(parts_of_table(self.table), blocks) <= MOST_CELLS
+        return most_cells(parts_of_table(self.table), blocks) <= MOST_CELLS_OF_CONE
 
     @cached_property
     def table(self) -> Table:

@@ -43,12 +43,12 @@ ENOUGH_CROSSINGS = 500
 #: Most interfaces that one path crosses: this number, and this number per vanishing test.
 MOST_CROSSINGS, CROSSINGS_PER_TEST = 1000, 20
 #: Generic directions away from a ray along interfaces in which the cells around the ray are named.
-SIDES = 16
+MOST_AROUND = 16
 #: Two unit vectors are the same if their distance is less than this, which is far above EPS,
 #: because the direction at the end of a path carries the errors of all updates on the way.
 SAME_UNIT_VECTOR = 1e-6
 #: A direction is no direction of its cell if its residual is above this part of its terms.
-ASTRAY = EPS**0.5
+ASTRAY_IN_CELL = EPS**0.5
 
 
 def rays_by_perturbation(corner: Corner, back: Direction | None) -> list[Direction]:
@@ -91,7 +91,10 @@ def _verified(paths: Paths, character: Character, direction: Array) -> Direction
         return None
     if slopes.all():
         return ray, (character,)
-    around = [character, *(paths.character(ray, paths.away(shift)) for shift in range(SIDES))]
+    around = [
+        character,
+        *(paths.character(ray, paths.away(shift)) for shift in range(MOST_AROUND)),
+    ]
     return ray, tuple({corner.system.cell(c): c for c in around}.values())
 
 
@@ -228,7 +231,7 @@ class _PathInCell:
             return False
         self.head(ahead * gradient)
         size = self._corner.metric.norm(self.tangent)
-        astray = np.abs(self._jacobian @ self.tangent) > ASTRAY * size * self._sizes
+        astray = np.abs(self._jacobian @ self.tangent) > ASTRAY_IN_CELL * size * self._sizes
         return not bool(astray.any())
 
     def _update(self, jump: Array, gradient: Array) -> bool:
