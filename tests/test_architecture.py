@@ -62,7 +62,7 @@ BUDGET = {
     "linear": (11, 1680),
     "notation": (13, 2910),
     "curve": (15, 3090),
-    "enumeration": (11, 2700),
+    "enumeration": (11, 2670),
     "transitions": (15, 4050),
     "graph": (10, 3110),
     "search": (9, 1980),

@@ -80,10 +80,7 @@ class _Equations(NamedTuple):
         return unknowns
 
     def errors(self, sizes: Array) -> Array:
-        """Return samples of the errors of unknowns, see :func:`~pwscont.curve.newton.uncertainty`.
-
-        The unknowns have the given sizes.
-        """
+        """Return samples of the errors of unknowns of given sizes, as newton.uncertainty does."""
         rounding = EPS * (np.abs(self.rows) @ sizes[..., np.newaxis])
         return np.swapaxes(self.inverse @ (rounding * samples(sizes.shape[1]).T), 1, 2)
 

@@ -232,10 +232,7 @@ def _numbers(what: str, error: Any) -> Array:
 def _refuse_off_curve(
     what: str, system: PiecewiseSystem, x: Array, error: Array, scale: Array
 ) -> None:
-    """Refuse a start whose distance from the curve is more than the error of the start.
-
-    Straight pieces would not notice: from a start off the curve, pieces run beside the curve.
-    """
+    """Refuse a start off the curve by more than its error: straight pieces would run beside."""
     if _is_between_cells(system, x, scale):
         return
     if off := unexplained(system, system.character(x[:-1], float(x[-1])), x, scale, error):
