@@ -185,10 +185,7 @@ def _picked(choices: Choices, parent: int, option: int) -> tuple[int, ...]:
 
 
 def _inside(problem: Problem, choices: Choices) -> Choices:
-    """Return the choices whose point satisfies all inequalities, relaxed by SLACK.
-
-    The blocks decided last are tested first, because few choices satisfy these blocks.
-    """
+    """Return the choices whose point satisfies all inequalities, relaxed; few satisfy the last."""
     slack = slack_at(choices.growth) * (1.0 + np.abs(choices.starts).max(axis=1, initial=0.0))
     inside = np.ones(len(choices), dtype=bool)
     for options, picks in zip(problem.blocks[::-1], choices.picks[::-1], strict=True):

@@ -356,10 +356,7 @@ def solve_exactly(
 
 
 def _joins(metric: Metric, a: Point, b: Point) -> bool:
-    """Tell whether two points of exact cells are the same point, to within the errors.
-
-    If the signs differ, the curve turns back at the interface (F1), and there are two points.
-    """
+    """Tell whether two points are the same; if signs differ, a curve turns back between (F1)."""
     if np.array_equal(a.x, b.x):
         return True
     return a.det_sign == b.det_sign and is_same(metric, (a.x, a.error), (b.x, b.error))

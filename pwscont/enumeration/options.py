@@ -199,9 +199,8 @@ def in_modes(blocks: Sequence[Block], k: int, tests: int) -> Character:
 def _eliminate(C: Array, c: Array, scale: Array) -> tuple[Array, Array, float] | None:
     """Return a solution of C z + c = 0, a basis of the null space of C, and the condition of C.
 
-    None without solution. An orthogonal factorisation in scaled unknowns makes the basis as well
-    conditioned as possible. Rows may depend on each other, as where a vanishing test is a further
-    equation.
+    None without solution. Rows may depend on each other, as where a vanishing test is a further
+    equation. Scaled unknowns and orthogonality make the basis well conditioned.
     """
     if not len(C):
         return np.zeros(len(scale)), np.diag(scale), 1.0

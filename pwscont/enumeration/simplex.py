@@ -241,10 +241,7 @@ def slack_of(vertices: Vertices) -> Array:
 
 
 def _step(forms: Forms, left: _Open, form: Indices, value: Array) -> tuple[_Open, _Open]:
-    """Make a form of each program vanish; return programs to go on with, and undecided programs.
-
-    Programs that are proved to have no point are dropped.
-    """
+    """Make a form of each program vanish; return open and undecided programs, the rest is empty."""
     vertices = left.vertices
     row = (forms.rows[form][:, np.newaxis] @ vertices.directions[:, :-1])[:, 0]
     gain = _gains(vertices, row * np.where(value < 0.0, 1.0, -1.0)[:, np.newaxis])

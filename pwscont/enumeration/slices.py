@@ -183,10 +183,7 @@ def _root(curve: Curve, start: Array) -> Root | Failure:
 
 @final
 class _Points:
-    """The isolated solutions found so far, each with the choices whose cells share the solution.
-
-    The choice of a cell that shares a solution need not be solved.
-    """
+    """The isolated solutions so far, each with the choices of all cells that share the solution."""
 
     def __init__(
         self, system: SlicewiseLinearSystem, metric: Metric, problem: Problem, alpha: float

@@ -174,10 +174,7 @@ class _Search:
         return wrong
 
     def _is_end(self, nodes: _Nodes, wrong: Array) -> npt.NDArray[np.bool_]:
-        """Tell which choices are complete, or have completions that are decided together.
-
-        These fit into a batch, and the vertex lies in the cells of all options.
-        """
+        """Tell which choices are complete, or hold at the vertex and fit into a batch."""
         numbers = np.where(nodes.picks == OPEN, self._numbers, 1).astype(float).prod(axis=1)
         holds = wrong.max(axis=(1, 2), initial=0.0) <= slack_of(nodes.vertices)
         is_end: npt.NDArray[np.bool_] = holds & (numbers <= BATCH) | (numbers == 1.0)

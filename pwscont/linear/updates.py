@@ -295,10 +295,9 @@ class Updating(RowSolver):
         return self._lu is None
 
     def _replace(self, matrix: RowMatrix, last: RowMatrix, rows: Indices) -> bool:
-        """Change rows E^T M to R at once: M'^-1 = M^-1 - M^-1 E (R M^-1 E)^-1 (R M^-1 - E^T).
+        """Change rows E^T M to R by Woodbury's formula; False where digits are lost.
 
-        This is Woodbury's formula, as E^T M times M^-1 E is the identity. False where the change
-        loses too many digits.
+        M'^-1 = M^-1 - M^-1 E (R M^-1 E)^-1 (R M^-1 - E^T), as E^T M M^-1 E is the identity.
         """
         parts, largest = matrix.divided(rows, last, self._inverse)
         pivots = DenseLU.of(parts[:, rows])

@@ -152,11 +152,7 @@ def _solve(points: _OnInterface, metric: Metric) -> list[Found]:
 
 @final
 class _OnInterface(SlicewiseLinearSystem):
-    """H(z, alpha) = 0 together with kappa_test = 0, for the unknowns (z, alpha - lo).
-
-    Only cells that the test bounds take part, and only points of the interval; nothing depends on
-    the parameter.
-    """
+    """H(z, alpha) = 0 and kappa_test = 0 in cells that the test bounds, for (z, alpha - lo)."""
 
     def __init__(
         self,

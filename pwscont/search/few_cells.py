@@ -186,10 +186,7 @@ class FewCells:
         return both.among(slice(number)), both.among(slice(number, None))
 
     def _where(self, cells: Indices, functions: Indices) -> _OnLines | None:
-        """Return where functions vanish on the lines of cells, without points clearly outside.
-
-        None if equations are nearly singular, or corrections do not become rounding.
-        """
+        """Return where functions vanish on lines, if not clearly outside; None if not certain."""
         rows = np.concatenate([self._J[cells], self._K[functions, np.newaxis]], axis=1)
         equations = _equations(rows * self._scale)
         if equations is None:

@@ -175,10 +175,7 @@ class _Watched:
             self._sign, before = sign, s
 
     def _around(self, segment: Segment, lo: float, zero: float, hi: float) -> Array:
-        """Return places between ``lo`` and ``hi`` that tell three zeros from one clear zero.
-
-        Where g has a single zero, g divided by the distance to the zero hardly changes.
-        """
+        """Return places that tell three zeros from one, beside which g / distance is even."""
         sign, cell, places = self._sign, hi - lo, [lo]
         if not sign:
             return NO_PLACES
@@ -221,10 +218,7 @@ class _Watched:
         return found.x, found.size
 
     def _beside_least(self, segment: Segment, places: Array, values: Array) -> Array:
-        """Return graded places around the place where g seems to vanish, if g comes close to zero.
-
-        There may be more zeros next to a zero.
-        """
+        """Return graded places around where g seems to vanish, if g comes close to zero."""
         sizes, length = np.abs(values), float(places[-1])
         i = int(sizes.argmin())
         if not sizes[i] <= CLOSE_TO_ZERO * sizes.max() or not sizes.any():
@@ -278,10 +272,7 @@ class _Watched:
         return 0.0 if is_flat else None
 
     def _change(self, segment: Segment, lo: float, hi: float) -> tuple[float, State]:
-        """Return the place where the sign changes between two places.
-
-        Where the location fails: the middle of the two places, and the distance as the error.
-        """
+        """Return the place where the sign changes; a rough place if the location fails."""
         sign = self._sign
         assert sign is not None
         if self.event.ahead(sign, self._exact(segment, lo)[0]) <= 0.0:

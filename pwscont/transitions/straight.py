@@ -445,11 +445,7 @@ class StraightCell:
         return self.length * self.curve.metric.width < GROWTH
 
     def _audited(self, x: Array, sizes: Array, residual: Array) -> Array | None:
-        """Solve for errors, point and direction afresh; return the correction of the point.
-
-        None if the direction is no direction of this selection. Until the next audit an unknown may
-        become as large as another unknown of the same typical magnitude is now.
-        """
+        """Solve for errors, point and direction afresh; return the correction, None if astray."""
         n, along, metric = len(x) - 1, self.along, self.curve.metric
         jacobian = self._jacobian_at(x)
         magnitudes, astray = abs(jacobian), jacobian.dot(along)
@@ -479,8 +475,7 @@ def _kink_by_residuals(before: Curve, after: Curve, x: Array, gradient: Array) -
     """Return c, shape (n,), without Jacobians; None where the test changes with alpha alone.
 
     The residuals on the two sides are compared far away along the unknown along which the test
-    changes most: the rounding of all other terms is less there than that of the unknown's column.
-    Systems whose unknowns have bounds are not asked for such residuals.
+    changes most, where the rounding of all other terms is small.
     """
     scale = after.metric.scale
     weights = np.abs(gradient * scale)[:-1]

@@ -124,10 +124,7 @@ def rays_of_slices(corner: Corner) -> tuple[list[Direction], int] | None:
 
 
 def _in_parts(corner: Corner) -> ConeProblem | None:
-    """Return the cone problem in which alpha alone fixes the length of d: it falls into parts.
-
-    None where there is one part, or where a ray may be vertical and would not be seen.
-    """
+    """Return the cone problem in parts, by alpha alone; None where a ray may be vertical."""
     if not has_named_cells(corner.system):
         return None
     problem = ConeProblem(corner, last_unit(len(corner.x)))
