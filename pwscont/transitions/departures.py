@@ -27,7 +27,7 @@ from pwscont.enumeration.continua import is_one_of_many
 from pwscont.linear.factorise import Factor, bordered, last_unit
 from pwscont.system.selection import Selection
 from pwscont.system.system import PiecewiseSystem, SlicewiseLinearSystem
-from pwscont.transitions.bounding import corner, turns
+from pwscont.transitions.bounding import corner, crossed
 from pwscont.transitions.detector import SpecialPointFound
 from pwscont.transitions.rays import Ray, check_continuity, inward_ray, zeros
 from pwscont.transitions.smooth import at_branch_point, fold_at_end
@@ -149,9 +149,4 @@ def _on_interface(standing: Standing, other: Curve) -> SpecialPointFound | None:
     rays = [inward_ray(side, x, error, test) for side in (curve, other)]
     check_continuity(curve, other.selection, None if None in rays else rays[1], x, error)
     found = tuple(ray for ray in rays if ray is not None)
-    if len(found) < 2:
-        return None
-    kind = Kind.NONSMOOTH_FOLD if turns(*found) else Kind.TRANSITION
-    characters = curve.selection.character, other.selection.character
-    message = curve.selection.system.describe_transition(*characters)
-    return SpecialPointFound(kind, x, message, found)
+    return crossed(x, *found) if len(found) == len(rays) else None
