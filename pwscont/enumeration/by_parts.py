@@ -237,20 +237,14 @@ class PartSlice(SlicewiseLinearSystem):
         return slack
 
     def magnitudes(self, scale: Array) -> Array:
-        """Return typical magnitudes of the unknowns, small where the constants of the part are.
-
-        ``scale``, shape (size,): typical magnitudes in the system.
-        """
+        """Return typical magnitudes of the unknowns, small where the constants of the part are."""
         usual = np.abs(self._rows[0][0][:, self.unknowns]) @ scale
         part = float((self._terms / np.where(usual > 0.0, usual, 1.0)).max(initial=0.0))
         return scale * part if TINY_CONSTANTS < part < 1.0 else scale
 
 
 def solve_scalar(part: PartSlice, scale: float) -> Slice | None:
-    """Return all solutions of a part with a single unknown; None if a mode leaves the unknown free.
-
-    ``scale``: the typical magnitude of the unknown.
-    """
+    """Return all solutions of a part with one unknown; None if a mode leaves the unknown free."""
     modes = part.blocks()[0].modes if part.blocks() else ((),)
     found: list[_Root] = []
     for character in map(Character, modes):
@@ -340,10 +334,7 @@ class Cells(Sequence[Character]):
 def solve_parts(
     table: Table, parts: Sequence[Part], solve: Callable[[PartSlice], Slice]
 ) -> list[Partial] | None:
-    """Return the solutions of all parts together, None where a part cannot be decided.
-
-    ``solve``: solves the slice of a part.
-    """
+    """Return the solutions of all parts together, None where a part cannot be decided."""
     n = len(table.rows[0][1])
     found = [Partial(np.zeros(n), np.zeros((1, n)))]
     for part in parts:

@@ -129,11 +129,7 @@ def is_near(pivots: Array, matrix: Array) -> Any:
 
 
 def together(problem: Problem, chosen: tuple[int, ...], space: Subspace) -> Iterator[Choices]:
-    """Decide all remaining blocks, block after block, for all choices at once.
-
-    ``chosen``: the options of the first blocks.
-    ``space``: the points that satisfy the equations of the options.
-    """
+    """Decide all blocks after the chosen options, which leave a space, for all choices at once."""
     picks = np.array(chosen, dtype=np.intp)[:, np.newaxis]
     growth = np.array([space.growth])
     choices = Choices(picks, space.start[np.newaxis], space.directions[np.newaxis], growth)

@@ -118,10 +118,7 @@ WELL_CONDITIONED = EPS**-0.75
 
 @final
 class ExactSlice:
-    """The rows of all modes and all tests at a fixed alpha, as integers.
-
-    ``scale``, shape (n,): typical magnitudes of z.
-    """
+    """The rows of all modes and all tests at a fixed alpha, as integers."""
 
     def __init__(self, system: SlicewiseLinearSystem, scale: Array, alpha: float) -> None:
         self._n, self._scale, self._alpha = system.size, scale, alpha

@@ -54,13 +54,7 @@ REFINEMENTS = 3
 
 
 def solve_slice(system: SlicewiseLinearSystem, metric: Metric, alpha: float) -> Slice:
-    """Return all solutions of a system at ``alpha``.
-
-    Raises
-    ------
-    InvalidSystemError
-        If blocks do not fit the system.
-    """
+    """Return all solutions of a system at ``alpha``; refuse blocks that do not fit the system."""
     check_blocks(system, np.size(system.test_functions(np.zeros(system.size), alpha)))
     return _by_parts(system, metric, alpha) or _at_once(system, metric, alpha)
 

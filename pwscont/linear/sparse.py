@@ -24,10 +24,7 @@ from pwscont.linear.jacobian import StoredJacobian
 
 @final
 class SparseJacobian(StoredJacobian):
-    """A sparse Jacobian (n, n + 1), stored by columns.
-
-    ``matrix``: not written to.
-    """
+    """A sparse Jacobian (n, n + 1), stored by columns; the given matrix is not written to."""
 
     def __init__(self, matrix: Any) -> None:
         self._csc = matrix.tocsc()

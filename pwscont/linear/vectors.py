@@ -38,10 +38,7 @@ def add_multiples(rows: Array, factors: Array, row: Array) -> None:
 
 @final
 class Rows:
-    """Constant rows, such as the gradients of affine tests, for many products.
-
-    ``matrix``, shape (m, k): copied.
-    """
+    """A copy of constant rows, such as the gradients of affine tests, for many products."""
 
     def __init__(self, matrix: Matrix) -> None:
         self.matrix: Any = np.array(matrix, dtype=float) if isinstance(matrix, np.ndarray) else None

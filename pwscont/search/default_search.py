@@ -41,10 +41,7 @@ FEW_SLICES, MANY_SLICES, MANY_CELLS_BETWEEN = 2, 8, 100_000
 def default_search(
     system: PiecewiseSystem, interval: tuple[float, float], around: Sequence[Array] = ()
 ) -> Search:
-    """Return the most complete search that takes seconds for a system of this size.
-
-    ``around``, shape (n,): states around which Newton is started as well.
-    """
+    """Return the most complete search that takes seconds; Newton starts ``around`` states, too."""
     search = _most_complete(system, interval, around)
     is_costly = isinstance(system, SlicewiseLinearSystem) and not isinstance(search, MultiStart)
     return _from_many(around) + search if system.unique and is_costly else search

@@ -60,13 +60,7 @@ MOVED_ASIDE = 1e-3
 
 @final
 class Pursuit:
-    """Pursuits of solutions of a system.
-
-    Attributes
-    ----------
-    iterations : int
-        Number of Newton iterations taken so far.
-    """
+    """Pursuits of solutions of a system, and the number of Newton ``iterations`` so far."""
 
     def __init__(
         self, system: PiecewiseSystem, metric: Metric, interval: tuple[float, float]

@@ -152,13 +152,7 @@ class CombinedSearch(Search):
 
 
 def scope_of(search: Search, system: PiecewiseSystem) -> SearchScope:
-    """Return the scope of a search for a system.
-
-    Raises
-    ------
-    InvalidInputError
-        If ``searched`` returns something else than a :class:`~pwscont.extending.SearchScope`.
-    """
+    """Return the scope of a search for a system, or refuse what is no SearchScope."""
     scope = search.searched(system)
     if not isinstance(scope, SearchScope):
         raise InvalidInputError(
@@ -175,13 +169,7 @@ def starts_of(
     interval: tuple[float, float],
     known: KnownBranches,
 ) -> Iterator[Found]:
-    """Yield what a search finds beside known branches.
-
-    Raises
-    ------
-    InvalidInputError
-        If the search yields something else than starts; the message names the search.
-    """
+    """Yield what a search finds beside known branches, or refuse what is no start, by name."""
     what = f"{type(search).__name__}.starts"
     found = search.starts_beside(system, metric, interval, known)
     if not isinstance(found, Iterable):

@@ -85,13 +85,7 @@ class Standing:
 
     @classmethod
     def of(cls, system: PiecewiseSystem, metric: Metric, x: Array, error: Array) -> Standing:
-        """Return where a solution stands.
-
-        Raises
-        ------
-        InvalidSystemError
-            If a test is not finite there.
-        """
+        """Return where a solution stands; refuse tests that are not finite."""
         tests = np.array(system.test_functions(x[:-1], float(x[-1])), dtype=float)
         if len(tests) and not are_finite(tests):
             raise InvalidSystemError(

@@ -150,10 +150,7 @@ ALL_BOUNDS = slice(None)
 
 @final
 class Bounds(TransitionDetector):
-    """Watches z - lower and upper - z for all finite bounds.
-
-    ``names``: the names of the unknowns.
-    """
+    """Watches z - lower and upper - z for all finite bounds of named unknowns."""
 
     is_affine = True
 

@@ -386,12 +386,7 @@ class Events:
         return _named(self.events)
 
     def begun(self, arrival: SpecialPointFound) -> SpecialPointFound:
-        """Return the start of a component; refuse events that are zero all around the start.
-
-        Raises
-        ------
-        InvalidInputError
-        """
+        """Return the start of a component; refuse events that are zero all around the start."""
         for event in self.events:
             if arrival.rays and event.is_zero_around(arrival.rays[0]):
                 raise InvalidInputError(ALWAYS.format(event.name, arrival.x[-1]))

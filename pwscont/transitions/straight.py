@@ -216,10 +216,7 @@ def _entered(
 
 @final
 class Gradients:
-    """The gradients of all tests of a piecewise-linear system, which are constant.
-
-    The system is asked at the point ``x``.
-    """
+    """The gradients of all tests of a piecewise-linear system, asked for at ``x``."""
 
     def __init__(self, curve: Curve, x: Array) -> None:
         self._system, self._scale = curve.selection.system, curve.metric.scale

@@ -78,13 +78,7 @@ class UserEvent:
     shown: int | None = None
 
     def value(self, x: Array) -> float:
-        """Return g(z, alpha).
-
-        Raises
-        ------
-        InvalidInputError
-            If the function fails, or returns no finite number.
-        """
+        """Return g(z, alpha); refuse a function that fails, or returns no finite number."""
 
         def number(z: Array, alpha: float) -> Any:
             given = self.function(z, alpha)

@@ -90,11 +90,7 @@ class Readings:
 
 @final
 class Watch:
-    """All detectors of a run.
-
-    ``detectors``: all detectors, in the order in which their functions are numbered.
-    ``added``: those detectors that a user gave.
-    """
+    """All detectors of a run, in order; the ``added`` detectors are those that a user gave."""
 
     def __init__(
         self, detectors: Sequence[TransitionDetector], added: Sequence[TransitionDetector] = ()
@@ -122,13 +118,7 @@ class Watch:
         return Readings.of(parts)
 
     def first(self, curve: Curve, state: State) -> Readings:
-        """Return what all detectors read where a piece begins, and check users' detectors.
-
-        Raises
-        ------
-        InvalidInputError
-            If a detector returns something else than the contract says.
-        """
+        """Return what all detectors read where a piece begins; refuse wrong readings of users."""
         for detector in self._added:
             part = detector.read(curve, state)
             if not isinstance(part, Reading):
@@ -168,12 +158,7 @@ class Watch:
         return Readings.of(parts)
 
     def check(self, start: Readings, end: Readings) -> None:
-        """Refuse detectors whose number of functions changed, or whose values are nan.
-
-        Raises
-        ------
-        InvalidInputError
-        """
+        """Refuse detectors whose number of functions changed, or whose values are nan."""
         parts = zip(self._detectors, start.parts, end.parts, strict=True)
         for detector, first, last in parts:
             if len(first.values) != len(last.values):

@@ -136,19 +136,9 @@ def _in_parts(corner: Corner) -> ConeProblem | None:
 
 
 def index_along(ray: Ray, zero: frozenset[int]) -> int:
-    """Return the index of the solutions on a ray from a point where the tests ``zero`` vanish.
+    """Return the index of a ray along interfaces, from where the tests ``zero`` vanish.
 
-    Parameters
-    ----------
-    ray : Ray
-        A ray along interfaces.
-    zero : frozenset of int
-        All tests that vanish where the ray starts; tests that grow along the ray choose no cell.
-
-    Returns
-    -------
-    int
-        The sum of the signs of det(dH/dz) over the solutions nearby, when H is changed a little.
+    Tests that grow along the ray choose no cell.
     """
     near = _beside(ray, zero)
     size = abs(ray.curve.selection.jacobian(near.x)) @ near.metric.scale

@@ -100,13 +100,7 @@ def _verified(paths: Paths, character: Character, direction: Array) -> Direction
 
 @final
 class Paths:
-    """The paths of H'(x; d) = e at a corner, for generic e.
-
-    Attributes
-    ----------
-    crossings : int
-        The interfaces crossed so far, on all paths.
-    """
+    """The paths of H'(x; d) = e at a corner, for generic e, and all ``crossings``."""
 
     def __init__(self, corner: Corner) -> None:
         self.corner, self.crossings = corner, 0
@@ -142,17 +136,8 @@ class Paths:
     def across(self, ray: Array, away: Array) -> tuple[Character, Array] | None:
         """Follow the path beside a ray, from far out towards the corner and on to the other end.
 
-        Parameters
-        ----------
-        ray : ndarray, shape (n + 1,)
-            Leads away from the corner.
-        away : ndarray, shape (n + 1,)
-            A generic direction, to the side of which the path lies.
-
-        Returns
-        -------
-        (Character, ndarray) or None
-            The last cell, and the direction of the path there.
+        The path lies to the side of the generic direction ``away``. Return the last cell, and the
+        direction of the path there.
         """
         slopes, values = self._gradients.matrix @ ray, self._gradients.matrix @ away
         steep = np.abs(slopes) > np.sqrt(EPS) * (self._gradients.magnitudes @ np.abs(ray))
