@@ -63,7 +63,7 @@ BUDGET = {
     "notation": (13, 2910),
     "curve": (15, 3090),
     "enumeration": (11, 2630),
-    "transitions": (15, 3970),
+    "transitions": (15, 3960),
     "graph": (10, 3110),
     "search": (9, 1950),
     "continuation": (9, 3350),

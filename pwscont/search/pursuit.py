@@ -60,7 +60,7 @@ MOVED_ASIDE = 1e-3
 
 @final
 class Pursuit:
-    """Pursuits of solutions of a system, and the number of Newton ``iterations`` so far."""
+    """Pursuits of solutions of a system."""
 
     def __init__(
         self, system: PiecewiseSystem, metric: Metric, interval: tuple[float, float]
@@ -68,7 +68,6 @@ class Pursuit:
         self._system, self._metric, self._scale = system, metric, metric.scale
         self._interval = interval
         self._ends = interval[0] / metric.width, interval[1] / metric.width
-        self.iterations = 0
 
     def at_alpha(self, y: Array, known: Sequence[Array]) -> tuple[Array, bool]:
         """Return where Newton's method at fixed alpha leads, and whether a solution is there."""
@@ -179,7 +178,6 @@ class Pursuit:
     def _linear(self, y: Array) -> tuple[Array, Array] | None:
         """Return scaled residual and Jacobian; None if H is not finite, or outside the interval."""
         check_budget()
-        self.iterations += 1
         z, alpha = self._place(y)
         if not self._has(alpha):
             return None

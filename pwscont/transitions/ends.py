@@ -145,7 +145,6 @@ def points_inside(ray: Ray, lo: float, hi: float) -> bool:
 
 #: On curved pieces a slope below this, relative to typical magnitudes, is an error of the tangent.
 LEVEL_SLOPE = EPS**0.5
-ALL_BOUNDS = slice(None)
 
 
 @final
@@ -165,7 +164,7 @@ class Bounds(TransitionDetector):
         """Return the distances to the bounds; the distance to a bound at the state is positive."""
         values, slopes = self._distances(state), self._side * state.tangent[self._which]
         on = self._is_on(curve, state)
-        values[on] = self._rounding(curve, on)
+        values[on] = self._rounding(curve)[on]
         slopes[on & (np.abs(slopes) <= self._level(curve, state))] = 0.0
         return Reading(values, slopes)
 
@@ -184,9 +183,9 @@ class Bounds(TransitionDetector):
             on |= doubtful & (off <= CONFIDENCE * (error + rounding))
         return on
 
-    def _rounding(self, curve: Curve, some: Signs | slice = ALL_BOUNDS) -> Array:
+    def _rounding(self, curve: Curve) -> Array:
         """Return the rounding of distances to bounds."""
-        rounding: Array = EPS * (curve.metric.scale[self._which] + np.abs(self._limit))[some]
+        rounding: Array = EPS * (curve.metric.scale[self._which] + np.abs(self._limit))
         return rounding
 
     def _level(self, curve: Curve, state: State) -> Array:
