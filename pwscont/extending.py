@@ -67,8 +67,14 @@ from pwscont.system.box import Box
 from pwscont.system.contract import checked_magnitudes, jacobian_at, residual_at
 from pwscont.system.differences import Differences
 from pwscont.system.selection import Selection
-from pwscont.transitions.detector import Reading, SpecialPointFound, TransitionDetector
-from pwscont.transitions.location import locate_point, locate_sign_change, locate_zero
+from pwscont.transitions.detector import (
+    Reading,
+    SpecialPointFound,
+    TransitionDetector,
+    locate_point,
+    locate_sign_change,
+    locate_zero,
+)
 from pwscont.transitions.rays import Ray
 
 if TYPE_CHECKING:

@@ -59,15 +59,15 @@ LONGEST_FILE = 500
 BUDGET = {
     "basics": (10, 1170),
     "intervals": (3, 380),
-    "system": (9, 2180),
-    "linear": (12, 1830),
+    "system": (9, 2200),
+    "linear": (11, 1690),
     "notation": (13, 2910),
-    "curve": (17, 3495),
-    "enumeration": (11, 2980),
-    "transitions": (18, 4420),
+    "curve": (15, 3200),
+    "enumeration": (11, 2630),
+    "transitions": (15, 3960),
     "graph": (10, 2770),
-    "search": (11, 2215),
-    "continuation": (9, 3330),
+    "search": (9, 1960),
+    "continuation": (9, 3380),
     "kit": (4, 940),
     "proof": (13, 1985),
     "exact": (5, 820),
@@ -80,7 +80,7 @@ BUDGET = {
     "commands": (10, 1150),
 }
 #: Most files and classes of pwscont that the README's arch meets: bounds to lower, not to raise.
-MOST_FILES_MET, MOST_CLASSES_MET = 54, 74
+MOST_FILES_MET, MOST_CLASSES_MET = 52, 74
 
 
 def module_of(path):

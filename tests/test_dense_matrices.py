@@ -8,7 +8,7 @@ from pwscont import PiecewiseLinearSystem, trace
 from pwscont.basics.rounding import EPS
 from pwscont.linear.factor import power_of_two
 from pwscont.linear.factorise import bordered, factor, inner
-from pwscont.linear.updates import TOGETHER, ProductForm
+from pwscont.linear.updates import MOST_CHANGES_KEPT, ProductForm
 from pwscont.linear.vectors import Rows
 
 pytestmark = pytest.mark.sweep(2)  # the others take too long for the README's command
@@ -94,7 +94,7 @@ def changed(seed, smallest):
     made = ProductForm(factor(first.copy(), np.ones(n)), n)
     matrix, undone, units = first.copy(), [], np.eye(n)
     rounding = EPS * np.linalg.cond(first) ** 2
-    for _ in range(TOGETHER):
+    for _ in range(MOST_CHANGES_KEPT):
         row, difference = int(rng.integers(n)), rng.normal(size=n)
         w = made.solve(units[row])
         if undone and rng.random() < 0.4:
@@ -115,7 +115,7 @@ def test_changes_lead_to_the_matrix_as_it_is(seed):
     """Solutions, also with the transposed matrix."""
     matrix, made, bound = changed(seed, 1e-3)
     rng = np.random.default_rng(seed)
-    assert made.count > TOGETHER // 2
+    assert made.count > MOST_CHANGES_KEPT // 2
     rhs = rng.normal(size=(3, len(matrix)))
     exact = np.linalg.solve(matrix, rhs.T).T
     for solved in (made.solve_all(rhs), [made.solve(one) for one in rhs]):

@@ -21,8 +21,8 @@ from pwscont import (
 )
 from pwscont.basics.errors import InvalidInputError
 from pwscont.curve.metric import Metric
-from pwscont.enumeration import solve_slice
 from pwscont.enumeration.options import Option, Problem
+from pwscont.enumeration.slices import solve_slice
 from pwscont.enumeration.tree import leaves
 
 pytestmark = pytest.mark.sweep(2)  # the others take too long for the README's command

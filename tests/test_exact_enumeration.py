@@ -17,7 +17,7 @@ from pwscont import (
 )
 from pwscont.bench.truth.rational import solve
 from pwscont.curve.metric import Metric
-from pwscont.enumeration import solve_exactly
+from pwscont.enumeration.exact import solve_exactly
 
 
 class Complementarity(PiecewiseLinearSystem):

@@ -15,7 +15,7 @@ from pwscont import Character, PseudoArclength, trace
 from pwscont.basics.arrays import dense
 from pwscont.graph.records import Place, first_digits, from_first_digits
 from pwscont.linear.banded import BandLU
-from pwscont.linear.dense import DenseLU
+from pwscont.linear.factor import DenseLU
 from pwscont.linear.factorise import factor, power_of_two
 from pwscont.linear.sparse import SparseLU
 from pwscont.linear.updates import RowSolver

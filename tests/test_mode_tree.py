@@ -13,10 +13,11 @@ from scipy.optimize import linprog
 
 from pwscont import enumerate_solutions
 from pwscont.curve.metric import Metric
-from pwscont.enumeration import solve_slice, tree
+from pwscont.enumeration import tree
 from pwscont.enumeration.choices import SLACK, Subspace
 from pwscont.enumeration.options import reduce
 from pwscont.enumeration.simplex import NOT_NEGATIVE, NOT_POSITIVE, Forms, feasible, first_vertex
+from pwscont.enumeration.slices import solve_slice
 from pwscont.enumeration.tree import OPEN, leaves
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))

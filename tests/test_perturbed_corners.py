@@ -7,9 +7,9 @@ import pytest
 
 from pwscont import Block, PiecewiseLinearSystem, trace
 from pwscont.curve.metric import Metric
-from pwscont.transitions.corner.cells import Corner
 from pwscont.transitions.corner.enumeration import rays_cell_by_cell
 from pwscont.transitions.corner.perturbation import rays_by_perturbation
+from pwscont.transitions.rays import Corner
 
 
 class Cone(PiecewiseLinearSystem):

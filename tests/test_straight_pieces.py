@@ -12,9 +12,9 @@ from random_bodies import contact_body, random_body
 from pwscont import InvalidSystemError, PiecewiseLinearSystem, trace
 from pwscont.basics.rounding import CONFIDENCE
 from pwscont.bench.calls import counted
-from pwscont.curve import straight
 from pwscont.linear.updates import ProductForm
-from pwscont.transitions.detector import FARTHEST_ZERO, soonest
+from pwscont.transitions import straight
+from pwscont.transitions.detector import FARTHEST_ZERO, ratio_test
 
 pytestmark = pytest.mark.sweep(2)  # the others take too long for the README's command
 
@@ -240,11 +240,8 @@ def test_the_function_that_falls_to_zero_first(seed):
             for value, slope in zip(values.tolist(), slopes.tolist(), strict=True)
         ]
         with np.errstate(over="ignore"):  # as in a run
-            first, distance = soonest(values, slopes)
+            found = ratio_test(values, slopes)
+        first, distance = int(found.argmin()), found.min()
         least = min(distances) if min(distances) <= FARTHEST_ZERO else np.inf
         assert distance == pytest.approx(least, rel=1e-15, abs=1e-280)
         assert distance == np.inf or distances[first] == distance
-
-
-def test_no_function_falls_first_where_there_is_none():
-    assert soonest(np.zeros(0), np.zeros(0)) == (0, np.inf)

@@ -8,9 +8,8 @@ from sweeps import swept
 
 from pwscont import explore, trace
 from pwscont.curve.metric import Metric
-from pwscont.transitions.corner.cells import Corner
 from pwscont.transitions.corner.enumeration import rays_of_slices
-from pwscont.transitions.rays import vanishing
+from pwscont.transitions.rays import Corner, vanishing
 
 INTERVAL = (-2.0, 2.0)
 

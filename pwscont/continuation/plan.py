@@ -21,7 +21,7 @@ from pwscont.curve.pseudo_arclength import PseudoArclength
 from pwscont.curve.stepper import Stepper
 from pwscont.curve.steppers import ExactLinear
 from pwscont.graph import BranchGraph
-from pwscont.linear.threads import FACTORISED, MULTIPLIED, few_threads
+from pwscont.linear.threads import MOST_FACTORISED, MOST_MULTIPLIED, few_threads
 from pwscont.search import Search
 from pwscont.search.default_search import default_search
 from pwscont.search.search import scope_of
@@ -187,8 +187,8 @@ class Plan:
     def few_threads(self) -> AbstractContextManager[Any]:
         """Let BLAS use as few threads as are fast for the steps of the stepper."""
         if isinstance(self.stepper, ExactLinear):
-            return few_threads(self.followed.size, MULTIPLIED)
-        return few_threads(self.followed.size, FACTORISED, few=0)
+            return few_threads(self.followed.size, MOST_MULTIPLIED)
+        return few_threads(self.followed.size, MOST_FACTORISED, few=0)
 
 
 def checked_detectors(

@@ -44,13 +44,13 @@ from pwscont.curve.error_samples import Found, has_digits, is_inside
 from pwscont.curve.looks import gap_of
 from pwscont.curve.magnitudes import Gauge, MisjudgedError
 from pwscont.curve.metric import Metric
+from pwscont.enumeration.continua import find_continua
 from pwscont.graph import BranchGraph
 from pwscont.graph.queries import joined
 from pwscont.graph.records import Solution, Stretch
 from pwscont.graph.structure import NOT_SEARCHED
 from pwscont.system.box import Box
 from pwscont.system.selection import Selection
-from pwscont.transitions.continuum import filled_parts
 from pwscont.transitions.departures import Standing
 from pwscont.transitions.detector import SpecialPointFound
 from pwscont.transitions.ends import ended
@@ -169,7 +169,7 @@ def _infinite(plan: Plan, discovery: Discovery, is_part: bool) -> tuple[Stretch,
         return ()
     alphas = [*plan.interval, *(node.place.alpha for node in nodes)]
     one_of_many = [node.place.x for node in nodes if node.message == FILL_CURVES]
-    return joined(filled_parts(plan.followed, plan.metric, alphas, one_of_many), alphas)
+    return joined(find_continua(plan.followed, plan.metric, alphas, one_of_many), alphas)
 
 
 def _is_sign(node: Node) -> bool:

@@ -8,16 +8,14 @@ block belong to a single part, except tests that depend on earlier parts alone.
 For each solution of the parts before, a part is a small slice, which is solved like any slice. The
 error of the solution before enters the slice as an uncertainty of the constants. A part with a
 single unknown is solved mode by mode, by a division: in a chain of such parts magnitudes may fall
-from part to part until no typical magnitude can be told, and a division needs none.
+from part to part until no typical magnitude can be told.
 
 Failure modes and answers
 -------------------------
-- An entry vanishes by chance in the mode evaluated, and not elsewhere: an entry counts if any mode
-  has a nonzero value there, and only inequalities that a part really decides cut off cells.
-- Rows and unknowns that cannot be paired, as in a system with a singular structure, and blocks
-  without rows: the whole system is a single part.
-- A part is singular in some cell, or cannot be decided: nothing is returned, and the whole slice is
-  solved at once, as far as there are not too many cells.
+- An entry vanishes by chance in the mode evaluated: an entry counts if any mode has a nonzero
+  value there, and only inequalities that a part really decides cut off cells.
+- Rows and unknowns cannot be paired, or blocks have no rows: the whole system is a single part.
+- A part is singular in some cell, or cannot be decided: the whole slice is solved at once.
 - A solution lies on interfaces of many parts: the cells of the solution are all combinations of the
   parts' cells, each made when the cell is needed.
 - A solution found part by part is wrong for the whole: the solution is refined in the whole system,
@@ -54,30 +52,18 @@ Pattern = npt.NDArray[np.bool_]
 @final
 @dataclass(frozen=True, slots=True, eq=False)
 class Part:
-    """Rows and unknowns that depend on each other.
+    """Rows and unknowns that depend on each other."""
 
-    Attributes
-    ----------
-    rows, unknowns : ndarray of int, shape (k,)
-    blocks : tuple of int
-        The blocks with rows in the part; empty for a linear part.
-    """
-
-    rows: Indices
+    rows: Indices  # shape (k,)
     unknowns: Indices
-    blocks: tuple[int, ...]
+    blocks: tuple[int, ...]  # the blocks with rows in the part; empty for a linear part
 
 
 def parts_of(pattern: Pattern, tests: Pattern, blocks: Sequence[Block]) -> list[Part]:
     """Return the parts of a system, each part after the parts on which the part depends.
 
-    Parameters
-    ----------
-    pattern : ndarray of bool, shape (n, n)
-        Which unknowns stand in which rows, in any mode.
-    tests : ndarray of bool, shape (m, n)
-        Which unknowns stand in which test functions.
-    blocks : sequence of Block
+    ``pattern``, shape (n, n): which unknowns stand in which rows, in any mode.
+    ``tests``, shape (m, n): which unknowns stand in which test functions.
     """
     n = len(pattern)
     whole = [Part(np.arange(n), np.arange(n), tuple(range(len(blocks))))]
@@ -119,11 +105,11 @@ def most_cells(parts: Sequence[Part], blocks: Sequence[Block]) -> int:
 
 
 #: Constants below this fraction of typical constants are as good as zero: typical magnitudes stay.
-TINY = 1e-150
+TINY_CONSTANTS = 1e-150
 #: Most cells of a solution that are listed.
-MOST_LISTED = 4**6
+MOST_CELLS_LISTED = 4**6
 #: Most cells of a part that is checked for regularity, to bound the time.
-MOST_CELLS = 4**6
+MOST_CELLS_CHECKED = 4**6
 
 
 def parts_of_table(table: Table) -> list[Part]:
@@ -135,23 +121,13 @@ def parts_of_table(table: Table) -> list[Part]:
 @final
 @dataclass(frozen=True, slots=True, eq=False)
 class Partial:
-    """A solution of some parts.
+    """A solution of some parts."""
 
-    Attributes
-    ----------
-    z : ndarray, shape (n,)
-        Zero for the unknowns of later parts.
-    error : ndarray, shape (k, n)
-        Samples of the error of z.
-    cells : tuple of sequence of Character
-        For each part the cells of that part in whose closure the solution lies.
-    in_doubt : bool
-        Whether rounding leaves open, in some part, in which cells the solution lies.
-    """
-
-    z: Array
-    error: Array
+    z: Array  # zero for the unknowns of later parts, shape (n,)
+    error: Array  # samples of the error of z, shape (k, n)
+    #: For each part the cells of that part in whose closure the solution lies.
     cells: tuple[Sequence[Character], ...] = ()
+    #: Whether rounding leaves open, in some part, in which cells the solution lies.
     in_doubt: bool = False
 
     def with_part(self, part: Part, point: Point) -> Partial:
@@ -166,14 +142,7 @@ class Partial:
 
 @final
 class PartSlice(SlicewiseLinearSystem):
-    """A part of a slice, where all parts before have a known solution.
-
-    Parameters
-    ----------
-    table : Table
-    part : Part
-    before : Partial
-    """
+    """A part of a slice, where all parts before have a known solution."""
 
     def __init__(self, table: Table, part: Part, before: Partial) -> None:
         self.size = len(part.unknowns)
@@ -241,16 +210,19 @@ class PartSlice(SlicewiseLinearSystem):
         matrices, values = zip(*self._rows, strict=True)
         return _in_modes(matrices, rows, modes), _in_modes(values, rows, modes)
 
-    def scalar_row(self, character: Character) -> tuple[float, float, Array]:
-        """Return slope and value at zero of the only row of a cell, and samples of the error."""
-        matrix, values = self._in_cell(character)
+    def scalar_root(self, character: Character, scale: float) -> _Root | None:
+        """Solve a mode for the only unknown; None if the mode leaves the unknown free."""
+        matrix, constants = self._in_cell(character)
+        slope = float(matrix[0, self.unknowns[0]])
+        if slope == 0.0:
+            return None
+        x = -float(constants[0]) / slope
         errors = np.append(self._before.error @ matrix[0], EPS * self._terms[0])
-        return float(matrix[0, self.unknowns[0]]), float(values[0]), errors
-
-    def scalar_tests(self) -> tuple[Array, Array, Array]:
-        """Return slopes and values at zero of all tests, and :meth:`inherited_slack`."""
-        gradients: Array = self._all_gradients[:, self.unknowns[0]]
-        return gradients, self._values, self.inherited_slack()
+        error = np.append(errors / slope, EPS * abs(x))
+        gradients = self._all_gradients[:, self.unknowns[0]]
+        off = EPS * np.abs(gradients * x) + np.abs(gradients) * float(np.hypot.reduce(error))
+        slack = CONFIDENCE * (off + self.inherited_slack()) + EPS * scale * np.abs(gradients)
+        return _Root(x, error, 1 if slope > 0.0 else -1, gradients * x + self._values, slack)
 
     def inherited_error(self, root: Root, character: Character) -> Array:
         """Return the errors of a root by the errors of the parts before, shape (k, size + 1)."""
@@ -265,27 +237,14 @@ class PartSlice(SlicewiseLinearSystem):
         return slack
 
     def magnitudes(self, scale: Array) -> Array:
-        """Return typical magnitudes of the unknowns, small where the constants of the part are.
-
-        Parameters
-        ----------
-        scale : ndarray, shape (size,)
-            Typical magnitudes in the system.
-        """
+        """Return typical magnitudes of the unknowns, small where the constants of the part are."""
         usual = np.abs(self._rows[0][0][:, self.unknowns]) @ scale
         part = float((self._terms / np.where(usual > 0.0, usual, 1.0)).max(initial=0.0))
-        return scale * part if TINY < part < 1.0 else scale
+        return scale * part if TINY_CONSTANTS < part < 1.0 else scale
 
 
 def solve_scalar(part: PartSlice, scale: float) -> Slice | None:
-    """Return all solutions of a part with a single unknown; None if a mode leaves the unknown free.
-
-    Parameters
-    ----------
-    part : PartSlice
-    scale : float
-        The typical magnitude of the unknown.
-    """
+    """Return all solutions of a part with one unknown; None if a mode leaves the unknown free."""
     modes = part.blocks()[0].modes if part.blocks() else ((),)
     found: list[_Root] = []
     for character in map(Character, modes):
@@ -293,7 +252,7 @@ def solve_scalar(part: PartSlice, scale: float) -> Slice | None:
         side = character.array[tests]
         known = next((root for root in found if root.lies_in(tests, side)), None)
         if known is None:
-            known = _Root.of(part, character, scale)
+            known = part.scalar_root(character, scale)
             if known is None:
                 return None
             if not known.lies_in(tests, side):
@@ -307,28 +266,15 @@ def solve_scalar(part: PartSlice, scale: float) -> Slice | None:
 @final
 @dataclass(slots=True, eq=False)
 class _Root:
-    """The solution of a mode, the values of all tests there, and the errors of the values."""
+    """The solution of a mode."""
 
     x: float
     error: Array
     sign: int
-    tests: Array
-    slack: Array
+    tests: Array  # the values of all tests
+    slack: Array  # the errors of these values
     cells: list[Character] = field(default_factory=list)
     in_doubt: bool = False
-
-    @classmethod
-    def of(cls, part: PartSlice, character: Character, scale: float) -> _Root | None:
-        """Solve a mode; None if the equation of the mode does not depend on the unknown."""
-        slope, value, errors = part.scalar_row(character)
-        if slope == 0.0:
-            return None
-        x = -value / slope
-        error = np.append(errors / slope, EPS * abs(x))
-        gradients, values, inherited = part.scalar_tests()
-        off = EPS * np.abs(gradients * x) + np.abs(gradients) * float(np.hypot.reduce(error))
-        slack = CONFIDENCE * (off + inherited) + EPS * scale * np.abs(gradients)
-        return cls(x, error, 1 if slope > 0.0 else -1, gradients * x + values, slack)
 
     def lies_in(self, tests: Indices, side: Signs, inside: bool = False) -> bool:
         """Tell whether the solution lies in a closed cell, or certainly inside."""
@@ -347,13 +293,8 @@ class _Root:
 class Cells(Sequence[Character]):
     """All combinations of the cells of parts, each combination made when taken.
 
-    Parameters
-    ----------
-    tests : list of tuple of int
-        For each part, the numbers of the part's tests in the whole system.
-    cells : list of sequence of Character
-    size : int
-        Number of tests of the system.
+    ``tests``: for each part, the numbers of the part's tests in the whole system.
+    ``size``: number of tests of the system.
     """
 
     def __init__(
@@ -366,7 +307,7 @@ class Cells(Sequence[Character]):
 
     def listed(self) -> tuple[Character, ...]:
         """Return all cells; if too many, the cells that differ from the first in a single part."""
-        if len(self) <= MOST_LISTED:
+        if len(self) <= MOST_CELLS_LISTED:
             return tuple(self)
         found, stride = [self[0]], 1
         for cells in self._cells:
@@ -393,15 +334,7 @@ class Cells(Sequence[Character]):
 def solve_parts(
     table: Table, parts: Sequence[Part], solve: Callable[[PartSlice], Slice]
 ) -> list[Partial] | None:
-    """Return the solutions of all parts together, None where a part cannot be decided.
-
-    Parameters
-    ----------
-    table : Table
-    parts : sequence of Part
-    solve : callable
-        Solves the slice of a part.
-    """
+    """Return the solutions of all parts together, None where a part cannot be decided."""
     n = len(table.rows[0][1])
     found = [Partial(np.zeros(n), np.zeros((1, n)))]
     for part in parts:
@@ -433,14 +366,16 @@ def is_regular(table: Table, parts: Sequence[Part], scale: Array) -> bool:
 def _is_regular(table: Table, part: Part, scale: Array) -> bool:
     blocks = [table.blocks[i] for i in part.blocks]
     modes = [range(len(block.modes)) for block in blocks]
-    if prod(map(len, modes)) > MOST_CELLS:
+    if prod(map(len, modes)) > MOST_CELLS_CHECKED:
         return False
     matrices = [J[np.ix_(part.rows, part.unknowns)] * scale[part.unknowns] for J, _ in table.rows]
     place = {int(row): i for i, row in enumerate(part.rows)}
     rows = [[place[row] for row in block.rows] for block in blocks]
     for picks in product(*modes):
         matrix = _in_modes(matrices, rows, picks)
-        if np.linalg.matrix_rank(_unit_rows(matrix), tol=GUARD * EPS * len(matrix)) < len(matrix):
+        sizes = np.abs(matrix).max(axis=1, keepdims=True)
+        unit = matrix / np.where(sizes > 0.0, sizes, 1.0)
+        if np.linalg.matrix_rank(unit, tol=GUARD * EPS * len(matrix)) < len(matrix):
             return False
     return True
 
@@ -453,9 +388,3 @@ def _in_modes(
     for block, mode in zip(rows, modes, strict=True):
         chosen[list(block)] = wholes[mode][list(block)]
     return chosen
-
-
-def _unit_rows(matrix: Array) -> Array:
-    sizes = np.abs(matrix).max(axis=1, keepdims=True)
-    unit: Array = matrix / np.where(sizes > 0.0, sizes, 1.0)
-    return unit

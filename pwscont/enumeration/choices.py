@@ -6,15 +6,14 @@ cut off because a point lies in the cells of all choices.
 
 Failure modes and answers
 -------------------------
-- Equations of a block depend on equations decided before: the factorisation of the block's
-  equations, on the orthonormal basis of the subspace that is left, finds the dependence, and the
-  choice leaves the batch. A cell without a unique point is handed on as a subspace, not solved.
+- Equations of a block depend on equations decided before: the factorisation on the orthonormal
+  basis of the subspace that is left finds the dependence, and the choice leaves the batch. A cell
+  without a unique point is handed on as a subspace, not solved.
 - A pivot is rounding that has grown above what is negligible: exact elimination of the equations
   decides about every pivot that small.
 - A solution on the very boundary of a cell must not be cut off: inequalities that cut off choices
-  are relaxed by SLACK, far above rounding; the caller decides exactly, from a refined solution.
-- Ill-conditioned equations have solutions with far larger errors: the growth of rounding is carried
-  along with each choice, and the slack grows with the growth of rounding.
+  are relaxed by SLACK, far above rounding, and by more where ill-conditioned equations make it
+  grow. The caller decides exactly, from a refined solution.
 """
 
 from __future__ import annotations
@@ -25,7 +24,6 @@ from functools import partial
 from typing import Any, final
 
 import numpy as np
-import numpy.typing as npt
 
 from pwscont.basics.arrays import Array, Indices
 from pwscont.basics.budget import check_budget
@@ -44,23 +42,16 @@ class Choices:
     """Choices of options for the first m blocks, with the points that satisfy the equations.
 
     The points of choice i are ``starts[i] + directions[i] @ s``.
-
-    Attributes
-    ----------
-    picks : ndarray of int, shape (m, N)
-        Which option of each block every choice takes.
-    starts : ndarray, shape (N, d)
-    directions : ndarray, shape (N, d, q)
-        All choices have the same q: 0 once all blocks are decided, except in singular cells.
-    growth : ndarray, shape (N,)
-        By how much rounding may have grown in the starts: the worst condition of the equations of
-        a block on the subspace left to the block. (The product over all blocks would be a bound,
-        so large that nothing would be cut off.)
     """
 
-    picks: Indices
-    starts: Array
+    picks: Indices  # which option of each block every choice takes, shape (m, N)
+    starts: Array  # shape (N, d)
+    #: All choices have the same q: 0 once all blocks are decided, except in singular cells, shape
+    #: (N, d, q).
     directions: Array
+    #: Shape (N,): by how much rounding may have grown in the starts: the worst condition of the
+    #: equations of a block on the subspace left to the block. (The product over all blocks would be
+    #: a bound, so large that nothing would be cut off.).
     growth: Array
 
     def __len__(self) -> int:
@@ -138,16 +129,7 @@ def is_near(pivots: Array, matrix: Array) -> Any:
 
 
 def together(problem: Problem, chosen: tuple[int, ...], space: Subspace) -> Iterator[Choices]:
-    """Decide all remaining blocks, block after block, for all choices at once.
-
-    Parameters
-    ----------
-    problem : Problem
-    chosen : tuple of int
-        The options of the first blocks.
-    space : Subspace
-        The points that satisfy the equations of the options.
-    """
+    """Decide all blocks after the chosen options, which leave a space, for all choices at once."""
     picks = np.array(chosen, dtype=np.intp)[:, np.newaxis]
     growth = np.array([space.growth])
     choices = Choices(picks, space.start[np.newaxis], space.directions[np.newaxis], growth)
@@ -164,13 +146,13 @@ def together(problem: Problem, chosen: tuple[int, ...], space: Subspace) -> Iter
 def _spread(
     problem: Problem, choices: Choices, options: Sequence[Option]
 ) -> tuple[Choices, Iterator[tuple[tuple[int, ...], Subspace]]]:
-    """Impose every option of a further block on every choice.
+    """Impose every option of a further block on every choice, as far as equations are independent.
 
-    Returns the choices whose new equations are independent of the old equations, and for each
-    dependent choice the picks with the subspace before the last pick.
+    Of each dependent choice return the picks with the subspace before the last pick.
     """
-    matrices, values = _equations(choices, options)
-    k = values.shape[-1]
+    E, e = np.stack([option.E for option in options]), np.stack([option.e for option in options])
+    matrices = E @ choices.directions[:, np.newaxis]  # shape (N, options, k, q)
+    values, k = np.tensordot(choices.starts, E, (1, 2)) + e, e.shape[-1]
     Q, R = np.linalg.qr(np.swapaxes(matrices, -1, -2), mode="complete")
     R = np.swapaxes(R[..., :k, :], -1, -2)
     pivots = np.abs(np.diagonal(R, axis1=-2, axis2=-1))
@@ -186,23 +168,12 @@ def _spread(
     worst = 1.0 / pivots[regular].min(axis=-1, initial=1.0)
     growth = np.maximum(choices.growth[parents], worst)
     spread = Choices(picks, starts, directions @ Q[..., k:], growth)
-    return spread, _dependent(choices, regular)
-
-
-def _equations(choices: Choices, options: Sequence[Option]) -> tuple[Array, Array]:
-    """Return E @ directions, (N, options, k, q), and E @ start + e, (N, options, k)."""
-    E, e = np.stack([option.E for option in options]), np.stack([option.e for option in options])
-    values = np.tensordot(choices.starts, E, (1, 2)) + e
-    return E @ choices.directions[:, np.newaxis], values
-
-
-def _dependent(
-    choices: Choices, regular: npt.NDArray[np.bool_]
-) -> Iterator[tuple[tuple[int, ...], Subspace]]:
-    for parent, option in np.argwhere(~regular):
-        picked = _picked(choices, parent, option)
-        parts = choices.starts[parent], choices.directions[parent], float(choices.growth[parent])
-        yield picked, Subspace(*parts)
+    parts = choices.starts, choices.directions, choices.growth.astype(float)
+    dependent = (
+        (_picked(choices, i, option), Subspace(*(part[i] for part in parts)))
+        for i, option in np.argwhere(~regular)
+    )
+    return spread, dependent
 
 
 def _picked(choices: Choices, parent: int, option: int) -> tuple[int, ...]:
@@ -210,10 +181,7 @@ def _picked(choices: Choices, parent: int, option: int) -> tuple[int, ...]:
 
 
 def _inside(problem: Problem, choices: Choices) -> Choices:
-    """Return the choices whose point satisfies all inequalities, relaxed by SLACK.
-
-    The blocks decided last are tested first, because few choices satisfy these blocks.
-    """
+    """Return the choices whose point satisfies all inequalities, relaxed; few satisfy the last."""
     slack = slack_at(choices.growth) * (1.0 + np.abs(choices.starts).max(axis=1, initial=0.0))
     inside = np.ones(len(choices), dtype=bool)
     for options, picks in zip(problem.blocks[::-1], choices.picks[::-1], strict=True):

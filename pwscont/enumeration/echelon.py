@@ -33,17 +33,15 @@ class Echelon:
 
     def extended(self, rows: Sequence[Row]) -> Echelon | None:
         """Return the echelon with more rows, None for rows that depend on each other."""
-        echelon: Echelon | None = self
-        for row in rows:
-            echelon = echelon._with(row) if echelon else None
+        echelon = self
+        for given in rows:
+            row = echelon.reduced(given)
+            column = next((j for j in range(self.n) if row[j]), None)
+            if column is None:
+                return None
+            known = (*echelon.rows, row), (*echelon.columns, column)
+            echelon = Echelon(self.n, *known, self.level)
         return echelon
-
-    def _with(self, row: Row) -> Echelon | None:
-        row = self.reduced(row)
-        column = next((j for j in range(self.n) if row[j]), None)
-        if column is None:
-            return None
-        return Echelon(self.n, (*self.rows, row), (*self.columns, column), self.level)
 
     def reduced(self, row: Row) -> Row:
         """Return the determinant times a row, less multiples of the eliminated rows.
@@ -67,14 +65,9 @@ class Echelon:
     def solved(self, side: int, D: int | None = None, y: Row | None = None) -> Row:
         """Return y, integers with A y + D b = 0, for the right side b in a given column.
 
-        Parameters
-        ----------
-        side : int
-            The column of b.
-        D : int, optional
-            A multiple of the determinant that makes y integers; default the determinant.
-        y : list of int, optional
-            The unknowns without a pivot, among n; default zeros.
+        ``side``: the column of b.
+        ``D``: a multiple of the determinant that makes y integers; default the determinant.
+        ``y``: the unknowns without a pivot, among n; default zeros.
         """
         D, y = self.determinant if D is None else D, [0] * self.n if y is None else [*y]
         for row, column in zip(self.rows[::-1], self.columns[::-1], strict=True):

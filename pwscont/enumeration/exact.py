@@ -4,25 +4,19 @@ At fixed alpha selections and tests are affine in z with coefficients that are d
 rational. Each row is made a row of integers, and Bareiss's fraction-free elimination (1968) leaves
 integers whose quotients are the solution. Nothing is rounded, whatever the condition, and the sign
 of the determinant is exact as well. Choices of modes share the elimination of the blocks decided
-before.
-
-Refinement with exact residuals would end at the same solution in nearly every cell, but does not
-tell a singular cell from a nearly singular cell, nor on which side of an interface a solution lies
-if the distance is less than rounding.
+before. (Refinement with exact residuals would not tell a singular cell from a nearly singular cell,
+nor the side of an interface if the distance is less than rounding.)
 
 Failure modes and answers
 -------------------------
-- Floating point does not know the solution of a nearly singular cell: the cell is left to exact
-  arithmetic, as is a cell whose solution may be within rounding of an interface.
-- Many cells are looked at in batches, so that memory is bounded.
+- Cells are excluded in doubles, in batches, where floating point is certain: a nearly singular
+  cell, or a solution within rounding of an interface, is left to exact arithmetic.
 - Cost: the integers grow by 53 bits and more for each row, and all cells are tried. Beyond
   MOST_WORK nothing is done, and the caller says so.
 - The system's own numbers are rounded, so that selections agree on an interface to rounding only.
   A solution that close to an interface may lie in two cells: the two points found are merged if the
   errors cover the distance. Or the solution lies in no cell: a cell that misses the cell's solution
-  by no more than the error of the solution is counted as undecided, unless the solution was found
-  in another cell.
-- Cells with infinitely many solutions are counted, not solved.
+  by no more than the error counts as undecided, unless the solution was found in another cell.
 """
 
 from __future__ import annotations
@@ -46,45 +40,33 @@ from pwscont.enumeration.echelon import MOST_WORK, Echelon, Row, integers
 from pwscont.enumeration.options import Table
 from pwscont.enumeration.polyhedron import Point, Slice
 from pwscont.enumeration.slices import tests_of
+from pwscont.linear.factor import sign_of_permutation
 from pwscont.system.selection import Selection
-from pwscont.system.system import Block, PiecewiseSystem, SlicewiseLinearSystem, number_of_cells
+from pwscont.system.system import Block, SlicewiseLinearSystem, number_of_cells
 
 #: Number of cells that are looked at together, to bound memory.
-BATCH = 4**6
+CELLS_AT_ONCE = 4**6
 #: Largest condition of unit rows at which doubles decide: half of all digits are right.
-WORST = EPS**-0.5
+WORST_IN_DOUBLES = EPS**-0.5
 #: Largest negative test of a solution that may be inside such a cell, as a part of the sum of the
 #: magnitudes of the test's terms: far above the error of the solution.
-OUTSIDE = 1e-5
+CERTAINLY_OUTSIDE = 1e-5
 
 
 @final
 @dataclass(frozen=True, slots=True, eq=False)
 class CellsInDoubles:
-    """Equations and tests of cells, by the unknowns that blocks decide, in doubles.
+    """Equations and tests of cells, by the unknowns that blocks decide, in doubles."""
 
-    Attributes
-    ----------
-    options : list of ndarray, shapes (modes, k, d + 1)
-        The equations of each mode of each block, rows of unit size with the constant last.
-    sides : list of ndarray, shapes (modes, m)
-        +1 or -1 if a test bounds a mode, else 0.
-    tests : ndarray, shape (m, d + 1)
-    z : ndarray, shape (n, d + 1)
-        All unknowns as functions of the unknowns that blocks decide.
-    whole : ndarray, shape (m, n + 1)
-        The tests by all unknowns.
-    scale : ndarray, shape (n,)
-    growth : float
-        By how much rounding of the common equations grows in the equations of the blocks.
-    """
-
+    #: The equations of each mode of each block, rows of unit size with the constant last, shapes
+    #: (modes, k, d + 1).
     options: Sequence[Array]
-    sides: Sequence[Array]
-    tests: Array
-    z: Array
-    whole: Array
-    scale: Array
+    sides: Sequence[Array]  # +1 or -1 if a test bounds a mode, else 0, shapes (modes, m)
+    tests: Array  # shape (m, d + 1)
+    z: Array  # all unknowns as functions of the unknowns that blocks decide, shape (n, d + 1)
+    whole: Array  # the tests by all unknowns, shape (m, n + 1)
+    scale: Array  # shape (n,)
+    #: By how much rounding of the common equations grows in the equations of the blocks.
     growth: float
 
     def left(self) -> Indices:
@@ -114,16 +96,16 @@ class CellsInDoubles:
         typical = np.abs(y @ self.z.T) + self.scale
         terms = typical @ np.abs(self.whole[:, :-1]).T + np.abs(self.whole[:, -1])
         side = sum(sides[k] for sides, k in zip(self.sides, picks.T, strict=True))
-        outside = side * (y @ self.tests.T) < -(OUTSIDE * terms + off)
-        excluded: Signs = outside.any(axis=1) & (condition <= WORST)
+        outside = side * (y @ self.tests.T) < -(CERTAINLY_OUTSIDE * terms + off)
+        excluded: Signs = outside.any(axis=1) & (condition <= WORST_IN_DOUBLES)
         return excluded
 
 
 def _batches(numbers: Sequence[int]) -> Iterator[Indices]:
     """Yield all tuples of whole numbers from 0 to below ``numbers``, in batches."""
-    for first in range(0, prod(numbers), BATCH):
+    for first in range(0, prod(numbers), CELLS_AT_ONCE):
         check_budget()
-        which = np.arange(first, min(first + BATCH, prod(numbers)))
+        which = np.arange(first, min(first + CELLS_AT_ONCE, prod(numbers)))
         yield np.array(np.unravel_index(which, numbers)).T if numbers else np.zeros((1, 0), np.intp)
 
 
@@ -135,46 +117,11 @@ WELL_CONDITIONED = EPS**-0.75
 
 
 @final
-@dataclass(frozen=True, slots=True, eq=False)
-class ExactSolution:
-    """The solution of the equations of a cell, which lies in the cell or not far outside.
-
-    Attributes
-    ----------
-    z : ndarray, shape (n,)
-        The solution, correctly rounded.
-    exactly : tuple of Fraction
-        The solution, not rounded.
-    error : ndarray, shape (n, n)
-        The error by the rounding of each equation, a row per equation.
-    character : Character
-    det_sign : int
-    is_inside : bool
-        Whether no bounding test is negative there.
-    """
-
-    z: Array
-    exactly: tuple[Fraction, ...]
-    error: Array
-    character: Character
-    det_sign: int
-    is_inside: bool
-
-
-@final
 class ExactSlice:
-    """The rows of all modes and all tests at a fixed alpha, as integers.
-
-    Parameters
-    ----------
-    system : SlicewiseLinearSystem
-    scale : ndarray, shape (n,)
-        Typical magnitudes of z.
-    alpha : float
-    """
+    """The rows of all modes and all tests at a fixed alpha, as integers."""
 
     def __init__(self, system: SlicewiseLinearSystem, scale: Array, alpha: float) -> None:
-        self._n, self._scale = system.size, scale
+        self._n, self._scale, self._alpha = system.size, scale, alpha
         table = Table.of(system, alpha, scale)
         self._rows = [np.column_stack(rows) for rows in table.rows]
         self._tests = np.column_stack(table.tests)
@@ -186,12 +133,14 @@ class ExactSlice:
         self._common = np.setdiff1d(np.arange(system.size), taken).tolist()
         self._order = [*self._common, *taken]
 
-    def solutions(self) -> list[ExactSolution] | None:
-        """Return the solutions of regular cells that lie in the cell, or not far outside.
+    def solutions(self) -> list[tuple[Point, bool]] | None:
+        """Return the solutions of regular cells, each with whether no bounding test is negative.
 
-        None for numbers that are not finite, hence not rational, or if the work takes too long.
+        Solutions far outside of the cell are left out. None for numbers that are not finite, hence
+        not rational, or if the work takes too long.
         """
-        if self._price() > MOST_WORK or not self._is_finite():
+        numbers = *self._rows, self._tests
+        if self._price() > MOST_WORK or not all(np.isfinite(n).all() for n in numbers):
             return None
         common = Echelon(self._n).extended([integers(self._rows[0][i]) for i in self._common])
         if common is None:
@@ -202,9 +151,6 @@ class ExactSlice:
             return None
         cells = self._descend((), Echelon(d, level=common.determinant), left)
         return [found for picks, echelon in cells if (found := self._at(picks, echelon))]
-
-    def _is_finite(self) -> bool:
-        return all(np.isfinite(rows).all() for rows in (*self._rows, self._tests))
 
     def _price(self) -> int:
         """Return the work before the first cell is solved exactly."""
@@ -268,7 +214,7 @@ class ExactSlice:
             if longer is not None:
                 yield from self._descend((*picks, k), longer, some)
 
-    def _at(self, picks: tuple[int, ...], echelon: Echelon) -> ExactSolution | None:
+    def _at(self, picks: tuple[int, ...], echelon: Echelon) -> tuple[Point, bool] | None:
         """Return the solution of a cell, None for a solution far outside."""
         free, D = echelon.solved(echelon.n), echelon.determinant
         worst = self._worst(picks, free, D)
@@ -278,59 +224,49 @@ class ExactSlice:
         for j, value in zip(self._free, free, strict=True):
             y[j] = value
         y = self._eliminated.solved(self._n, D, y)
-        exactly = tuple(Fraction(value, D) for value in y)
-        z = np.array([_float(value) for value in exactly])
+        z = np.array([_float(Fraction(value, D)) for value in y])  # correctly rounded
         if not np.isfinite(z).all():
             return None
-        error, signs = self._error(picks, z), self._signs(picks)
-        columns = [*self._eliminated.columns, *(self._free[j] for j in echelon.columns)]
-        parity = _parity(self._order) * _parity(columns)
-        det_sign = parity if D > 0 else -parity
-        return ExactSolution(z, exactly, error, Character(signs), det_sign, worst >= 0.0)
-
-    def _roughly(self, free: Row, D: int) -> Array:
-        """Return a solution from the free unknowns, rounded."""
-        z, some = np.zeros(self._n), np.array([_float(Fraction(value, D)) for value in free])
-        z[self._free] = some
-        if self._eliminated.columns:
-            z[list(self._eliminated.columns)] = self._decided @ np.append(some, 1.0)
-        return z
-
-    def _signs(self, picks: tuple[int, ...]) -> tuple[bool, ...]:
-        signs = [True] * len(self._tests)
+        rows = np.array(self._rows[0])
         for block, pick in zip(self._blocks, picks, strict=True):
-            for test, sign in zip(block.tests, block.modes[pick], strict=True):
-                signs[test] = sign
-        return tuple(signs)
+            rows[list(block.rows)] = self._rows[pick][list(block.rows)]
+        rounding = EPS * (np.abs(rows) @ np.append(np.abs(z), 1.0))
+        error = np.zeros((self._n, self._n + 1))  # a row by the rounding of each equation
+        error[:, :-1] = _inverse(rows[:, :-1], self._scale) * rounding[:, np.newaxis]
+        columns = [*self._eliminated.columns, *(self._free[j] for j in echelon.columns)]
+        parity = sign_of_permutation(self._order) * sign_of_permutation(columns)
+        det_sign = parity if D > 0 else -parity
+        cells = (self._character(picks),)
+        return Point(np.append(z, self._alpha), error, cells, det_sign), worst >= 0.0
+
+    def _character(self, picks: tuple[int, ...]) -> Character:
+        character = Character([True] * len(self._tests))
+        for block, pick in zip(self._blocks, picks, strict=True):
+            character = character.with_signs(block.tests, block.modes[pick])
+        return character
 
     def _worst(self, picks: tuple[int, ...], free: Row, D: int) -> float:
         """Return the most negative bounding test relative to the terms; exactly 0 if none is."""
-        signs, worst = self._signs(picks), 0.0
+        signs, worst = self._character(picks).signs, 0.0
         is_positive = (D > 0) == (self._eliminated.determinant > 0)
         for tests, pick in zip(self._bounding, picks, strict=True):
             for test in tests[pick]:
                 row = self._reduced_tests[test]
                 value = sum(a * b for a, b in zip(row, (*free, D), strict=True))
                 if value and ((value > 0) == is_positive) != signs[test]:
-                    worst = min(worst, self._off(test, self._roughly(free, D)))
+                    worst = min(worst, self._off(test, free, D))
         return worst
 
-    def _off(self, test: int, z: Array) -> float:
+    def _off(self, test: int, free: Row, D: int) -> float:
         """Return a negative test relative to the sum of magnitudes of the terms, less than zero."""
-        row = self._tests[test]
+        row, z = self._tests[test], np.zeros(self._n)
+        z[self._free] = some = np.array([_float(Fraction(value, D)) for value in free])
+        if self._eliminated.columns:
+            z[list(self._eliminated.columns)] = self._decided @ np.append(some, 1.0)
         if not np.isfinite(z).all():
             return -np.inf
         terms = np.abs(row) @ np.append(np.abs(z) + self._scale, 1.0)
         return -max(float(abs(row[-1] + row[:-1] @ z) / terms), np.finfo(float).tiny)
-
-    def _error(self, picks: tuple[int, ...], z: Array) -> Array:
-        """Return the columns of the inverse times the rounding of the rows, as rows."""
-        rows = np.array(self._rows[0])
-        for block, pick in zip(self._blocks, picks, strict=True):
-            rows[list(block.rows)] = self._rows[pick][list(block.rows)]
-        rounding = EPS * (np.abs(rows) @ np.append(np.abs(z), 1.0))
-        error: Array = _inverse(rows[:, :-1], self._scale) * rounding[:, np.newaxis]
-        return error
 
 
 def _inverse(matrix: Array, scale: Array) -> Array:
@@ -385,19 +321,6 @@ def _float(value: Fraction) -> float:
         return float("inf") if value > 0 else float("-inf")
 
 
-def _parity(order: Sequence[int]) -> int:
-    """Return the sign of a permutation: -1 if the number of cycles of even length is odd."""
-    rest, sign = set(range(len(order))), 1
-    while rest:
-        length, i = 0, rest.pop()
-        first = i
-        while (i := order[i]) != first:
-            rest.discard(i)
-            length += 1
-        sign = -sign if length % 2 else sign
-    return sign
-
-
 def solve_exactly(
     system: SlicewiseLinearSystem, metric: Metric, alpha: float, known: Sequence[Point] = ()
 ) -> Slice | None:
@@ -410,47 +333,27 @@ def solve_exactly(
     solutions = ExactSlice(system, metric.scale[:-1], alpha).solutions()
     if solutions is None:
         return None
-    candidates = [_candidate(one, alpha) for one in solutions]
     points: list[Point] = []
-    for one, point in candidates:
-        if one.is_inside and not any(_joins(metric, point, other) for other in points):
-            shared = [o for o, other in candidates if o.is_inside and _joins(metric, other, point)]
-            cells, signs = tuple(o.character for o in shared), tuple(o.det_sign for o in shared)
+    for point in (point for point, is_inside in solutions if is_inside):
+        if not any(_joins(metric, point, other) for other in points):
+            shared = [p for p, is_inside in solutions if is_inside and _joins(metric, p, point)]
+            signs = tuple(p.det_sign for p in shared)
+            cells = tuple(p.characters[0] for p in shared)
             points.append(replace(point, characters=cells, det_sign=signs[0], known_signs=signs))
-    undecided = sum(
-        _is_undecided(system, metric, *candidate, [*points, *known]) for candidate in candidates
-    )
+
+    def is_undecided(point: Point) -> bool:
+        """Tell whether a solution misses a cell by no more than the error, and lies in no other."""
+        place = point.x, point.error
+        tests, slack = tests_of(Selection(system, point.characters[0]), metric, *place)
+        found = any(is_same(metric, place, (p.x, p.error)) for p in (*points, *known))
+        return bool((tests >= -slack).all()) and not found
+
+    undecided = sum(is_undecided(point) for point, is_inside in solutions if not is_inside)
     return Slice(tuple(points), (), undecided, exact=True)
 
 
-def _candidate(one: ExactSolution, alpha: float) -> tuple[ExactSolution, Point]:
-    error = np.column_stack([one.error, np.zeros(len(one.error))])
-    return one, Point(np.append(one.z, alpha), error, (one.character,), one.det_sign)
-
-
 def _joins(metric: Metric, a: Point, b: Point) -> bool:
-    """Tell whether two points of exact cells are the same point.
-
-    Points that differ by no more than the errors are the same point if the signs agree: by F1 the
-    curve crosses the interface between the two cells. If the signs differ, the curve turns back at
-    the interface, and there are two points.
-    """
+    """Tell whether two points are the same; if signs differ, a curve turns back between (F1)."""
     if np.array_equal(a.x, b.x):
         return True
     return a.det_sign == b.det_sign and is_same(metric, (a.x, a.error), (b.x, b.error))
-
-
-def _is_undecided(
-    system: PiecewiseSystem,
-    metric: Metric,
-    one: ExactSolution,
-    point: Point,
-    points: Sequence[Point],
-) -> bool:
-    """Tell whether a solution lies in no cell, and misses a cell by no more than the error."""
-    if one.is_inside:
-        return False
-    selection = Selection(system, one.character)
-    tests, slack = tests_of(selection, metric, point.x, point.error)
-    found = any(is_same(metric, (point.x, point.error), (p.x, p.error)) for p in points)
-    return bool((tests >= -slack).all()) and not found

@@ -8,7 +8,7 @@ contact node, however many displacements the body has.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from math import prod
 from typing import final
@@ -28,61 +28,38 @@ from pwscont.system.system import Block, SlicewiseLinearSystem
 @final
 @dataclass(frozen=True, slots=True, eq=False)
 class Option:
-    """An option of a block: E y + e = 0 and G y + g >= 0.
+    """An option of a block: E y + e = 0 and G y + g >= 0."""
 
-    Attributes
-    ----------
-    tests : tuple of int
-        The test functions that the block decides.
-    signs : tuple of bool
-        The signs of these tests.
-    bounding, side : ndarray, shape (t,)
-        The tests of the block that bound the cell, and +1 or -1 for the signs of these tests.
-    E, e, G, g : ndarray
-        Shapes (k, d), (k,), (t, d), (t,); rows of E and G have unit length.
-    rows : ndarray, shape (k, N)
-        The coefficients of the original unknowns in the equations.
-    """
-
-    tests: tuple[int, ...]
-    signs: tuple[bool, ...]
+    tests: tuple[int, ...]  # the test functions that the block decides
+    signs: tuple[bool, ...]  # the signs of these tests
+    #: The tests of the block that bound the cell, and +1 or -1 for the signs of these tests, shape
+    #: (t,).
     bounding: Indices
     side: Array
-    E: Array
+    E: Array  # shapes (k, d), (k,), (t, d), (t,); rows of E and G have unit length
     e: Array
     G: Array
     g: Array
-    rows: Array
+    rows: Array  # the coefficients of the original unknowns in the equations, shape (k, N)
 
 
 @final
 @dataclass(frozen=True, slots=True, eq=False)
 class Problem:
-    """A slice of a system, reduced to the unknowns that blocks decide.
+    """A slice of a system, reduced to the unknowns that blocks decide."""
 
-    Attributes
-    ----------
-    blocks : list of list of Option
-        The options of each block; blocks with the fewest options come first.
-    A, b : ndarray, shapes (l, d) and (l,)
-        Inequalities A y + b >= 0 that every solution satisfies, whatever the options.
-    origin, basis : ndarray, shapes (n,) and (n, d)
-        The original unknowns are origin + basis @ y.
-    common : ndarray, shape (c, n)
-        The coefficients of the original unknowns in the equations common to all cells.
-    tests : int
-        Number of test functions of the system.
-    growth : float
-        The condition of the common equations, by which rounding may have grown in origin and basis.
-    """
-
+    #: The options of each block; blocks with the fewest options come first.
     blocks: list[list[Option]]
+    #: Shapes (l, d) and (l,): inequalities A y + b >= 0 that every solution satisfies, whatever the
+    #: options.
     A: Array
     b: Array
-    origin: Array
+    origin: Array  # the original unknowns are origin + basis @ y, shapes (n,) and (n, d)
     basis: Array
+    #: Shape (c, n): the coefficients of the original unknowns in the equations common to all cells.
     common: Array
-    tests: int
+    tests: int  # number of test functions of the system
+    #: The condition of the common equations, by which rounding may have grown in origin and basis.
     growth: float
 
     @property
@@ -108,33 +85,22 @@ class Problem:
 
     def character(self, picks: Indices) -> Character:
         """Return the character of a choice of an option per block."""
-        signs = [True] * self.tests
+        character = Character([True] * self.tests)
         for option in self.chosen(picks):
-            for test, sign in zip(option.tests, option.signs, strict=True):
-                signs[test] = sign
-        return Character(tuple(signs))
+            character = character.with_signs(option.tests, option.signs)
+        return character
 
 
 @final
 @dataclass(frozen=True, slots=True, eq=False)
 class Table:
-    """A slice of a system in numbers: rows of H for every mode, and the tests.
+    """A slice of a system in numbers: rows of H for every mode, and the tests."""
 
-    Attributes
-    ----------
-    rows : list of (ndarray, ndarray)
-        dH/dz, shape (n, n), and H at z = 0, shape (n,), with every block in mode k.
-    tests : tuple of ndarray
-        Gradients by z, shape (m, n), and values at z = 0, shape (m,).
-    blocks : tuple of Block
-    bounding : list of list of list of int
-        For every mode of every block, the tests that bound the mode.
-    """
-
+    #: dH/dz, shape (n, n), and H at z = 0, shape (n,), with every block in mode k.
     rows: list[tuple[Array, Array]]
-    tests: tuple[Array, Array]
+    tests: tuple[Array, Array]  # gradients by z, shape (m, n), and values at z = 0, shape (m,)
     blocks: tuple[Block, ...]
-    bounding: list[list[list[int]]]
+    bounding: list[list[list[int]]]  # for every mode of every block, the tests that bound the mode
 
     @classmethod
     def of(cls, system: SlicewiseLinearSystem, alpha: float, scale: Array) -> Table:
@@ -143,7 +109,7 @@ class Table:
         tests = np.array(system.test_functions(zero, alpha), dtype=float)
         gradients = own_dense(system.test_jacobian(zero, alpha))
         refuse_bent_tests(system, np.append(zero, alpha), dx, tests, gradients)
-        rows = [affine(system, blocks, k, alpha, dx) for k in range(most_modes(blocks))]
+        rows = [(J[:, :-1], r) for J, r in affine(system, alpha, dx, len(tests))]
         bounds = [[bounding(system, b, mode, len(tests)) for mode in b.modes] for b in blocks]
         return cls(rows, (gradients[:, :-1], tests), blocks, bounds)
 
@@ -151,12 +117,7 @@ class Table:
 def reduce(system: SlicewiseLinearSystem, scale: Array, alpha: float) -> Problem | None:
     """Return the slice of a system at ``alpha`` as a reduced problem, None if without solution.
 
-    Parameters
-    ----------
-    system : SlicewiseLinearSystem
-    scale : ndarray, shape (n,)
-        Typical magnitudes of z; the reduced unknowns are of the order of 1.
-    alpha : float
+    ``scale``, shape (n,): typical magnitudes of z; the reduced unknowns are of the order of 1.
     """
     table = Table.of(system, alpha, scale)
     return problem_of(system, table.rows, table.tests, checked_necessary(system, alpha), scale)
@@ -171,17 +132,12 @@ def problem_of(
 ) -> Problem | None:
     """Return a problem from affine forms of some unknowns, None if without solution.
 
-    Parameters
-    ----------
-    system : SlicewiseLinearSystem
-        The system that names blocks and bounding tests.
-    slices : sequence of (ndarray, ndarray)
-        Matrix, shape (n, N), and constant, shape (n,), of H where every block is in mode k (or the
-        last mode). The first n of the N unknowns are z; parameters may follow.
-    tests, necessary : tuple of ndarray
-        Matrix and constant of the tests, and of the functions that are never negative.
-    scale : ndarray, shape (N,)
-        Typical magnitudes.
+    ``system``: the system that names blocks and bounding tests.
+    ``slices``: matrix, shape (n, N), and constant, shape (n,), of H where every block is in mode k
+    (or the last mode). The first n of the N unknowns are z; parameters may follow.
+    ``tests``, ``necessary``: matrix and constant of the tests, and of the functions that are never
+    negative.
+    ``scale``, shape (N,): typical magnitudes.
     """
     blocks, (K, kappa), (A, b) = system.blocks(), tests, necessary
     common = np.setdiff1d(np.arange(system.size), [row for block in blocks for row in block.rows])
@@ -190,13 +146,17 @@ def problem_of(
         return None
     origin, basis, growth = eliminated
     G, g = _reduced(K, kappa, origin, basis)
-    options = [
-        [
-            _option(system, block, mode, slices[k], (G, g), (origin, basis))
-            for k, mode in enumerate(block.modes)
-        ]
-        for block in blocks
-    ]
+
+    def option(block: Block, k: int) -> Option:
+        mode, rows = block.modes[k], list(block.rows)
+        matrix, constants = slices[k][0][rows], slices[k][1][rows]
+        E, e = _reduced(matrix, constants, origin, basis)
+        bounds = np.array(bounding(system, block, mode, len(g)), dtype=np.intp)
+        side = np.array([1.0 if mode[block.tests.index(i)] else -1.0 for i in bounds])
+        signed = side[:, np.newaxis] * G[bounds], side * g[bounds]
+        return Option(block.tests, mode, bounds, side, E, e, *signed, matrix)
+
+    options = [[option(block, k) for k in range(len(block.modes))] for block in blocks]
     options.sort(key=len)
     A, b = _reduced(A, b, origin, basis)
     return Problem(options, A, b, origin, basis, slices[0][0][common], len(kappa), growth)
@@ -213,35 +173,34 @@ def most_modes(blocks: Sequence[Block]) -> int:
 
 
 def affine(
-    system: SlicewiseLinearSystem, blocks: Sequence[Block], k: int, alpha: float, dx: Array
-) -> tuple[Array, Array]:
-    """Return dH/dz and H at z = 0 where every block is in mode k (or the last mode).
+    system: SlicewiseLinearSystem, alpha: float, dx: Array, tests: int
+) -> Iterator[tuple[Array, Array]]:
+    """Yield the Jacobian, and H at z = 0, where every block is in mode k (or the last mode).
 
     Refuse a system whose H is not affine up to ``dx``.
     """
-    zero = np.zeros(system.size)
-    character = in_modes(blocks, k, len(system.test_functions(zero, alpha)))
-    jacobian = own_dense(system.jacobian(zero, alpha, character))
-    residual = residual_at(system, zero, alpha, character)
-    refuse_bent(system, character, np.append(zero, alpha), dx, residual, jacobian)
-    return jacobian[:, :-1], residual
+    zero, blocks = np.zeros(system.size), system.blocks()
+    for k in range(most_modes(blocks)):
+        character = in_modes(blocks, k, tests)
+        jacobian = own_dense(system.jacobian(zero, alpha, character))
+        residual = residual_at(system, zero, alpha, character)
+        refuse_bent(system, character, np.append(zero, alpha), dx, residual, jacobian)
+        yield jacobian, residual
 
 
 def in_modes(blocks: Sequence[Block], k: int, tests: int) -> Character:
     """Return the character in which every block is in mode k (or in the last mode)."""
-    signs = [True] * tests
+    character = Character([True] * tests)
     for block in blocks:
-        for test, sign in zip(block.tests, block.modes[min(k, len(block.modes) - 1)], strict=True):
-            signs[test] = sign
-    return Character(tuple(signs))
+        character = character.with_signs(block.tests, block.modes[min(k, len(block.modes) - 1)])
+    return character
 
 
 def _eliminate(C: Array, c: Array, scale: Array) -> tuple[Array, Array, float] | None:
     """Return a solution of C z + c = 0, a basis of the null space of C, and the condition of C.
 
-    None without solution. An orthogonal factorisation in scaled unknowns makes the basis as well
-    conditioned as possible. Rows may depend on each other, as where a vanishing test is a further
-    equation.
+    None without solution. Rows may depend on each other, as where a vanishing test is a further
+    equation. Scaled unknowns and orthogonality make the basis well conditioned.
     """
     if not len(C):
         return np.zeros(len(scale)), np.diag(scale), 1.0
@@ -266,30 +225,12 @@ def _eliminate(C: Array, c: Array, scale: Array) -> tuple[Array, Array, float] |
     return scale * decided, scale[:, np.newaxis] * free, growth
 
 
-def _option(
-    system: SlicewiseLinearSystem,
-    block: Block,
-    mode: tuple[bool, ...],
-    affine: tuple[Array, Array],
-    tests: tuple[Array, Array],
-    reduced: tuple[Array, Array],
-) -> Option:
-    rows, (G, g) = list(block.rows), tests
-    E, e = _reduced(affine[0][rows], affine[1][rows], *reduced)
-    bounds = np.array(bounding(system, block, mode, len(g)), dtype=np.intp)
-    side = np.array([1.0 if mode[block.tests.index(i)] else -1.0 for i in bounds])
-    G, g = side[:, np.newaxis] * G[bounds], side * g[bounds]
-    return Option(block.tests, mode, bounds, side, E, e, G, g, affine[0][rows])
-
-
 def bounding(
     system: SlicewiseLinearSystem, block: Block, mode: tuple[bool, ...], tests: int
 ) -> list[int]:
     """Return the tests of a block that bound the cell in a mode."""
-    signs = [True] * tests
-    for test, sign in zip(block.tests, mode, strict=True):
-        signs[test] = sign
-    return [i for i in system.bounding_tests(Character(tuple(signs))) if i in block.tests]
+    character = Character([True] * tests).with_signs(block.tests, mode)
+    return [i for i in system.bounding_tests(character) if i in block.tests]
 
 
 def _reduced(matrix: Array, vector: Array, origin: Array, basis: Array) -> tuple[Array, Array]:

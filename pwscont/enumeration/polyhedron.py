@@ -31,54 +31,30 @@ from pwscont.enumeration.options import Option, Problem
 @final
 @dataclass(frozen=True, slots=True, eq=False)
 class Point:
-    """An isolated solution.
+    """An isolated solution."""
 
-    Attributes
-    ----------
-    x : ndarray, shape (n + 1,)
-        The point (z, alpha).
-    error : ndarray, shape (k, n + 1)
-        Samples of the error of x.
-    characters : sequence of Character
-        The cells in whose closure the point lies; several for a point on an interface.
-    det_sign : int
-        Sign of det(dH/dz) in the first of these cells.
-    known_signs : tuple of int
-        The signs in all of these cells where the signs are known; else empty.
-    in_doubt : bool or None
-        Whether rounding leaves open in which cells the point lies; None if not yet tested.
-    """
-
-    x: Array
-    error: Array
+    x: Array  # the point (z, alpha), shape (n + 1,)
+    error: Array  # samples of the error of x, shape (k, n + 1)
+    #: The cells in whose closure the point lies; several for a point on an interface.
     characters: Sequence[Character]
-    det_sign: int
+    det_sign: int  # sign of det(dH/dz) in the first of these cells
+    #: The signs in all of these cells where the signs are known; else empty.
     known_signs: tuple[int, ...] = ()
+    #: Whether rounding leaves open in which cells the point lies; None if not yet tested.
     in_doubt: bool | None = None
 
 
 @final
 @dataclass(frozen=True, slots=True, eq=False)
 class Slice:
-    """All solutions at a fixed alpha.
-
-    Attributes
-    ----------
-    points : tuple of Point
-    faces : tuple of Face
-    undecided : int
-        Number of cells that may or may not hold a solution, because of rounding.
-    exact : bool
-        Whether the points were found in exact arithmetic.
-    singular : int
-        Number of cells whose equations may be singular, by rounding, although exact arithmetic
-        finds a solution; no digit of such a solution is certain.
-    """
+    """All solutions at a fixed alpha."""
 
     points: tuple[Point, ...]
     faces: tuple[Face, ...]
-    undecided: int = 0
-    exact: bool = False
+    undecided: int = 0  # number of cells that may or may not hold a solution, because of rounding
+    exact: bool = False  # whether the points were found in exact arithmetic
+    #: Number of cells whose equations may be singular, by rounding, although exact arithmetic finds
+    #: a solution; no digit of such a solution is certain.
     singular: int = 0
 
 
@@ -89,26 +65,13 @@ MOST_DIMENSIONS = 3
 @final
 @dataclass(frozen=True, slots=True, eq=False)
 class Face:
-    """Infinitely many solutions in a cell, or the only solution of a singular cell.
-
-    Attributes
-    ----------
-    character : Character
-    dimension : int
-        0 for a single solution.
-    corners : ndarray, shape (k, n + 1)
-        The finite extreme points; empty for dimensions above three.
-    inside : ndarray, shape (n + 1,)
-        A point inside of the face.
-    directions : ndarray, shape (n, d)
-        Vectors that span the face.
-    """
+    """Infinitely many solutions in a cell, or the only solution of a singular cell."""
 
     character: Character
-    dimension: int
-    corners: Array
-    inside: Array
-    directions: Array
+    dimension: int  # 0 for a single solution
+    corners: Array  # the finite extreme points; empty for dimensions above three, shape (k, n + 1)
+    inside: Array  # A point inside of the face, shape (n + 1,)
+    directions: Array  # vectors that span the face, shape (n, d)
 
     @property
     def representatives(self) -> Array:
@@ -118,16 +81,11 @@ class Face:
 
 def face_of(problem: Problem, one: Choices, alpha: float) -> Face | None:
     """Return the solutions of a singular cell as a face, None for a cell without solution."""
-    start, directions, picks = one.starts[0], one.directions[0], one.picks[:, 0]
-    chosen = problem.chosen(picks)
-    if not satisfies(chosen, start):
+    cell = inside_of(problem, one)
+    if cell is None:
         return None
-    rounding = min(GUARD * float(one.rounding[0]), SLACK)
-    around = polyhedron_of(problem, one, rounding)
-    inside = around and around.inside(rounding)
-    if around is None or inside is None:
-        return None
-    point, basis = inside
+    around, point, basis, rounding = cell
+    start, directions = one.starts[0], one.directions[0]
 
     def whole(w: Array) -> Array:
         z = problem.origin + (start + w @ directions.T) @ problem.basis.T
@@ -135,16 +93,25 @@ def face_of(problem: Problem, one: Choices, alpha: float) -> Face | None:
 
     corners = whole(point + _corners(around.moved(point), basis, rounding) @ basis.T)
     span = problem.basis @ directions @ basis
-    return Face(problem.character(picks), basis.shape[1], corners, whole(point[None])[0], span)
+    character = problem.character(one.picks[:, 0])
+    return Face(character, basis.shape[1], corners, whole(point[None])[0], span)
 
 
-def polyhedron_of(problem: Problem, one: Choices, rounding: float) -> Polyhedron | None:
-    """Return the closed cell of a choice, in the coordinates of the choice's directions."""
-    start, directions = one.starts[0], one.directions[0]
-    chosen = problem.chosen(one.picks[:, 0])
+def inside_of(problem: Problem, one: Choices) -> tuple[Polyhedron, Array, Array, float] | None:
+    """Return the closed cell of a choice, by the directions of the choice, and its inside.
+
+    The inside is a point and a basis of the directions there, as :meth:`Polyhedron.inside` returns
+    them; the last number is the rounding. None for a cell without solution.
+    """
+    start, directions, chosen = one.starts[0], one.directions[0], problem.chosen(one.picks[:, 0])
+    if not satisfies(chosen, start):
+        return None
+    rounding = min(GUARD * float(one.rounding[0]), SLACK)
     G = np.vstack([problem.A, *(option.G for option in chosen)])
     g = np.concatenate([problem.b, *(option.g for option in chosen)])
-    return Polyhedron.of(G @ directions, G @ start + g, rounding)
+    around = Polyhedron.of(G @ directions, G @ start + g, rounding)
+    inside = around and around.inside(rounding)
+    return (around, *inside, rounding) if around and inside else None
 
 
 def satisfies(chosen: Sequence[Option], y: Array, growth: float = GUARD) -> bool:
@@ -200,31 +167,22 @@ UNBOUNDED = 3
 #: Least multiplier that is not zero; the sum of all multipliers is 1.
 LEAST_MULTIPLIER = 1e-6
 #: Least length by which a direction is divided.
-TINY = float(np.finfo(float).tiny)
+LEAST_LENGTH = float(np.finfo(float).tiny)
 
 
 @final
 @dataclass(frozen=True, slots=True, eq=False)
 class Polyhedron:
-    """The points {w : matrix w + vector >= 0}.
+    """The points {w : matrix w + vector >= 0}."""
 
-    Attributes
-    ----------
-    matrix : ndarray, shape (k, q)
-    vector : ndarray, shape (k,)
-    """
-
-    matrix: Array
-    vector: Array
+    matrix: Array  # shape (k, q)
+    vector: Array  # shape (k,)
 
     @classmethod
     def of(cls, matrix: Array, vector: Array, rounding: float) -> Polyhedron | None:
         """Return a polyhedron without trivial inequalities, None if an inequality holds nowhere.
 
-        Parameters
-        ----------
-        rounding : float
-            A row of the matrix with smaller entries does not depend on w.
+        ``rounding``: a row of the matrix with smaller entries does not depend on w.
         """
         moves = np.abs(matrix).max(axis=1, initial=0.0) > rounding
         if (vector[~moves] < -rounding).any():
@@ -250,10 +208,7 @@ class Polyhedron:
         The number d of directions is less than q if inequalities hold with equality only. None if
         no point satisfies all inequalities.
 
-        Parameters
-        ----------
-        rounding : float
-            The error of the inequalities.
+        ``rounding``: the error of the inequalities.
         """
         if self.matrix.shape[1] == 1:
             return self._inside_line(rounding)
@@ -302,7 +257,7 @@ class Polyhedron:
 
     def _largest(self, way: Array) -> tuple[Array, Array] | None:
         """Return a point with the largest ``way @ w``, and the multipliers of the inequalities."""
-        point, way = np.zeros(len(way)), way / max(float(np.abs(way).max()), TINY)
+        point, way = np.zeros(len(way)), way / max(float(np.abs(way).max()), LEAST_LENGTH)
         multipliers = np.zeros(len(self.vector))
         for factor in MAGNIFIED:
             found = self._program(way, factor * self.moved(point).vector)

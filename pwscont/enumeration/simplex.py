@@ -1,29 +1,24 @@
 """Linear forms, and the simplex method that prunes the tree of choices by the signs of forms.
 
-Equations and inequalities of all options, and of every cell, are affine forms of the unknowns; many
-forms appear several times, with either sign. Each form is listed once. To choose an option is to
-ask more signs: a form asked to be >= 0 and <= 0 has to vanish.
+Equations and inequalities of all options, and of every cell, are affine forms of the unknowns; each
+form is listed once, with either sign. To choose an option is to ask more signs: a form asked to be
+>= 0 and <= 0 has to vanish. Each program asks whether some point has the signs that are asked.
 
-Each program asks whether some point has the signs that are asked of the forms. A vertex is the
-point where q independent forms, the basis, vanish; s = coordinates + directions @ (values of the
-basis). The objective is any linear function that is least at the vertex, for the signs asked of the
-basis. The vertex stays least when more signs are asked: the dual simplex method (Lemke 1954) begins
-where the program of the parent ended, and needs few steps.
-
-In each step the form with the wrongest value enters the basis, for the form by which the objective
-grows least (among equals the largest coefficient). If no form can make the value right, the row is
-the proof (Farkas 1902) that no point has the signs asked: form = constant + sum of coefficients
-times forms of the basis, where no term can help.
+A vertex is the point where q independent forms, the basis, vanish; s = coordinates + directions @
+(values of the basis). The objective is any linear function that is least at the vertex, for the
+signs asked of the basis. The vertex stays least when more signs are asked: the dual simplex method
+(Lemke 1954) begins where the program of the parent ended. In each step the form with the wrongest
+value enters the basis, for the form by which the objective grows least (among equals the largest
+coefficient). If no form can make the value right, the row is the proof (Farkas 1902) that no point
+has the signs asked: form = constant + sum of coefficients times forms, where no term can help.
 
 Failure modes and answers
 -------------------------
-- Rounding grows from step to step, and steps may divide by small coefficients: a proof is checked
-  against the forms themselves. If the check fails, the vertex is computed anew from the basis; if
-  the check fails again, the program counts as feasible. A program that is wrongly feasible costs
-  time, and no more.
+- Rounding grows from step to step: a proof is checked against the forms themselves. If the check
+  fails, the vertex is computed anew from the basis; if the check fails again, the program counts
+  as feasible, which costs time, and no more. So does a program of too many steps: ties may cycle.
 - A solution lies on a boundary: signs count as wrong from SLACK on only, and a proof holds for
-  points with an error of MARGIN.
-- Ties may make the method cycle: after MOST_STEPS a program counts as feasible.
+  points with an error of SOLUTION_MARGIN.
 """
 
 from __future__ import annotations
@@ -44,33 +39,27 @@ from pwscont.enumeration.options import Option, Problem
 Asked: TypeAlias = npt.NDArray[np.int8]
 
 #: Signs that may be asked of a form, as bits: a form asked for two signs vanishes.
-ANY, NOT_NEGATIVE, NOT_POSITIVE, ZERO = 0, 1, 2, 3
+ANY, NOT_NEGATIVE, NOT_POSITIVE, VANISHES = 0, 1, 2, 3
+#: The signs that are asked of a form if these signs are asked of the negative form.
+NEGATED = (ANY, NOT_POSITIVE, NOT_NEGATIVE, VANISHES)
 #: Number of decimals to which the entries of two unit rows agree if the rows are the same form.
-DIGITS = 12
+SAME_DECIMALS = 12
 
 
 @final
 @dataclass(frozen=True, slots=True, eq=False)
 class Forms:
-    """Affine forms ``rows @ s + constants`` of q unknowns s.
+    """Affine forms ``rows @ s + constants`` of q unknowns s."""
 
-    Attributes
-    ----------
-    rows, constants : ndarray, shapes (N, q) and (N,)
-        Rows have length 1, or 0; the last q forms are the unknowns themselves.
-    always : ndarray of int8, shape (N,)
-        The signs that every solution has.
-    options : ndarray of int8, shape (k, m, N)
-        The signs that each option of each block asks; a block may have less than m options.
-    numbers : ndarray of int, shape (k,)
-        How many options each block has.
-    """
-
+    #: Shapes (N, q) and (N,): rows have length 1, or 0; the last q forms are the unknowns
+    #: themselves.
     rows: Array
     constants: Array
-    always: Asked
+    always: Asked  # the signs that every solution has, shape (N,)
+    #: The signs that each option of each block asks; a block may have less than m options, shape
+    #: (k, m, N).
     options: Asked
-    numbers: npt.NDArray[np.intp]
+    numbers: npt.NDArray[np.intp]  # how many options each block has, shape (k,)
 
     @classmethod
     def of(cls, problem: Problem, blocks: Sequence[Sequence[Option]], space: Subspace) -> Forms:
@@ -78,7 +67,7 @@ class Forms:
         table = _Table(space)
         always = table.asked([(problem.A, problem.b, NOT_NEGATIVE)])
         asked = [
-            [table.asked([(o.E, o.e, ZERO), (o.G, o.g, NOT_NEGATIVE)]) for o in options]
+            [table.asked([(o.E, o.e, VANISHES), (o.G, o.g, NOT_NEGATIVE)]) for o in options]
             for options in blocks
         ]
         rows, constants = table.forms()
@@ -114,15 +103,15 @@ class _Table:
             [matrix @ self._space.directions, matrix @ self._space.start + vector]
         )
         lengths = np.linalg.norm(rows[:, :-1], axis=1)
-        lengths[lengths <= 10.0**-DIGITS] = 1.0
+        lengths[lengths <= 10.0**-SAME_DECIMALS] = 1.0
         return [self._place(row, sign) for row in rows / lengths[:, np.newaxis]]
 
     def _place(self, row: Array, sign: int) -> tuple[int, int]:
-        rounded = np.round(row, DIGITS) + 0.0
+        rounded = np.round(row, SAME_DECIMALS) + 0.0
         if (place := self._places.get(rounded.tobytes())) is not None:
             return place, sign
         if (place := self._places.get((0.0 - rounded).tobytes())) is not None:
-            return place, _negated(sign)
+            return place, NEGATED[sign]
         self._places[rounded.tobytes()] = len(self._rows)
         self._rows.append(row)
         return len(self._rows) - 1, sign
@@ -132,10 +121,6 @@ class _Table:
         q = self._space.directions.shape[1]
         forms = np.vstack([*self._rows, np.eye(q, q + 1)])
         return forms[:, :-1].copy(), forms[:, -1].copy()
-
-
-def _negated(sign: int) -> int:
-    return {NOT_NEGATIVE: NOT_POSITIVE, NOT_POSITIVE: NOT_NEGATIVE}.get(sign, sign)
 
 
 def _bits(asked: Iterable[tuple[int, int]], number: int) -> Asked:
@@ -150,13 +135,13 @@ Flags = npt.NDArray[np.bool_]
 #: Largest coefficient that is taken for rounding, as a part of the largest in a row, or of 1.
 NEGLIGIBLE = 1e-9
 #: Largest value of the wrong sign of a unit form at a solution: far above rounding.
-MARGIN = 1e-9
+SOLUTION_MARGIN = 1e-9
 #: Largest reduced unknown of a solution; typical reduced unknowns are of the order of 1.
 REACH = 1e4
 #: Largest difference of costs that count as equal, so that steps divide by no small number.
 EQUAL_COSTS = 1e-4
 #: Most steps of a program, per unknown.
-MOST_STEPS = 20
+STEPS_PER_UNKNOWN = 20
 #: The change of a form that is asked for a sign: free forms may change either way.
 _WAY = np.array([0.0, 1.0, -1.0, 0.0])
 
@@ -164,24 +149,14 @@ _WAY = np.array([0.0, 1.0, -1.0, 0.0])
 @final
 @dataclass(frozen=True, slots=True, eq=False)
 class Vertices:
-    """A vertex for each of N programs.
+    """A vertex for each of N programs."""
 
-    Attributes
-    ----------
-    points : ndarray, shape (N, q)
-    directions : ndarray, shape (N, q + 1, q)
-        How the coordinates, and last the objective, change with the value of each form of the
-        basis.
-    basis : ndarray of int, shape (N, q)
-        Numbers of forms.
-    signs : ndarray of int8, shape (N, forms)
-        The signs asked of all forms.
-    """
-
-    points: Array
+    points: Array  # shape (N, q)
+    #: How the coordinates, and last the objective, change with the value of each form of the basis,
+    #: shape (N, q + 1, q).
     directions: Array
-    basis: Indices
-    signs: Asked
+    basis: Indices  # numbers of forms, shape (N, q)
+    signs: Asked  # the signs asked of all forms, shape (N, forms)
 
     def __len__(self) -> int:
         """Return the number of programs."""
@@ -218,7 +193,7 @@ def feasible(forms: Forms, programs: Vertices) -> tuple[Indices, Vertices]:
     """Return the feasible programs, each with a point of the signs asked as the new vertex."""
     left = _Open(programs, np.arange(len(programs)), np.zeros(len(programs), dtype=bool))
     done: list[_Open] = []
-    for _ in range(MOST_STEPS * (1 + forms.rows.shape[1])):
+    for _ in range(STEPS_PER_UNKNOWN * (1 + forms.rows.shape[1])):
         form, value = _most_wrong(forms, left.vertices)
         done.append(left[value == 0.0])
         wrong = value != 0.0
@@ -228,7 +203,9 @@ def feasible(forms: Forms, programs: Vertices) -> tuple[Indices, Vertices]:
         done.append(undecided)
     else:
         done.append(left)
-    return _in_order(done)
+    places = np.concatenate([some.places for some in done])
+    order = np.argsort(places)
+    return places[order], _joined([some.vertices for some in done])[order]
 
 
 @final
@@ -244,12 +221,6 @@ class _Open:
         if index.all():
             return self
         return _Open(self.vertices[index], self.places[index], self.is_new[index])
-
-
-def _in_order(done: list[_Open]) -> tuple[Indices, Vertices]:
-    places = np.concatenate([some.places for some in done])
-    order = np.argsort(places)
-    return places[order], _joined([some.vertices for some in done])[order]
 
 
 def _most_wrong(forms: Forms, vertices: Vertices) -> tuple[Indices, Array]:
@@ -270,11 +241,7 @@ def slack_of(vertices: Vertices) -> Array:
 
 
 def _step(forms: Forms, left: _Open, form: Indices, value: Array) -> tuple[_Open, _Open]:
-    """Make a form of each program vanish.
-
-    Returns the programs to go on with, and the programs that cannot be decided. Programs that are
-    proved to have no point are dropped.
-    """
+    """Make a form of each program vanish; return open and undecided programs, the rest is empty."""
     vertices = left.vertices
     row = (forms.rows[form][:, np.newaxis] @ vertices.directions[:, :-1])[:, 0]
     gain = _gains(vertices, row * np.where(value < 0.0, 1.0, -1.0)[:, np.newaxis])
@@ -285,7 +252,13 @@ def _step(forms: Forms, left: _Open, form: Indices, value: Array) -> tuple[_Open
     stuck, parts = left[~can], (form[~can], value[~can], row[~can], gain[~can])
     stuck = stuck[~_is_proved(forms, stuck.vertices, *parts)]
     again = _computed_anew(forms, stuck[~stuck.is_new])
-    return _together(moved, again), stuck[stuck.is_new]
+    if len(again.places):
+        places, is_new = (
+            np.concatenate([getattr(part, name) for part in (moved, again)])
+            for name in ("places", "is_new")
+        )
+        moved = _Open(_joined([moved.vertices, again.vertices]), places, is_new)
+    return moved, stuck[stuck.is_new]
 
 
 def _gains(vertices: Vertices, slopes: Array) -> Array:
@@ -325,13 +298,13 @@ def _is_proved(
 
     At a solution within REACH the terms taken for rounding, and the difference of the two sides,
     are at most the coefficients times REACH, and all other terms help by at most the coefficients
-    times MARGIN.
+    times SOLUTION_MARGIN.
     """
     basis = forms.rows[vertices.basis]
     constant = forms.constants[form] - (row * forms.constants[vertices.basis]).sum(axis=1)
     off = np.abs(forms.rows[form] - (row[:, np.newaxis] @ basis)[:, 0]).sum(axis=1)
     off += np.maximum(gain, 0.0).sum(axis=1)
-    most = MARGIN * (1.0 + np.abs(row).sum(axis=1)) + REACH * off
+    most = SOLUTION_MARGIN * (1.0 + np.abs(row).sum(axis=1)) + REACH * off
     is_proved: Flags = constant * np.sign(value) > most
     return is_proved
 
@@ -352,10 +325,3 @@ def _joined(parts: Sequence[Vertices]) -> Vertices:
     """Return the programs of several batches as a single batch."""
     names = [field.name for field in fields(Vertices)]
     return Vertices(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
-
-
-def _together(a: _Open, b: _Open) -> _Open:
-    if not len(b.places):
-        return a
-    places, is_new = np.append(a.places, b.places), np.append(a.is_new, b.is_new)
-    return _Open(_joined([a.vertices, b.vertices]), places, is_new)

@@ -17,9 +17,8 @@ from dataclasses import dataclass, replace
 from typing import Any, final
 
 import numpy as np
-import numpy.typing as npt
 
-from pwscont.basics.arrays import Array, Indices
+from pwscont.basics.arrays import Array, Indices, Signs
 from pwscont.basics.budget import check_budget
 from pwscont.basics.character import Character
 from pwscont.basics.outcome import Failure
@@ -55,19 +54,7 @@ REFINEMENTS = 3
 
 
 def solve_slice(system: SlicewiseLinearSystem, metric: Metric, alpha: float) -> Slice:
-    """Return all solutions of a system at ``alpha``.
-
-    Parameters
-    ----------
-    system : SlicewiseLinearSystem
-    metric : Metric
-    alpha : float
-
-    Raises
-    ------
-    InvalidSystemError
-        If blocks do not fit the system.
-    """
+    """Return all solutions of a system at ``alpha``; refuse blocks that do not fit the system."""
     check_blocks(system, np.size(system.test_functions(np.zeros(system.size), alpha)))
     return _by_parts(system, metric, alpha) or _at_once(system, metric, alpha)
 
@@ -77,8 +64,7 @@ def _at_once(system: SlicewiseLinearSystem, metric: Metric, alpha: float) -> Sli
     problem = reduce(system, metric.scale[:-1], alpha)
     if problem is None:
         return Slice((), ())
-    points = _Points(system, metric, problem, alpha)
-    faces: list[Face] = []
+    found, faces = _Points(system, metric, problem, alpha), list[Face]()
     for choices in leaves(problem):
         if choices.directions.shape[-1]:
             for k in range(len(choices)):
@@ -86,23 +72,13 @@ def _at_once(system: SlicewiseLinearSystem, metric: Metric, alpha: float) -> Sli
                 face = face_of(problem, choices[k : k + 1], alpha)
                 faces += [face] if face else []
         else:
-            points.add(choices)
-    return _told_apart(points.points(), faces, points.undecided, metric)
-
-
-def _told_apart(
-    points: list[Point], faces: Sequence[Face], undecided: int, metric: Metric
-) -> Slice:
-    """Return a slice; the only solution of a singular cell is a point, if not known before.
-
-    Beside solutions that fill a face, such a point most often belongs to the face.
-    """
-    wide = tuple(face for face in faces if face.dimension)
-    for face in () if wide else faces:
+            found.add(choices)
+    points, wide = found.points(), tuple(face for face in faces if face.dimension)
+    for face in () if wide else faces:  # beside a face, such a point most often belongs to the face
         new = lone_point(face, face.inside, metric)
         if not any(is_same(metric, (p.x, p.error), (new.x, new.error)) for p in points):
             points.append(new)
-    return Slice(tuple(points), wide, undecided)
+    return Slice(tuple(points), wide, found.undecided)
 
 
 def lone_point(face: Face, x: Array, metric: Metric) -> Point:
@@ -201,11 +177,7 @@ def _root(curve: Curve, start: Array) -> Root | Failure:
 
 @final
 class _Points:
-    """The isolated solutions found so far, each with the choices whose cells share the solution.
-
-    A solution in the closure of another cell is the only solution of the other cell's equations,
-    too: the choice of the other cell need not be solved.
-    """
+    """The isolated solutions so far, each with the choices of all cells that share the solution."""
 
     def __init__(
         self, system: SlicewiseLinearSystem, metric: Metric, problem: Problem, alpha: float
@@ -219,11 +191,9 @@ class _Points:
     def points(self) -> list[Point]:
         """Return the solutions."""
         return [
-            Point(known.x, known.error, self._cells(known), known.det_sign) for known in self._found
+            Point(k.x, k.error, _Cells(self._problem, np.hstack(k.picks)), k.det_sign)
+            for k in self._found
         ]
-
-    def _cells(self, known: _Known) -> _Cells:
-        return _Cells(self._problem, np.hstack(known.picks))
 
     def add(self, choices: Choices) -> None:
         """Add the solutions of some choices without free directions."""
@@ -232,19 +202,14 @@ class _Points:
         while len(choices):
             check_budget()
             first, choices = choices[:1], choices[1:]
-            refined = self._refined(first)
-            if refined is not None:
-                known = self._merged(refined)
+            new = self._refined(first)
+            if new is not None:
+                place = new.x, new.error
+                same = (k for k in self._found if is_same(self._metric, (k.x, k.error), place))
+                known = next(same, new)
+                self._found += [new] if known is new else []
                 known.picks.append(first.picks)
                 choices = known.claim(choices)
-
-    def _merged(self, new: _Known) -> _Known:
-        """Return the same solution found before, or the new solution, which is kept."""
-        for old in self._found:
-            if is_same(self._metric, (old.x, old.error), (new.x, new.error)):
-                return old
-        self._found.append(new)
-        return new
 
     def _refined(self, one: Choices) -> _Known | None:
         """Return the solution of a choice, None for a solution outside of the closed cell."""
@@ -259,19 +224,17 @@ class _Points:
         if isinstance(self._system, PartSlice):
             more = self._system.inherited_error(root, selection.character)
             error = np.vstack([error, more])
-        known = _Known(root.x, error, self._holds(root.x, error), root.factor.sign, [])
-        return known if known.lies_in(one).all() else None
-
-    def _holds(self, x: Array, error: Array) -> list[npt.NDArray[np.bool_]]:
-        """Tell which options of each block have inequalities that a solution satisfies."""
+        x = root.x
         tests = np.array(self._system.test_functions(x[:-1], self._alpha), dtype=float)
         gradients = self._system.test_jacobian(x[:-1], self._alpha)
         slack = slack_of_values(gradients, x, error, self._metric.scale)
         slack += _inherited_slack(self._system, slice(None))
-        return [
+        holds = [
             np.array([(o.side * tests[o.bounding] >= -slack[o.bounding]).all() for o in options])
-            for options in self._problem.blocks
+            for options in problem.blocks
         ]
+        known = _Known(x, error, holds, root.factor.sign, [])
+        return known if known.lies_in(one).all() else None
 
 
 @final
@@ -281,11 +244,11 @@ class _Known:
 
     x: Array
     error: Array
-    holds: list[npt.NDArray[np.bool_]]
+    holds: list[Signs]  # of which options of each block the inequalities hold
     det_sign: int
     picks: list[Indices]
 
-    def lies_in(self, choices: Choices) -> npt.NDArray[np.bool_]:
+    def lies_in(self, choices: Choices) -> Signs:
         """Tell in which closed cells the solution lies."""
         inside = np.ones(len(choices), dtype=bool)
         for holds, picks in zip(self.holds, choices.picks, strict=True):

@@ -1,9 +1,8 @@
 """The search over all choices of options.
 
-Blocks are decided in turn. Linear programs cut off choices that no point can satisfy.
-The programs relax the undecided blocks, and ask only what holds in all options of a block. Many
-programs are solved at once, each from the vertex where the program of the parent ended. Each choice
-branches on the block whose options are most wrong at the vertex of the choice.
+Blocks are decided in turn. Linear programs, many at once, cut off choices that no point can
+satisfy: they relax the undecided blocks, and ask only what holds in all options of a block. Each
+choice branches on the block whose options are most wrong at the vertex of the choice.
 
 Failure modes and answers
 -------------------------
@@ -18,7 +17,7 @@ Failure modes and answers
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import product
@@ -59,18 +58,10 @@ OPEN = -1
 @final
 @dataclass(frozen=True, slots=True)
 class Prices:
-    """The costs of batches and linear programs, which decide between batches and programs.
+    """The costs of batches and linear programs, which decide between batches and programs."""
 
-    Attributes
-    ----------
-    few : int
-        Number of choices for which batches take about as long as linear programs.
-    per_program : int
-        Choices that are decided in batches in the time of a linear program.
-    """
-
-    few: int
-    per_program: float
+    few: int  # number of choices for which batches take about as long as linear programs
+    per_program: float  # choices that are decided in batches in the time of a linear program
 
 
 def leaves(problem: Problem, prices: Prices | None = None) -> Iterator[Choices]:
@@ -78,30 +69,20 @@ def leaves(problem: Problem, prices: Prices | None = None) -> Iterator[Choices]:
 
     The inequalities of singular cells need not have been looked at.
 
-    Parameters
-    ----------
-    problem : Problem
-    prices : Prices, optional
-        Default: the prices if a choice is done once the point of the choice is found.
+    ``prices``: default: the prices if a choice is done once the point of the choice is found.
     """
     prices = prices or Prices(FEW_CHOICES, CHOICES_PER_PROGRAM)
     numbers = [len(options) for options in problem.blocks]
     is_worth_searching = prod(numbers) > prices.few and max(numbers) <= MANY_OPTIONS
-    ends = _search(problem, prices) if is_worth_searching else None
-    if ends is None:
-        yield from _all(problem)
-        return
-    for picks in sorted(ends):
-        yield from filter(len, _finished(problem, np.array(picks)))
-
-
-def _all(problem: Problem) -> Iterator[Choices]:
-    """Yield all complete choices, by batches for each choice of the first blocks."""
-    numbers = [len(options) for options in problem.blocks]
-    first = next(m for m in range(len(numbers) + 1) if prod(numbers[m:]) <= BATCH)
-    for picks in product(*map(range, numbers[:first])):
-        opened = np.append(picks, np.full(len(numbers) - first, OPEN)).astype(np.intp)
-        yield from filter(len, _finished(problem, opened))
+    ends: Iterable[tuple[int, ...]] | None = None
+    if is_worth_searching:
+        ends = _search(problem, prices)
+    if ends is None:  # all choices, by batches for each choice of the first blocks
+        first = next(m for m in range(len(numbers) + 1) if prod(numbers[m:]) <= BATCH)
+        open_blocks = (OPEN,) * (len(numbers) - first)
+        ends = ((*picks, *open_blocks) for picks in product(*map(range, numbers[:first])))
+    for picks in ends:
+        yield from filter(len, _finished(problem, np.array(picks, dtype=np.intp)))
 
 
 def _finished(problem: Problem, picks: Indices) -> Iterator[Choices]:
@@ -110,26 +91,29 @@ def _finished(problem: Problem, picks: Indices) -> Iterator[Choices]:
     order = np.argsort(picks == OPEN, kind="stable")
     reordered = replace(problem, blocks=[problem.blocks[i] for i in order])
     chosen = tuple(picks[picks != OPEN].tolist())
-    space: Subspace | None = Subspace.whole(problem.dimension, problem.growth)
-    for i, option in enumerate(reordered.chosen(chosen)):
-        rank = partial(reordered.rank_added, chosen[: i + 1])
-        space = space.narrowed(option, rank) if space else None
+    space = _space_of(reordered, chosen)
     for choices in together(reordered, chosen, space) if space else ():
         yield replace(choices, picks=choices.picks[np.argsort(order)])
+
+
+def _space_of(problem: Problem, picks: tuple[int, ...]) -> Subspace | None:
+    """Return what options of the first blocks leave, None if nothing."""
+    space: Subspace | None = Subspace.whole(problem.dimension, problem.growth)
+    for i, option in enumerate(problem.chosen(picks)):
+        rank = partial(problem.rank_added, picks[: i + 1])
+        space = space.narrowed(option, rank) if space else None
+    return space
 
 
 def _search(problem: Problem, prices: Prices) -> list[tuple[int, ...]] | None:
     """Return the choices whose completions are all that is left; None if too costly."""
     single = [options for options in problem.blocks if len(options) == 1]
-    space: Subspace | None = Subspace.whole(problem.dimension, problem.growth)
-    for i, (option,) in enumerate(single):
-        rank = partial(problem.rank_added, (0,) * (i + 1))
-        space = space.narrowed(option, rank) if space else None
+    space = _space_of(problem, (0,) * len(single))
     if space is None:
         return []
     blocks = [options for options in problem.blocks if len(options) > 1]
     found = _Search(Forms.of(problem, blocks, space), prices.per_program).ends()
-    return found if found is None else [(0,) * len(single) + picks for picks in found]
+    return found if found is None else sorted((0,) * len(single) + picks for picks in found)
 
 
 @final
@@ -162,7 +146,8 @@ class _Search:
     def ends(self) -> list[tuple[int, ...]] | None:
         """Return the choices to be completed; None if there are too many programs."""
         ends: list[tuple[int, ...]] = []
-        stack, programs = [self._root()], 0
+        picks = np.full((1, len(self._numbers)), OPEN)
+        stack, programs = [self._feasible(_Nodes(first_vertex(self._forms), picks))], 0
         while stack and programs <= self._most:
             check_budget()
             nodes = stack.pop()
@@ -175,10 +160,6 @@ class _Search:
             programs += len(branches)
             stack += [self._feasible(branches)] if len(branches) else []
         return None if stack else ends
-
-    def _root(self) -> _Nodes:
-        picks = np.full((1, len(self._numbers)), OPEN)
-        return self._feasible(_Nodes(first_vertex(self._forms), picks))
 
     def _feasible(self, nodes: _Nodes) -> _Nodes:
         left, vertices = feasible(self._forms, nodes.vertices)
@@ -193,11 +174,7 @@ class _Search:
         return wrong
 
     def _is_end(self, nodes: _Nodes, wrong: Array) -> npt.NDArray[np.bool_]:
-        """Tell which choices are complete, or are decided together with all completions.
-
-        Choices are decided together if the completions fit into a batch and the vertex lies in the
-        cells of all options, so that no option could be cut off.
-        """
+        """Tell which choices are complete, or hold at the vertex and fit into a batch."""
         numbers = np.where(nodes.picks == OPEN, self._numbers, 1).astype(float).prod(axis=1)
         holds = wrong.max(axis=(1, 2), initial=0.0) <= slack_of(nodes.vertices)
         is_end: npt.NDArray[np.bool_] = holds & (numbers <= BATCH) | (numbers == 1.0)

@@ -35,11 +35,10 @@ from pwscont.search.enumeration import solve_surely
 from pwscont.system.abilities import completed, shown_size
 from pwscont.system.selection import Selection
 from pwscont.system.system import PiecewiseLinearSystem
-from pwscont.transitions.corner.cells import Corner
 from pwscont.transitions.corner.cone import TangentCone, tangent_cone
 from pwscont.transitions.departures import Standing
 from pwscont.transitions.detector import ratio_test
-from pwscont.transitions.rays import Ray
+from pwscont.transitions.rays import Corner, Ray
 
 if TYPE_CHECKING:
     from pwscont.evolution.memory import SystemWithMemory

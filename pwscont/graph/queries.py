@@ -19,14 +19,14 @@ from pwscont.curve.metric import Metric
 from pwscont.curve.newton import Border, newton
 from pwscont.curve.pseudo_arclength import SLOWEST
 from pwscont.curve.stepper import CurvedSegment
-from pwscont.enumeration.filled import Filled
+from pwscont.enumeration.continua import Continuum
 from pwscont.graph.records import Piece, Solution, SpecialPoint, Stretch, significant
 from pwscont.graph.structure import Structure
 from pwscont.linear.factorise import bordered, last_unit
 from pwscont.system.abilities import completed, completed_point, shown_points
 from pwscont.system.selection import Selection
 from pwscont.system.system import PiecewiseSystem
-from pwscont.transitions.location import locate_zero
+from pwscont.transitions.detector import locate_zero
 
 #: A step is halved at most this often where the cubic is too far from the curve to tell the sheet.
 MOST_HALVINGS = 8
@@ -219,7 +219,7 @@ def _on_chord(piece: Piece, alpha: float) -> Array:
     return x
 
 
-def joined(parts: Iterable[Filled], known: Sequence[float]) -> tuple[Stretch, ...]:
+def joined(parts: Iterable[Continuum], known: Sequence[float]) -> tuple[Stretch, ...]:
     """Return the stretches that parts cover together; ends at known values of alpha are these."""
     ends = [*known, 0.0]
     rows: list[Stretch] = []

@@ -10,8 +10,6 @@ Failure modes and answers
   unknown with the transpose of B, and corrects the last unknown with B: BEMW is as stable as the
   solves with B. Far from folds the first half of BEMW is left out, which saves a third of the time.
 - The bordered matrix itself is singular: the solution of a generic right-hand side is huge.
-- Rows and columns have different units: rows and columns are scaled, see
-  :mod:`pwscont.linear.factor`.
 """
 
 from __future__ import annotations
@@ -128,7 +126,7 @@ class BorderedFactor(Factor):
     def _solve(self, rhs: Array) -> Array:
         """Return the scaled solution for a scaled right-hand side."""
         f, g = rhs[:-1], float(rhs[-1])
-        guess = self._guess(f, g) if self._is_ill else 0.0
+        guess = (g - float(self._left[0].dot(f))) / self._left[1] if self._is_ill else 0.0
         if guess:
             f, g = f - guess * self._column, g - guess * self._corner
         inner = self._interior.solve(f) if f.any() else f  # a tangent is solved for with f = 0
@@ -141,11 +139,6 @@ class BorderedFactor(Factor):
         np.subtract(inner, correction * self._right, out=solution[:-1])
         solution[-1] = guess + correction
         return solution
-
-    def _guess(self, f: Array, g: float) -> float:
-        """Return the last unknown, from solves with the transpose of B."""
-        left, schur = self._left
-        return (g - float(left.dot(f))) / schur
 
     @cached_property
     def _left(self) -> tuple[Array, float]:
@@ -173,12 +166,12 @@ class BorderedFactor(Factor):
         """
         if self.failed:
             return True
-        lengths = [np.linalg.norm(self._generic(*pair)) for pair in self._interior.generic]
-        return not max(lengths) * EPS * np.sqrt(0.5 * len(self._rows)) < 1.0
-
-    def _generic(self, f: Array, inner: Array) -> Array:
-        """Return the scaled solution for a generic vector f, from B^-1 f[:-1] if good enough."""
-        return self._solve(f) if self._is_ill else self._completed(inner, float(f[-1]))
+        solutions = (
+            self._solve(f) if self._is_ill else self._completed(inner, float(f[-1]))
+            for f, inner in self._interior.generic
+        )
+        longest = max(map(np.linalg.norm, solutions))
+        return not longest * EPS * np.sqrt(0.5 * len(self._rows)) < 1.0
 
 
 def row_scale(largest: Array, row: Array) -> Array:

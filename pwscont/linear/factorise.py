@@ -1,13 +1,5 @@
 """Factorisations of matrices in every storage: the functions that the other rooms call.
 
-- :func:`bordered` factorises [J; row], for Newton's method and tangents;
-- :func:`inner` factorises B alone, the part of J for z, for straight pieces;
-- :func:`factor` factorises a square matrix;
-- :func:`balanced_columns` says in which units the unknowns of a matrix are alike;
-- :func:`columns_scaled`, :func:`rows_divided`, :func:`largest_in_rows` and :func:`column` bring a
-  Jacobian to entries of about 1, and read columns;
-- :func:`augmented` factorises [[J, b], [C, 0]], for Newton's method for branch points.
-
 Failure modes and answers
 -------------------------
 - B has no LU, since a pivot vanishes exactly: the bordered matrix is factorised as a whole.
@@ -28,10 +20,16 @@ import scipy.sparse as sp
 
 from pwscont.basics.arrays import Array, Matrix, dense
 from pwscont.linear.bordered import BorderedFactor, Interior
-from pwscont.linear.dense import DenseFactor, DenseLU, row_maxima
-from pwscont.linear.factor import Factor, ScaledFactor, power_of_two
+from pwscont.linear.factor import (
+    DenseFactor,
+    DenseLU,
+    Factor,
+    ScaledFactor,
+    power_of_two,
+    row_maxima,
+)
 from pwscont.linear.jacobian import StoredJacobian, StructuredJacobian
-from pwscont.linear.sparse import SparseFactor, SparseJacobian, column_of
+from pwscont.linear.sparse import SparseFactor, SparseJacobian
 
 __all__ = [
     "DenseFactor",
@@ -43,6 +41,7 @@ __all__ = [
     "columns_scaled",
     "factor",
     "inner",
+    "kink_by_columns",
     "largest_in_rows",
     "last_unit",
     "power_of_two",
@@ -53,15 +52,9 @@ __all__ = [
 def bordered(jacobian: Matrix, row: Any, scale: Array, beside: Array | None = None) -> Factor:
     """Factorise [J; row], shape (n + 1, n + 1).
 
-    Parameters
-    ----------
-    jacobian : ndarray, sparse matrix or StructuredJacobian, shape (n, n + 1)
-    row : ndarray or sparse matrix, n + 1 entries
-    scale : ndarray, shape (n + 1,)
-        Typical magnitudes of the unknowns, powers of two.
-    beside : ndarray, shape (n + 1,), optional
-        The right-hand side of the next solve, for Jacobians that solve for several right-hand sides
-        at once.
+    ``scale``, shape (n + 1,): typical magnitudes of the unknowns, powers of two.
+    ``beside``, shape (n + 1,): the right-hand side of the next solve, for Jacobians that solve for
+    several right-hand sides at once.
     """
     row = row if isinstance(row, np.ndarray) else dense(row).ravel()
     if isinstance(jacobian, np.ndarray):
@@ -128,11 +121,20 @@ def largest_in_rows(jacobian: Matrix) -> Array:
 
 def column(jacobian: Matrix, index: int) -> Array:
     """Return a column of a Jacobian, shape (n,), in a new array."""
-    if sp.issparse(jacobian):
-        return column_of(jacobian, index)
-    if isinstance(jacobian, StructuredJacobian):
-        return jacobian.column_at(index)
-    return np.array(jacobian[:, index], dtype=float)
+    if isinstance(jacobian, np.ndarray):
+        return np.array(jacobian[:, index], dtype=float)
+    return _structured(jacobian).column_at(index)
+
+
+def kink_by_columns(before: Matrix, after: Matrix, gradient: Array, scale: Array) -> Array:
+    """Return c of J' - J = c g^T (F1), shape (n,), from the Jacobians on both sides.
+
+    The column of the unknown along which the test of gradient g changes most is compared, so that
+    c is no small difference of large numbers; ``scale`` has the typical magnitudes of the unknowns.
+    """
+    steepest = int(np.abs(gradient * scale).argmax())
+    jump: Array = (column(after, steepest) - column(before, steepest)) / gradient[steepest]
+    return jump
 
 
 def balanced_columns(jacobian: Matrix) -> Array:
@@ -141,17 +143,15 @@ def balanced_columns(jacobian: Matrix) -> Array:
     Each row is divided by the row's largest entry first; the multiplier for alpha is 1.
     """
     sparse = sp.issparse(jacobian)
-    sizes = abs(sp.csr_array(jacobian)) if sparse else np.abs(dense(jacobian))
-    rows = sizes[:, :-1]
-    largest = _largest(rows, 1)
-    columns = _largest(rows / np.where(largest > 0.0, largest, 1.0)[:, np.newaxis], 0)
-    return power_of_two(np.append(1.0 / np.where(columns > 0.0, columns, 1.0), 1.0))
+    rows = (abs(sp.csr_array(jacobian)) if sparse else np.abs(dense(jacobian)))[:, :-1]
 
+    def largest(sizes: Matrix, axis: int) -> Array:
+        found = sizes.max(axis=axis)
+        found = dense(found).ravel() if sparse else found
+        return np.where(found > 0.0, found, 1.0)
 
-def _largest(sizes: Matrix, axis: int) -> Array:
-    """Return the largest entries along an axis of a matrix, dense or in sparse rows."""
-    found = sizes.max(axis=axis)
-    return dense(found).ravel() if sp.issparse(sizes) else found
+    columns = largest(rows / largest(rows, 1)[:, np.newaxis], 0)
+    return power_of_two(np.append(1.0 / columns, 1.0))
 
 
 def _structured(jacobian: Matrix) -> StructuredJacobian:
@@ -162,12 +162,7 @@ def _structured(jacobian: Matrix) -> StructuredJacobian:
 def augmented(jacobian: Matrix, b: Array, C: Array) -> Factor:
     """Factorise [[J, b], [C, 0]], for solves with the matrix and with the transpose.
 
-    Parameters
-    ----------
-    jacobian : ndarray or StoredJacobian, shape (n, n + 1)
-        With entries of about 1.
-    b : ndarray, shape (n,)
-    C : ndarray, shape (2, n + 1)
+    ``jacobian``, shape (n, n + 1): with entries of about 1.
     """
     n = len(b)
     if isinstance(jacobian, np.ndarray):
@@ -182,16 +177,18 @@ def augmented(jacobian: Matrix, b: Array, C: Array) -> Factor:
 
 
 def _by_parts(jacobian: StoredJacobian, b: Array, C: Array) -> Factor:
-    """Factorise [[J, b], [C, 0]] by two borders around an LU of B.
+    """Factorise [[J, b], [C, 0]] by two borders around an LU of B; return a singular part if any.
 
     The rows of C are turned so that the first has no entry for alpha: this row and b are the first
-    border, which needs no column for alpha. If B, or B with the first border, has no LU, a factor
-    that is singular is returned.
+    border, which needs no column for alpha.
     """
     core, column = jacobian.split()
     if core.failed:
         return core
-    turn, ones = _turn(C[:, -1]), np.ones(len(b) + 2)
+    pair, ones = C[:, -1], np.ones(len(b) + 2)
+    size = float(np.hypot(*pair))
+    cosine, sine = (pair[1] / size, pair[0] / size) if size > 0.0 else (1.0, 0.0)
+    turn = np.array([[cosine, -sine], [sine, cosine]])
     first, second = turn @ C
     inner = BorderedFactor(Interior(core, b), np.append(first[:-1], 0.0), ones[1:], ones[1:])
     if inner.is_singular():
@@ -203,15 +200,7 @@ def _by_parts(jacobian: StoredJacobian, b: Array, C: Array) -> Factor:
 
 @final
 class _Turned(Factor):
-    """Solves with [[J, b], [C, 0]] by a factor in which C is turned and alpha comes last.
-
-    Parameters
-    ----------
-    factor : Factor
-        A factorisation with unknowns in the order (z, mu, alpha), and the rows ``turn @ C``.
-    turn : ndarray, shape (2, 2)
-        A rotation.
-    """
+    """Solves with [[J, b], [C, 0]] by a factor with the rows ``turn @ C`` and alpha as the last."""
 
     def __init__(self, factor: Factor, turn: Array) -> None:
         self._factor, self._turn = factor, turn
@@ -235,13 +224,6 @@ class _Turned(Factor):
     def is_singular(self) -> bool:
         """Tell whether the matrix is singular to rounding."""
         return self._factor.is_singular()
-
-
-def _turn(pair: Array) -> Array:
-    """Return the rotation, shape (2, 2), that makes the first of two numbers zero."""
-    size = float(np.hypot(*pair))
-    cosine, sine = (pair[1] / size, pair[0] / size) if size > 0.0 else (1.0, 0.0)
-    return np.array([[cosine, -sine], [sine, cosine]])
 
 
 def _exchanged(x: Array) -> Array:

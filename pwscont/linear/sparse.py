@@ -18,19 +18,13 @@ import scipy.sparse as sp
 
 from pwscont.basics.arrays import Array
 from pwscont.basics.rounding import EPS
-from pwscont.linear.factor import LU, Factor, ScaledFactor, power_of_two
+from pwscont.linear.factor import LU, Factor, ScaledFactor, power_of_two, sign_of_permutation
 from pwscont.linear.jacobian import StoredJacobian
 
 
 @final
 class SparseJacobian(StoredJacobian):
-    """A sparse Jacobian (n, n + 1), stored by columns.
-
-    Parameters
-    ----------
-    matrix : scipy.sparse matrix
-        Not written to.
-    """
+    """A sparse Jacobian (n, n + 1), stored by columns; the given matrix is not written to."""
 
     def __init__(self, matrix: Any) -> None:
         self._csc = matrix.tocsc()
@@ -98,27 +92,9 @@ class SparseJacobian(StoredJacobian):
         return SparseJacobian(matrix)
 
 
-def column_of(matrix: Any, index: int) -> Array:
-    """Return a column of a scipy.sparse matrix in any storage, in a tenth of scipy's time."""
-    if matrix.format != "csr":
-        stored = matrix.tocsc()
-        entries = slice(*stored.indptr[index : index + 2])
-        rows, data = stored.indices[entries], stored.data[entries]
-    else:
-        places = np.flatnonzero(matrix.indices == index)
-        rows = np.searchsorted(matrix.indptr, places, side="right") - 1
-        data = matrix.data[places]
-    return np.bincount(rows, data, matrix.shape[0]).astype(float)  # adds entries stored in parts
-
-
 @final
 class SparseLU(LU):
-    """LU of a sparse matrix, which fails where a pivot vanishes exactly or is not finite.
-
-    Parameters
-    ----------
-    matrix : csc_matrix, shape (k, k)
-    """
+    """LU of a sparse matrix, which fails where a pivot vanishes exactly or is not finite."""
 
     def __init__(self, matrix: Any) -> None:
         from scipy.sparse.linalg import splu  # noqa: PLC0415  only for sparse systems
@@ -135,9 +111,8 @@ class SparseLU(LU):
         if self.failed:
             return 0
         negative = np.count_nonzero(self._lu.U.diagonal() < 0.0)
-        # a product of two permutations has the sum of the parities
-        odd = _is_odd(self._lu.perm_r[self._lu.perm_c].tolist())
-        return -1 if (negative + odd) % 2 else 1
+        exchanges = sign_of_permutation(self._lu.perm_r[self._lu.perm_c].tolist())
+        return -exchanges if negative % 2 else exchanges
 
     def solved(self, rhs: Array, transposed: bool = False) -> Array:
         """Return the solutions for the columns of an array."""
@@ -158,11 +133,7 @@ class SparseLU(LU):
 class SparseFactor(Factor):
     """LU of a sparse matrix in any units.
 
-    Parameters
-    ----------
-    matrix : sparse matrix, shape (k, k)
-    scale : ndarray, shape (k,)
-        Typical magnitudes of the unknowns, powers of two.
+    ``scale``, shape (k,): typical magnitudes of the unknowns, powers of two.
     """
 
     def __init__(self, matrix: Any, scale: Array) -> None:
@@ -187,17 +158,3 @@ class SparseFactor(Factor):
     def is_singular(self) -> bool:
         """Tell whether the scaled matrix is singular to rounding."""
         return self._factor.is_singular()
-
-
-def _is_odd(permutation: list[int]) -> int:
-    """Return 1 for an odd permutation, else 0, by counting cycles."""
-    seen = [False] * len(permutation)
-    cycles = 0
-    for start in range(len(permutation)):
-        if not seen[start]:
-            cycles += 1
-            j = start
-            while not seen[j]:
-                seen[j] = True
-                j = permutation[j]
-    return (len(permutation) - cycles) % 2

@@ -23,13 +23,15 @@ THREADS = (
 )
 #: Number of unknowns below which a product or a factorisation has a single thread anyway. Solving
 #: for many right-hand sides, as steps along curves do, may have more.
-FEW = 32
+LEAST_THREADED = 32
 #: Most unknowns for which a single thread is faster: if matrices are factorised at every step, and
 #: if matrices are only multiplied. Two threads took 1.5 to 5 times as long.
-FACTORISED, MULTIPLIED = 2000, 6000
+MOST_FACTORISED, MOST_MULTIPLIED = 2000, 6000
 
 
-def few_threads(size: int, small: int = FACTORISED, few: int = FEW) -> AbstractContextManager[Any]:
+def few_threads(
+    size: int, small: int = MOST_FACTORISED, few: int = LEAST_THREADED
+) -> AbstractContextManager[Any]:
     """Let BLAS use a single thread for ``few`` to ``small`` unknowns, unless the user decides."""
     return one_thread() if few <= size <= small else nullcontext()
 

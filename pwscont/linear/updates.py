@@ -6,7 +6,6 @@ multiplied by the sign of each pivot (docs/theory, F10).
 
 - :class:`ProductForm` is a :class:`~pwscont.linear.factor.Factor`: any factorisation, and the
   vectors of all changes, multiplied out, as in the simplex method (Dantzig and Orchard-Hays 1954).
-  A solve costs a solve with the first matrix and two products with the vectors.
 - :class:`Updating` serves a family of matrices that differ in some rows (:class:`RowMatrix`). The
   solver keeps an explicit inverse, and replaces all changed rows at once (Woodbury).
 
@@ -14,13 +13,10 @@ Failure modes and answers
 -------------------------
 - The new matrix is nearly singular, or the change loses digits: the pivot is small beside the terms
   1 and g.w, the change is refused, and the matrix is factorised afresh.
-- Rounding errors of the changes add up: the caller compares the residual with :func:`drifted`,
-  mostly at no cost, and asks for a fresh factorisation where the residual is too large. After
-  :data:`MANY_UPDATES` the matrix is factorised afresh anyway, which costs a tenth more time.
-- A matrix is badly conditioned, as at folds: the matrix is not inverted, and every change leads to
-  a fresh LU with partial pivoting.
-- Many rows change at once, as when friction changes everywhere or Newton is far from a solution:
-  a fresh factorisation is cheaper than the changes, and is inverted only when a change asks.
+- Rounding errors of the changes add up: the caller compares the residual with :func:`drifted`, and
+  asks for a fresh factorisation, due after :data:`MANY_UPDATES` anyway.
+- A matrix is badly conditioned, as at folds, or many rows change at once: every change leads to a
+  fresh LU, which is inverted only when a later change asks.
 - A caller solves with an older matrix: every solve names the matrix, and the rows are replaced
   back, so that no system is ever solved with the wrong matrix.
 """
@@ -35,8 +31,7 @@ from scipy.linalg import blas, lapack
 
 from pwscont.basics.arrays import Array, Indices
 from pwscont.basics.rounding import EPS
-from pwscont.linear.dense import DenseLU
-from pwscont.linear.factor import Factor
+from pwscont.linear.factor import DenseLU, Factor
 from pwscont.linear.vectors import add_multiples
 
 #: Least pivot of a change, as a part of the sum of the magnitudes of the pivot's terms. A change
@@ -44,7 +39,7 @@ from pwscont.linear.vectors import add_multiples
 SMALL_PIVOT = 1e-6
 #: Number of changes that are kept as vectors before a fresh factorisation is due: two products with
 #: 48 vectors cost as much as a solve with a matrix of about a hundred rows.
-TOGETHER = 48
+MOST_CHANGES_KEPT = 48
 #: Largest residual of a solution, as a part of the largest entry of solution and right-hand side.
 #: The solutions are corrections and directions, whose points are corrected afterwards: nine digits
 #: are enough.
@@ -54,7 +49,7 @@ DRIFT = 1e-9
 INVERTIBLE = EPS**0.75
 #: Largest part of the rows of an inverse that is replaced at once, in 4 k m^2 operations for k of m
 #: rows: two thirds of the 2 m^3 operations that a new inverse takes.
-FEW_ROWS = 1.0 / 3.0
+LARGEST_PART_REPLACED = 1.0 / 3.0
 #: Number of changes, as a multiple of the number of rows, after which the matrix is factorised
 #: afresh: the factorisation then costs a tenth of the changes before.
 MANY_UPDATES = 2.0
@@ -74,16 +69,12 @@ class ProductForm(Factor):
     The rows of D are the vectors g. With every change the columns of V are multiplied by
     I - w g^T / (1 + g.w), so that no system has to be solved for V.
 
-    Parameters
-    ----------
-    factor : Factor
-        A factorisation of the first matrix.
-    size : int
-        The number of rows of the matrix.
+    ``factor``: a factorisation of the first matrix.
+    ``size``: the number of rows of the matrix.
     """
 
     def __init__(self, factor: Factor, size: int) -> None:
-        self._v = np.empty((TOGETHER, size))  # the columns of V
+        self._v = np.empty((MOST_CHANGES_KEPT, size))  # the columns of V
         self._d = np.empty_like(self._v)
         self.renew(factor)
 
@@ -95,7 +86,7 @@ class ProductForm(Factor):
     @property
     def is_full(self) -> bool:
         """Whether a fresh factorisation is due before the next change."""
-        return self.count == TOGETHER
+        return self.count == MOST_CHANGES_KEPT
 
     @property
     def sign(self) -> int:
@@ -233,7 +224,13 @@ class Updating(RowSolver):
     def solve(self, matrix: RowMatrix, rhs: Array) -> Array:
         """Return the solution for a right-hand side, or several."""
         self._take(matrix)
-        return _product(self._inverse, rhs) if self._lu is None else self._lu.solve(rhs)
+        if self._lu is not None:
+            return self._lu.solve(rhs)
+        entries = np.flatnonzero(rhs) if rhs.ndim == 1 else None
+        if entries is not None and len(entries) <= FEW_ENTRIES:
+            return self._inverse[:, entries] @ rhs[entries]
+        product: Array = rhs @ self._inverse.T
+        return product
 
     def solve_transposed(self, matrix: RowMatrix, rhs: Array) -> Array:
         """Return the solution with the transposed matrix."""
@@ -280,7 +277,7 @@ class Updating(RowSolver):
         m, changed = len(last.keys), np.flatnonzero(last.keys != matrix.keys)
         if not len(changed):
             return True
-        few = MOST_BEFORE_INVERSE if self._lu is not None else max(2.0, FEW_ROWS * m)
+        few = MOST_BEFORE_INVERSE if self._lu is not None else max(2.0, LARGEST_PART_REPLACED * m)
         if len(changed) > few or self._replaced >= max(LEAST_UPDATES, MANY_UPDATES * m):
             return False
         if not self._invert() or not self._replace(matrix, last, changed):
@@ -298,10 +295,9 @@ class Updating(RowSolver):
         return self._lu is None
 
     def _replace(self, matrix: RowMatrix, last: RowMatrix, rows: Indices) -> bool:
-        """Change rows E^T M to R at once: M'^-1 = M^-1 - M^-1 E (R M^-1 E)^-1 (R M^-1 - E^T).
+        """Change rows E^T M to R by Woodbury's formula; False where digits are lost.
 
-        This is Woodbury's formula, as E^T M times M^-1 E is the identity. False where the change
-        loses too many digits.
+        M'^-1 = M^-1 - M^-1 E (R M^-1 E)^-1 (R M^-1 - E^T), as E^T M M^-1 E is the identity.
         """
         parts, largest = matrix.divided(rows, last, self._inverse)
         pivots = DenseLU.of(parts[:, rows])
@@ -313,13 +309,3 @@ class Updating(RowSolver):
         self._inverse = blas.dgemm(-1.0, w, parts, 1.0, self._inverse, overwrite_c=1)
         self._sign *= pivots.sign
         return True
-
-
-def _product(inverse: Array, rhs: Array) -> Array:
-    """Return solutions by an inverse, or by a few columns for a few nonzero entries."""
-    if rhs.ndim == 1:
-        entries = np.flatnonzero(rhs)
-        if len(entries) <= FEW_ENTRIES:
-            return inverse[:, entries] @ rhs[entries]
-    product: Array = rhs @ inverse.T
-    return product

@@ -15,11 +15,6 @@ from scipy.linalg import blas
 
 from pwscont.basics.arrays import Array, Indices, Matrix
 
-#: Largest part of nonzeros, of all entries of a dense matrix, for which sparse rows are cheaper.
-SPARSE = 0.1
-#: Number of entries up to which a dense matrix stays dense, whatever the entries are.
-LARGE = 10_000
-
 #: The inner product of two vectors.
 dot: Callable[[Array, Array], float] = blas.ddot
 
@@ -43,16 +38,13 @@ def add_multiples(rows: Array, factors: Array, row: Array) -> None:
 
 @final
 class Rows:
-    """Constant rows, such as the gradients of affine tests, for many products.
-
-    Parameters
-    ----------
-    matrix : ndarray or sparse matrix, shape (m, k)
-        Copied.
-    """
+    """A copy of constant rows, such as the gradients of affine tests, for many products."""
 
     def __init__(self, matrix: Matrix) -> None:
-        self.matrix: Any = _summed(matrix) if sp.issparse(matrix) else _thinned(matrix)
+        self.matrix: Any = np.array(matrix, dtype=float) if isinstance(matrix, np.ndarray) else None
+        if self.matrix is None:
+            self.matrix = sp.csr_matrix(matrix, copy=True)
+            self.matrix.sum_duplicates()
         #: The product with a vector, shape (m,).
         self.dot: Callable[[Array], Array] = self.matrix.dot
 
@@ -76,26 +68,4 @@ class Rows:
         """Return a few rows, dense, shape (len(which), k)."""
         if isinstance(self.matrix, np.ndarray):
             return self.matrix[which]
-        rows = np.zeros((len(which), self.matrix.shape[1]))
-        for row, i in zip(rows, which, strict=True):
-            row[:] = self.one(int(i))
-        return rows
-
-
-def _summed(matrix: Matrix) -> Any:
-    """Return a copy of sparse rows, with each entry stored once."""
-    stored = sp.csr_matrix(matrix, copy=True)
-    stored.sum_duplicates()
-    return stored
-
-
-def _thinned(matrix: Array) -> Any:
-    """Return a copy of dense rows, sparse where few entries are not zero."""
-    entries = matrix.ravel()
-    if len(entries) > LARGE:
-        places = (entries != 0.0).nonzero()[0]
-        if len(places) < SPARSE * len(entries):
-            rows, columns = np.divmod(places, matrix.shape[1])  # faster than scipy's conversion
-            starts = np.searchsorted(rows, np.arange(len(matrix) + 1))
-            return sp.csr_matrix((entries[places].astype(float), columns, starts), matrix.shape)
-    return np.array(matrix, dtype=float)
+        return np.asarray(self.matrix[which].toarray())

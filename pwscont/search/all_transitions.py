@@ -9,7 +9,7 @@ transition point.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import final
 
 import numpy as np
@@ -21,9 +21,11 @@ from pwscont.basics.outcome import Guarantee, SearchScope
 from pwscont.basics.rounding import CONFIDENCE, EPS
 from pwscont.curve.error_samples import Found, has_digits, is_same, magnitude
 from pwscont.curve.metric import Metric
-from pwscont.enumeration import Face, Point, solve_slice
+from pwscont.enumeration.options import bounding
+from pwscont.enumeration.polyhedron import Face
+from pwscont.enumeration.slices import solve_slice
 from pwscont.linear.factorise import factor, power_of_two
-from pwscont.search.enumeration import starts_at, starts_of
+from pwscont.search.enumeration import as_starts, starts_at
 from pwscont.search.few_cells import FewCells
 from pwscont.search.search import Search
 from pwscont.system.box import Box
@@ -93,15 +95,12 @@ class AllTransitions(Search):
 
 
 def _has_free_unknowns(system: PiecewiseSystem) -> bool:
-    """Tell whether z may move in a direction that H and all tests do not see, in every cell.
-
-    Nearly always H alone sees all directions, which a factorisation tells sooner than a rank.
-    """
+    """Tell whether z may move in a direction that H and all tests do not see, in every cell."""
     differences = system.differences(0.0)
     z, alpha = np.zeros(system.size), min(max(0.0, differences.lo), differences.hi)
     jacobian = dense(jacobian_at(system, z, alpha, system.character(z, alpha)))
     if not factor(jacobian[:, :-1], power_of_two(differences.scale[:-1])).is_singular():
-        return False
+        return False  # nearly always, and sooner than by a rank
     rows = np.vstack([jacobian, dense(system.test_jacobian(z, alpha))])[:, :-1]
     rows = rows * differences.scale[:-1]
     sizes = np.abs(rows).max(axis=1, initial=0.0)
@@ -118,62 +117,42 @@ def _on_interfaces(
     """Yield the solutions where a test vanishes, for each test."""
     crossings = few.crossings() if few else None
     if crossings is not None:
-        yield from ((test, found) for test, found in crossings if _clip(interval, *found))
+        yield from ((test, found) for test, found in crossings if _is_within(interval, *found))
         return
     around = Metric(np.append(metric.scale, 1.0))
     for block in system.blocks():
         for test in block.tests:
             points = _OnInterface(system, block, test, interval)
-            if points.is_bounding:
-                for found in _within(interval, _solve(points, around)):
+            for x, error in _solve(points, around) if points.is_bounding else ():
+                found = np.append(x[:-2], interval[0] + x[-2]), error[:, :-1]
+                if _is_within(interval, *found):
                     yield test, found
 
 
-def _within(interval: tuple[float, float], found: list[Found]) -> Iterator[Found]:
-    """Yield the points (z, alpha) in the interval, without the idle parameter."""
-    for x, error in found:
-        alpha = _clipped(interval, interval[0] + float(x[-2]), float(magnitude(x, error)[-2]))
-        if alpha is not None:
-            yield np.append(x[:-2], alpha), error[:, :-1]
-
-
-def _clip(interval: tuple[float, float], x: Array, error: Array) -> bool:
+def _is_within(interval: tuple[float, float], x: Array, error: Array) -> bool:
     """Tell whether a point lies in the interval; rounding beyond an end is moved to the end."""
-    if interval[0] <= x[-1] <= interval[1]:
-        return True
-    alpha = _clipped(interval, float(x[-1]), float(magnitude(x, error)[-1]))
-    if alpha is not None:
-        x[-1] = alpha
-    return alpha is not None
-
-
-def _clipped(interval: tuple[float, float], alpha: float, error: float) -> float | None:
-    """Return alpha if in the interval, an end if within the error of the end, else None."""
-    nearest = min(max(alpha, interval[0]), interval[1])
-    return nearest if abs(alpha - nearest) <= CONFIDENCE * error else None
+    nearest = min(max(float(x[-1]), interval[0]), interval[1])
+    if abs(float(x[-1]) - nearest) > CONFIDENCE * float(magnitude(x, error)[-1]):
+        return False
+    x[-1] = nearest
+    return True
 
 
 def _solve(points: _OnInterface, metric: Metric) -> list[Found]:
     """Return the points where a test vanishes, of vertical faces the corners."""
     found = solve_slice(points, metric, 0.0)
-    faces = [face for face in found.faces if _is_vertical(face, metric)]
-    parts: tuple[Point | Face, ...] = (*found.points, *faces)
-    return [start for part in parts for start in starts_of(part)]
 
+    def is_vertical(face: Face) -> bool:
+        """Tell whether a face has corners, or lies at a single alpha."""
+        moves = np.abs(face.directions / metric.scale[:-1, np.newaxis])
+        return bool(len(face.corners)) or bool((moves[-1] <= ALONG * moves.max()).all())
 
-def _is_vertical(face: Face, metric: Metric) -> bool:
-    """Tell whether a face has corners, or lies at a single alpha."""
-    moves = face.directions / metric.scale[:-1, np.newaxis]
-    return bool(len(face.corners)) or bool((np.abs(moves[-1]) <= ALONG * np.abs(moves).max()).all())
+    return as_starts(replace(found, faces=tuple(filter(is_vertical, found.faces))))
 
 
 @final
 class _OnInterface(SlicewiseLinearSystem):
-    """H(z, alpha) = 0 together with kappa_test = 0, for the unknowns (z, alpha - lo).
-
-    Only cells that the test bounds take part, and only points of the interval. The parameter of
-    this system is idle: H and the tests do not depend on the parameter.
-    """
+    """H(z, alpha) = 0 and kappa_test = 0 in cells that the test bounds, for (z, alpha - lo)."""
 
     def __init__(
         self,
@@ -184,16 +163,10 @@ class _OnInterface(SlicewiseLinearSystem):
     ) -> None:
         self.size = system.size + 1
         self._system, self._test, self._interval = system, test, interval
-        modes = tuple(mode for mode in block.modes if self._is_bounded(block, mode))
+        tests = len(self.test_functions(np.zeros(self.size), 0.0))
+        modes = tuple(mode for mode in block.modes if test in bounding(system, block, mode, tests))
         self.is_bounding = bool(modes)
         self._block = Block(block.tests, block.rows, modes)
-
-    def _is_bounded(self, block: Block, mode: tuple[bool, ...]) -> bool:
-        tests = len(self.test_functions(np.zeros(self.size), 0.0))
-        signs = [True] * tests
-        for i, sign in zip(block.tests, mode, strict=True):
-            signs[i] = sign
-        return self._test in self._system.bounding_tests(Character(tuple(signs)))
 
     def test_functions(self, z: Array, alpha: float) -> Array:
         """Return the tests of the system."""

@@ -8,7 +8,7 @@ from itertools import islice
 
 from pwscont.basics.arrays import Array
 from pwscont.curve.metric import Metric
-from pwscont.enumeration import cells_to_try
+from pwscont.enumeration.slices import cells_to_try
 from pwscont.search.all_transitions import AllTransitions
 from pwscont.search.enumeration import EndPoints, Slices
 from pwscont.search.multi_start import MultiStart
@@ -30,9 +30,9 @@ MANY_INTERFACES = 2_000_000
 #: Most cells of a curved system in which Newton is tried, in a second or two.
 MANY_NEWTONS = 2**11
 #: Least and most random starts at each end if no other search is affordable.
-FEWEST, MOST = 4, 20
+LEAST_STARTS, MOST_STARTS = 4, 20
 #: Most unknowns of a curved system that is searched inside of the interval as well.
-MANY_UNKNOWNS = 200
+MOST_UNKNOWNS_INSIDE = 200
 #: Least and most slices between the ends, to find loops, and the most cells of all slices if there
 #: are more slices than the least.
 FEW_SLICES, MANY_SLICES, MANY_CELLS_BETWEEN = 2, 8, 100_000
@@ -41,15 +41,7 @@ FEW_SLICES, MANY_SLICES, MANY_CELLS_BETWEEN = 2, 8, 100_000
 def default_search(
     system: PiecewiseSystem, interval: tuple[float, float], around: Sequence[Array] = ()
 ) -> Search:
-    """Return the most complete search that takes seconds for a system of this size.
-
-    Parameters
-    ----------
-    system : PiecewiseSystem
-    interval : tuple of float
-    around : sequence of ndarray, shape (n,)
-        States around which Newton is started as well.
-    """
+    """Return the most complete search that takes seconds; Newton starts ``around`` states, too."""
     search = _most_complete(system, interval, around)
     is_costly = isinstance(system, SlicewiseLinearSystem) and not isinstance(search, MultiStart)
     return _from_many(around) + search if system.unique and is_costly else search
@@ -58,12 +50,15 @@ def default_search(
 def _most_complete(
     system: PiecewiseSystem, interval: tuple[float, float], around: Sequence[Array]
 ) -> Search:
-    some = replace(_from_many(around), count=affordable_starts(system, FEWEST, MOST))
+    some = replace(_from_many(around), count=affordable_starts(system, LEAST_STARTS, MOST_STARTS))
     if not isinstance(system, SlicewiseLinearSystem):
-        is_small = system.size <= MANY_UNKNOWNS
+        is_small = system.size <= MOST_UNKNOWNS_INSIDE
         many: Search = Throughout.affordable(system, _from_many(around)) if is_small else some
-        return _added_up(EndPoints() + many if _has_few_cells(system) else many, system)
-    if _needs_too_many_cells(system):
+        if not has_too_many_tests(system):
+            few = len(list(islice(system.cells(), MANY_NEWTONS + 1))) <= MANY_NEWTONS
+            many = EndPoints() + many if few else many
+        return _added_up(many, system)
+    if type(system).blocks is SlicewiseLinearSystem.blocks and has_too_many_tests(system):
         return _added_up(some, system)
     blocks = system.blocks()
     cells = number_of_cells(blocks)
@@ -80,18 +75,6 @@ def _most_complete(
 
 def _from_many(around: Sequence[Array]) -> MultiStart:
     return MultiStart(around=tuple(tuple(z.tolist()) for z in around))
-
-
-def _has_few_cells(system: PiecewiseSystem) -> bool:
-    """Tell whether Newton can be tried in every cell."""
-    if has_too_many_tests(system):
-        return False
-    return sum(1 for _ in islice(system.cells(), MANY_NEWTONS + 1)) <= MANY_NEWTONS
-
-
-def _needs_too_many_cells(system: SlicewiseLinearSystem) -> bool:
-    """Tell whether the blocks would have to be found by trying too many sign patterns."""
-    return type(system).blocks is SlicewiseLinearSystem.blocks and has_too_many_tests(system)
 
 
 def _added_up(search: Search, system: PiecewiseSystem) -> Search:

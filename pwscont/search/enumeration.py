@@ -1,12 +1,9 @@
 """Searches by enumeration at some values of alpha.
 
-Failure modes and answers
--------------------------
-- Ill conditioning: rounding may have cut off cells, or moved solutions out of cells. If few
-  digits are left, if the signs do not sum to the degree, if cells are undecided or if no cell has a
-  solution, the slice is solved again in exact arithmetic.
-- Exact arithmetic takes too long: the guarantee says what is not certain, and a search promises
-  nothing for such a slice.
+Ill conditioning may have cut off cells, or moved solutions out of cells. If few digits are left, if
+the signs do not sum to the degree, if cells are undecided or if no cell has a solution, the slice
+is solved again in exact arithmetic. If exact arithmetic takes too long, the guarantee says what is
+not certain, and a search promises nothing for such a slice.
 """
 
 from __future__ import annotations
@@ -33,17 +30,9 @@ from pwscont.curve.error_samples import (
     slack_of_values,
 )
 from pwscont.curve.metric import Metric
-from pwscont.enumeration import (
-    ALONE,
-    Face,
-    Point,
-    Slice,
-    det_sign,
-    is_in_doubt,
-    lone_point,
-    solve_exactly,
-    solve_slice,
-)
+from pwscont.enumeration.exact import solve_exactly
+from pwscont.enumeration.polyhedron import Point, Slice
+from pwscont.enumeration.slices import ALONE, det_sign, is_in_doubt, lone_point, solve_slice
 from pwscont.graph.records import FEW_DIGITS, Solution, significant
 from pwscont.linear.factorise import last_unit
 from pwscont.linear.threads import few_threads
@@ -53,9 +42,8 @@ from pwscont.system.box import Box
 from pwscont.system.contract import check_attributes
 from pwscont.system.selection import Selection
 from pwscont.system.system import PiecewiseSystem, SlicewiseLinearSystem
-from pwscont.transitions.corner.cells import Corner
 from pwscont.transitions.corner.cone import tangent_cone
-from pwscont.transitions.rays import vanishing
+from pwscont.transitions.rays import Corner, vanishing
 
 
 @final
@@ -185,16 +173,11 @@ def _leaves_doubt(system: SlicewiseLinearSystem, metric: Metric, found: Slice) -
     """Tell whether rounding may have changed the number of solutions of a slice."""
     if found.undecided:
         return True
-    if any(_is_doubtful(system, metric, point) for point in found.points):
-        return True
+    if any(_digits(p, metric) < FEW_DIGITS or is_in_doubt(system, metric, p) for p in found.points):
+        return True  # digits are lost, or the solution lies on an interface and in a single cell
     if system.degree is None or found.faces:
         return False
     return sum(_index(system, metric, point)[0] for point in found.points) != system.degree
-
-
-def _is_doubtful(system: PiecewiseSystem, metric: Metric, point: Point) -> bool:
-    """Tell whether a solution lost digits, or lies on an interface and in a single cell."""
-    return _digits(point, metric) < FEW_DIGITS or is_in_doubt(system, metric, point)
 
 
 def _guarantee(system: SlicewiseLinearSystem, found: Slice, balance: int) -> str:
@@ -242,7 +225,8 @@ def _index(system: PiecewiseSystem, metric: Metric, point: Point) -> tuple[int, 
     if point.known_signs == ALONE:
         return 0, Kind.DEGENERATE
     if len(point.characters) <= 2:
-        signs = point.known_signs or _signs(system, metric, point)
+        others = (det_sign(system, metric, point.x, cell) for cell in point.characters[1:])
+        signs = point.known_signs or (point.det_sign, *others)
         if len(signs) == 1:
             return signs[0], None
         return (0, Kind.NONSMOOTH_FOLD) if sum(signs) == 0 else (signs[0], Kind.TRANSITION)
@@ -256,20 +240,18 @@ def _index(system: PiecewiseSystem, metric: Metric, point: Point) -> tuple[int, 
     return sum(right), found.kind
 
 
-def _signs(system: PiecewiseSystem, metric: Metric, point: Point) -> tuple[int, ...]:
-    others = point.characters[1:]
-    return point.det_sign, *(det_sign(system, metric, point.x, cell) for cell in others)
-
-
 def starts_at(system: PiecewiseSystem, metric: Metric, alpha: float) -> list[Found]:
     """Return solutions at ``alpha`` to start from, each once; of a face, the corners.
 
-    Complete for a :class:`~pwscont.SlicewiseLinearSystem`. For other systems Newton is tried once
-    in every cell, from the point within the bounds near z = 0, and solutions may be missed.
+    Complete for a :class:`~pwscont.SlicewiseLinearSystem`, where an undecided cell gives a start of
+    unknown z, with an infinite error. For other systems Newton is tried once in every cell, from
+    the point within the bounds near z = 0, and solutions may be missed.
     """
     if isinstance(system, SlicewiseLinearSystem):
         slice_ = solve_surely(system, metric, alpha)
-        return as_starts(slice_) + _undecided(slice_, metric, alpha)
+        size = len(metric.scale)
+        unknown = np.append(np.zeros(size - 1), alpha), np.full((1, size), np.inf)
+        return as_starts(slice_) + [unknown] * slice_.undecided
     found: list[Found] = []
     box = Box.of(system)
     for character in system.cells():
@@ -284,27 +266,11 @@ def as_starts(found: Slice) -> list[Found]:
 
     A face without corners gives a start of unknown z, with an infinite error.
     """
-    parts: tuple[Point | Face, ...] = (*found.points, *found.faces)
-    return [start for part in parts for start in starts_of(part)]
-
-
-def starts_of(part: Point | Face) -> list[Found]:
-    """Return a point of a slice, or the corners of a face, as starts."""
-    if isinstance(part, Point):
-        return [(part.x, part.error)]
-    if not len(part.corners):
-        return [(part.inside, np.full((1, len(part.inside)), np.inf))]
-    return [(corner, np.zeros_like(corner)[np.newaxis]) for corner in part.corners]
-
-
-def _undecided(found: Slice, metric: Metric, alpha: float) -> list[Found]:
-    """Return a start of unknown z, with an infinite error, for each undecided cell."""
-    return [_nowhere(len(metric.scale), alpha)] * found.undecided
-
-
-def _nowhere(size: int, alpha: float) -> Found:
-    """Return a start, shape (size,), of unknown z: zeros with an infinite error."""
-    return np.append(np.zeros(size - 1), alpha), np.full((1, size), np.inf)
+    starts = [(point.x, point.error) for point in found.points]
+    for face in found.faces:
+        error = 0.0 if len(face.corners) else np.inf
+        starts += [(x, np.full((1, len(x)), error)) for x in face.representatives]
+    return starts
 
 
 def _in_cell(curve: Curve, box: Box, alpha: float) -> Found | None:

@@ -90,7 +90,8 @@ class MultiStart(Search):
         """Return all starts: fixed states, then random states, every other around a fixed state."""
         rng, shape = np.random.default_rng(self.seed), (self.count, len(scale))
         normal, even = rng.normal(size=shape), rng.uniform(-0.5, 0.5, size=shape)
-        around = [_padded(z, shown, len(scale)) for z in self.around]
+        more = np.zeros(len(scale) - shown)  # of the unknowns that follow from a state
+        around = [np.append(finite_array("around", z, (shown,)), more) for z in self.around]
         guesses = [*map(box.inside, around), box.centre(scale)]
         for i in range(1, self.count):
             near = around[i // 2 % len(around)] if around and i % 2 else None
@@ -101,11 +102,6 @@ class MultiStart(Search):
         """Promise nothing."""
         what = f"Newton from {self.count} starts at both ends (seed {self.seed}), with deflation"
         return SearchScope(what, Guarantee.NOTHING)
-
-
-def _padded(z: tuple[float, ...], shown: int, size: int) -> Array:
-    """Return a given state with zeros for the unknowns that follow from the state."""
-    return np.append(finite_array("around", z, (shown,)), np.zeros(size - shown))
 
 
 def _found_at(

@@ -7,9 +7,8 @@ Failure modes and answers
 -------------------------
 - Known solutions attract: known solutions are deflated away (Farrell, Birkisson and Funke 2015).
 - No solution exists at this alpha: a deflated Newton iteration creeps to a minimum of the merit,
-  and is given up if a few short steps do not reduce the merit. The minimum often lies beside a fold
-  of the branch looked for: the pursuit goes on from there with alpha free, by steps of least length
-  (Gauss and Newton), which lead to a curve if a curve is near.
+  and is given up. The minimum often lies beside a fold of the branch looked for: the pursuit goes
+  on from there with alpha free, by steps of least length (Gauss and Newton).
 - Functions that saturate make endless steps where H is nearly flat. Each step is limited to a few
   times the distance from zero, and a pursuit that goes too far is given up.
 """
@@ -17,7 +16,7 @@ Failure modes and answers
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import final
 
 import numpy as np
@@ -27,106 +26,89 @@ from pwscont.basics.budget import check_budget
 from pwscont.basics.rounding import EPS, SAME_ALPHA
 from pwscont.curve.curve import LEAN
 from pwscont.curve.metric import Metric
+from pwscont.enumeration.continua import equations_in_magnitudes
 from pwscont.system.contract import residual_at
 from pwscont.system.system import PiecewiseSystem
-from pwscont.transitions.continuum import equations_in_magnitudes
 
 #: Most iterations at fixed alpha, and again with alpha free.
-MOST_ITERATIONS = 20
+MOST_PURSUIT_STEPS = 20
 #: Most halvings of a step that does not reduce the merit.
-MOST_HALVINGS = 5
+MOST_STEP_HALVINGS = 5
 #: Least fall of the merit, as a part of the fall that a Newton step promises.
 DESCENT = 0.05
 #: Longest step of a pursuit that has arrived, as a part of 1 plus the length of the point.
-ARRIVED = 1e-6
+LAST_STEP = 1e-6
 #: Longest step, as a multiple of 1 plus the distance of the point from zero.
-LONGEST = 4.0
+LONGEST_STEP = 4.0
 #: Length of a point, in typical magnitudes, from which on a pursuit has run away.
 RUN_AWAY = 1e5
 #: Regularisation of a shortest step, as a part of the merit: steps stay finite where the Jacobian
 #: is singular.
 DAMPED = 1e-2
 #: Most Newton iterations in a plane across a curve.
-MOST_CORRECTIONS = 5
+MOST_IN_PLANE = 5
 #: Distance by which a point found with alpha free is moved along the curve, as a part of 1 plus the
 #: length of the point, because a pursuit may have ended right beside a kink.
-FARTHER = 0.01
+MOVED_ALONG = 0.01
 #: Distance, in typical magnitudes, beyond which a point is far away, and the slope of alpha below
 #: which alpha hardly changes there.
 AWAY, ALMOST = 3.0, 1e-3
 #: Distance by which a point is moved aside before alpha is set free, as a part of 1 plus the length
 #: of the point, because a minimum of the merit may lie where H is flat by symmetry.
-ASIDE = 1e-3
+MOVED_ASIDE = 1e-3
 
 
 @final
 class Pursuit:
-    """Pursuits of solutions of a system.
-
-    Parameters
-    ----------
-    system : PiecewiseSystem
-    metric : Metric
-    interval : tuple of float
-
-    Attributes
-    ----------
-    iterations : int
-        Number of Newton iterations taken so far.
-    """
+    """Pursuits of solutions of a system."""
 
     def __init__(
         self, system: PiecewiseSystem, metric: Metric, interval: tuple[float, float]
     ) -> None:
-        self._system, self._scale = system, metric.scale
-        self._metric = metric
+        self._system, self._metric, self._scale = system, metric, metric.scale
         self._interval = interval
         self._ends = interval[0] / metric.width, interval[1] / metric.width
-        self.iterations = 0
 
     def at_alpha(self, y: Array, known: Sequence[Array]) -> tuple[Array, bool]:
         """Return where Newton's method at fixed alpha leads, and whether a solution is there."""
-        size = len(y) - 1
-        here = self._linear(y)
-        for _ in range(MOST_ITERATIONS):
-            if here is None:
-                return y, False
-            residual, jacobian = here
-            step = np.zeros(size + 1)
-            step[:size] = _newton_step(jacobian[:, :size], residual)
+
+        def step_at(y: Array, residual: Array, jacobian: Array) -> Array:
+            step = np.append(_newton_step(jacobian[:, :-1], residual), 0.0)
             step *= self._stretch(known, y, step)
-            if not are_finite(step):
-                return y, False
-            if _length(step) <= ARRIVED * (1.0 + _length(y)):
-                return y + step, True
-            moved = self._moved(y, residual, _limited(step, y), known)
-            if moved is None or _length(moved) > RUN_AWAY:
-                return y, False
-            y = moved
-            here = self._linear(y)
-        return y, False
+            return _limited(step, y)
+
+        return self._pursued(y, step_at, known)
 
     def free(self, y: Array) -> Array | None:
         """Return the point of a curve to which steps of least length lead, within the interval."""
-        for _ in range(MOST_ITERATIONS):
+
+        def step_at(y: Array, residual: Array, jacobian: Array) -> Array:
+            step = _limited(_shortest_step(jacobian, residual), y)
+            if self._ends[0] <= y[-1] + step[-1] <= self._ends[1]:
+                return step
+            rise = self._ends[0 if step[-1] < 0.0 else 1] - y[-1]  # to the end that is left
+            rest = residual + jacobian[:, -1] * rise
+            return _limited(np.append(_newton_step(jacobian[:, :-1], rest), rise), y)
+
+        found, arrived = self._pursued(y, step_at, ())
+        return found if arrived else None
+
+    def _pursued(
+        self, y: Array, step_at: Callable[[Array, Array, Array], Array], known: Sequence[Array]
+    ) -> tuple[Array, bool]:
+        """Return where steps lead, and whether a solution is there."""
+        for _ in range(MOST_PURSUIT_STEPS):
             here = self._linear(y)
-            if here is None:
-                return None
-            residual, jacobian = here
-            step = _shortest_step(jacobian, residual)
-            if not are_finite(step):
-                return None
-            step = _limited(step, y)
-            alpha = y[-1] + step[-1]
-            if not self._ends[0] <= alpha <= self._ends[1]:
-                step = self._along_end(y, step, residual, jacobian)
-            if _length(step) <= ARRIVED * (1.0 + _length(y)):
-                return y + step
-            moved = self._moved(y, residual, step, ())
+            step = None if here is None else step_at(y, *here)
+            if here is None or step is None or not are_finite(step):
+                return y, False
+            if _length(step) <= LAST_STEP * (1.0 + _length(y)):
+                return y + step, True
+            moved = self._moved(y, here[0], step, known)
             if moved is None or _length(moved) > RUN_AWAY:
-                return None
+                return y, False
             y = moved
-        return None
+        return y, False
 
     def leads_to(self, start: Array, y: Array) -> bool:
         """Tell whether Newton's method leads from a point beside a curve to a point of the curve.
@@ -137,14 +119,14 @@ class Pursuit:
         found = None if direction is None else self.across(start, y, direction)
         if found is None:
             return False
-        return _length(self._apart(found, y)) <= 10.0 * ARRIVED * (1.0 + _length(y))
+        return _length(self._apart(found, y)) <= 10.0 * LAST_STEP * (1.0 + _length(y))
 
     def across(self, start: Array, y: Array, direction: Array) -> Array | None:
         """Return the point of a curve to which Newton leads in the plane normal to a direction.
 
         The plane passes through ``y``.
         """
-        for _ in range(MOST_CORRECTIONS):
+        for _ in range(MOST_IN_PLANE):
             here = self._linear(start)
             if here is None:
                 return None
@@ -153,7 +135,7 @@ class Pursuit:
             if not are_finite(step):
                 return None
             start = start + step
-            if _length(step) <= ARRIVED * (1.0 + _length(y)):
+            if _length(step) <= LAST_STEP * (1.0 + _length(y)):
                 return start
         return None
 
@@ -163,7 +145,7 @@ class Pursuit:
         if direction is None:
             return y
         for way in (direction, -direction):
-            beside = y + FARTHER * (1.0 + _length(y)) * way
+            beside = y + MOVED_ALONG * (1.0 + _length(y)) * way
             if not self._ends[0] <= beside[-1] <= self._ends[1]:
                 continue
             found = self.across(beside, beside, direction)
@@ -183,7 +165,7 @@ class Pursuit:
         """
         outwards = direction if direction.dot(y) > 0.0 else -direction
         far = _length(y) > AWAY
-        least, way = (ALMOST, 0.5 * _length(y)) if far else (LEAN, ASIDE)
+        least, way = (ALMOST, 0.5 * _length(y)) if far else (LEAN, MOVED_ASIDE)
         if abs(direction[-1]) > least:
             return False
         beside = self.direction(y + way * outwards)
@@ -191,30 +173,19 @@ class Pursuit:
 
     def aside(self, y: Array, direction: Array) -> Array:
         """Return a point moved aside."""
-        return y + ASIDE * (1.0 + _length(y)) * direction
-
-    def _along_end(self, y: Array, step: Array, residual: Array, jacobian: Array) -> Array:
-        """Return the step that ends at the end of the interval that a step would leave."""
-        end = self._ends[0] if step[-1] < 0.0 else self._ends[1]
-        size, rise = len(y) - 1, end - y[-1]
-        rest = residual + jacobian[:, -1] * rise
-        return _limited(np.append(_newton_step(jacobian[:, :size], rest), rise), y)
+        return y + MOVED_ASIDE * (1.0 + _length(y)) * direction
 
     def _linear(self, y: Array) -> tuple[Array, Array] | None:
-        """Return residual and Jacobian in typical magnitudes, rows scaled alike.
-
-        None if H is not finite, and outside the interval, where H need not be defined.
-        """
+        """Return scaled residual and Jacobian; None if H is not finite, or outside the interval."""
         check_budget()
-        self.iterations += 1
         z, alpha = self._place(y)
         if not self._has(alpha):
             return None
         found = equations_in_magnitudes(self._system, z, alpha, self._scale)
         if found is None:
             return None
-        residual, jacobian, self._rows = found
-        return residual, jacobian
+        *linear, self._rows = found
+        return linear[0], linear[1]
 
     def _place(self, y: Array) -> tuple[Array, float]:
         """Return z and alpha of a point; an alpha that rounding put beyond an end is the end."""
@@ -239,7 +210,7 @@ class Pursuit:
     ) -> Array | None:
         """Return the first of y + step, y + step / 2, ... that reduces the merit enough."""
         before, length = _length(residual) * self._deflation(known, y), 1.0
-        for _ in range(MOST_HALVINGS):
+        for _ in range(MOST_STEP_HALVINGS):
             trial = y + length * step
             merit = _length(self._residual(trial)) * self._deflation(known, trial)
             if merit <= (1.0 - DESCENT * length) * before:
@@ -293,7 +264,7 @@ def _shortest_step(jacobian: Array, residual: Array) -> Array:
 
 def _limited(step: Array, y: Array) -> Array:
     """Return a step, shortened if much longer than the way from zero to the point."""
-    most = LONGEST * (1.0 + _length(y[:-1]))
+    most = LONGEST_STEP * (1.0 + _length(y[:-1]))
     length = _length(step)
     return step * (most / length) if length > most else step
 

@@ -70,7 +70,7 @@ WANTED = (
 
 #: Largest test that may be zero, as a part of the sum of the magnitudes of the terms, taken at z
 #: plus typical magnitudes.
-ZERO = 1e-6
+NEARLY_ZERO_TEST = 1e-6
 
 
 class Search(ABC):
@@ -160,13 +160,7 @@ class CombinedSearch(Search):
 
 
 def scope_of(search: Search, system: PiecewiseSystem) -> SearchScope:
-    """Return the scope of a search for a system.
-
-    Raises
-    ------
-    InvalidInputError
-        If ``searched`` returns something else than a :class:`~pwscont.extending.SearchScope`.
-    """
+    """Return the scope of a search for a system, or refuse what is no SearchScope."""
     scope = search.searched(system)
     if not isinstance(scope, SearchScope):
         raise InvalidInputError(
@@ -183,13 +177,7 @@ def starts_of(
     interval: tuple[float, float],
     known: KnownBranches,
 ) -> Iterator[Found]:
-    """Yield what a search finds beside known branches.
-
-    Raises
-    ------
-    InvalidInputError
-        If the search yields something else than starts; the message names the search.
-    """
+    """Yield what a search finds beside known branches, or refuse what is no start, by name."""
     what = f"{type(search).__name__}.starts"
     found = search.starts_beside(system, metric, interval, known)
     if not isinstance(found, Iterable):
@@ -240,10 +228,7 @@ def _numbers(what: str, error: Any) -> Array:
 def _refuse_off_curve(
     what: str, system: PiecewiseSystem, x: Array, error: Array, scale: Array
 ) -> None:
-    """Refuse a start whose distance from the curve is more than the error of the start.
-
-    Straight pieces would not notice: from a start off the curve, pieces run beside the curve.
-    """
+    """Refuse a start off the curve by more than its error: straight pieces would run beside."""
     if _is_between_cells(system, x, scale):
         return
     if off := unexplained(system, system.character(x[:-1], float(x[-1])), x, scale, error):
@@ -256,5 +241,5 @@ def _refuse_off_curve(
 def _is_between_cells(system: PiecewiseSystem, x: Array, scale: Array) -> bool:
     """Tell whether the cell of a point may be a matter of rounding."""
     z, alpha = x[:-1], float(x[-1])
-    near = ZERO * (abs(system.test_jacobian(z, alpha)) @ (np.abs(x) + scale))
+    near = NEARLY_ZERO_TEST * (abs(system.test_jacobian(z, alpha)) @ (np.abs(x) + scale))
     return bool((np.abs(system.test_functions(z, alpha)) <= near).any())

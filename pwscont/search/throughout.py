@@ -1,19 +1,18 @@
 """Newton at values of alpha all over the interval, with known solutions deflated away.
 
 Closed loops, and branches that come from infinity and return to infinity, may lie inside of the
-interval (docs/theory, F19): solutions at the ends of the interval do not lead to such branches.
+interval (docs/theory, F19): solutions at the ends of the interval do not lead to such branches. The
+number of slices and starts follows from a budget of evaluations.
 
 Failure modes and answers
 -------------------------
 - A loop lies between two slices: where Newton at fixed alpha stalls, alpha is set free.
 - Most starts would only repeat known solutions: the solutions of all known branches are deflated
   away, and a point found with alpha free is compared with all known branches before the point is
-  passed on.
+  passed on. Solutions beside a fold are closer together than solutions deflated away may be: a
+  solution found is compared with all known solutions.
 - An equation in a single unknown has many solutions beside each other: sign changes show solutions.
 - A start has run away, to where H is nearly flat: a point without a certain digit is no solution.
-- Solutions beside a fold are closer together than solutions deflated away may be: a solution found
-  is compared with all known solutions, not only with the deflated solutions.
-- The search never ends: the number of slices and starts follows from a budget of evaluations.
 """
 
 from __future__ import annotations
@@ -34,6 +33,7 @@ from pwscont.curve.error_samples import Found, has_digits, is_inside
 from pwscont.curve.metric import Metric
 from pwscont.curve.newton import is_solved, newton
 from pwscont.curve.semismooth import semismooth_newton
+from pwscont.enumeration.continua import is_one_of_many
 from pwscont.search.multi_start import MultiStart
 from pwscont.search.pursuit import Pursuit
 from pwscont.search.search import KnownBranches, NothingKnown, Search
@@ -42,11 +42,10 @@ from pwscont.system.box import Box
 from pwscont.system.contract import residual_at
 from pwscont.system.selection import Selection
 from pwscont.system.system import PiecewiseSystem
-from pwscont.transitions.continuum import is_one_of_many
 from pwscont.transitions.departures import settled
 
 #: Evaluations of H that a search may take; a Newton iteration takes about n + 2.
-EVALUATIONS = 12_000
+MOST_EVALUATIONS = 12_000
 #: Newton iterations of a start, on average.
 USUAL = 20
 #: Distance below which two solutions coincide, in typical magnitudes, as a part of 1 plus the
@@ -61,41 +60,35 @@ MOST_ROUNDS = 4
 #: Most solutions at an end, and most between the ends: an equation such as tan(z) = alpha has
 #: infinitely many branches.
 MOST_FOUND = 48
-#: Starts are spread over a typical magnitude, over WIDER times as much, and so on for WIDTHS widths
-#: in turn.
-WIDER, WIDTHS = 4.0, 3
+#: Starts are spread over a typical magnitude, over WIDER_BY times as much, and so on for SPREADS
+#: widths in turn.
+WIDER_BY, SPREADS = 4.0, 3
 #: Largest distance from zero, in typical magnitudes, over which starts are spread at first: each
 #: branch of a periodic function would lead farther out.
-FARTHEST = 1e3
-#: Number of values of a single unknown at which the equation is evaluated, within MARGIN times the
-#: known magnitude and again farther out.
-ON_LINE, MARGIN = 64, 1.5
+FARTHEST_START = 1e3
+#: Number of values of a single unknown at which the equation is evaluated, within LINE_WIDTH times
+#: the known magnitude and again farther out.
+ON_LINE, LINE_WIDTH = 64, 1.5
 #: Number of other starts at each alpha for a single unknown, and of alphas.
 FEW_ON_LINE = 6
 #: Accuracy of a sign change, as a part of the known magnitude, and distance below which a sign
 #: change is a known solution, measured like SAME_SOLUTION.
-PART, NEAR_ZERO = 1e-3, 1e-2
+ZERO_ACCURACY, NEAR_ZERO = 1e-3, 1e-2
+#: The golden section.
+GOLDEN = 0.5 * (5.0**0.5 - 1.0)
 #: Largest correction of a point that a pursuit found, as a part of 1 plus the length of the point.
-CORRECTED = 1e-3
+MOST_CORRECTED = 1e-3
 #: Most Newton iterations of such a correction.
-MOST_CORRECTIONS = 8
+MOST_STANDING = 8
 
 
 @final
 @dataclass(frozen=True, slots=True)
 class Throughout(Search):
-    """Newton from many starts at the ends and at values of alpha between, deflated.
+    """Newton from many starts at the ends and at values of alpha between, deflated."""
 
-    Attributes
-    ----------
-    ends : MultiStart
-        The starts at the ends.
-    slices, count : int
-        Number of values of alpha between the ends, and of starts at each value.
-    """
-
-    ends: MultiStart = field(default_factory=MultiStart)
-    slices: int = 9
+    ends: MultiStart = field(default_factory=MultiStart)  # the starts at the ends
+    slices: int = 9  # number of values of alpha between the ends, and of starts at each value
     count: int = 6
 
     @classmethod
@@ -147,7 +140,8 @@ class Throughout(Search):
             yield from looking.at(alpha, map(looking.guess, more))
         for k in range(turn * self.slices, (turn + 1) * self.slices):
             guesses = map(looking.guess, range(k * self.count, (k + 1) * self.count))
-            yield from looking.at(lo + (hi - lo) * _part(k), guesses)
+            part = (0.5 + GOLDEN * (k + 0.118)) % 1.0  # evenly spread, avoids special values
+            yield from looking.at(lo + (hi - lo) * part, guesses)
 
     def searched(self, system: PiecewiseSystem) -> SearchScope:
         """Promise nothing."""
@@ -202,22 +196,23 @@ class _Looking:
         """Yield sign changes of an equation in a single unknown, except at known solutions."""
         if shown_size(self._system) != 1:
             return
-        places = self._line()
+        even = np.linspace(-1.0, 1.0, ON_LINE + 2)[1:-1]  # and ever sparser farther out
+        far = WIDER_BY * even * np.sqrt(2.0 / (1.0 - even**2))
+        places = self._reach[0] * np.concatenate([LINE_WIDTH * even, far])
+        places = np.unique(np.clip(places, self.box.lower[0], self.box.upper[0]))
         signs = np.sign([self._equation(z, alpha) for z in places])
         from scipy.optimize import bisect  # noqa: PLC0415  importing takes as long as all else
 
         for i in np.flatnonzero(signs[1:] * signs[:-1] < 0.0):
-            z = bisect(self._equation, *places[i : i + 2], (alpha,), xtol=PART * self._reach[0])
+            z = bisect(
+                self._equation,
+                *places[i : i + 2],
+                (alpha,),
+                xtol=ZERO_ACCURACY * self._reach[0],
+            )
             full = completed(self._system, np.array([z]), alpha)
             if self._is_new(np.append(full, alpha), known, NEAR_ZERO):
                 yield full
-
-    def _line(self) -> Array:
-        """Return values of a single unknown, evenly near branches and ever sparser farther out."""
-        even = np.linspace(-1.0, 1.0, ON_LINE + 2)[1:-1]
-        far = WIDER * even * np.sqrt(2.0 / (1.0 - even**2))
-        places = self._reach[0] * np.concatenate([MARGIN * even, far])
-        return np.unique(np.clip(places, self.box.lower[0], self.box.upper[0]))
 
     def _equation(self, z: float, alpha: float) -> float:
         full = completed(self._system, np.array([z]), alpha)
@@ -228,29 +223,23 @@ class _Looking:
         """Return the new solution to which a free alpha leads from where a pursuit stalled."""
         direction = generic(len(y), float(number))
         free = self._pursuit.free(self._pursuit.aside(y, direction))
-        lo, hi = self._interval
-        if free is None or not lo <= free[-1] * self._metric.width <= hi or self._is_known(free):
+        (lo, hi), scale = self._interval, self._metric.scale
+        if free is None or not lo <= free[-1] * self._metric.width <= hi:
             return None
+        near = self._known.near(free * scale, self._metric)
+        if near is not None and self._pursuit.leads_to(near / scale, free):
+            return None  # the point lies on a known branch
         return self._standing(self._pursuit.along(free))
 
-    def _is_known(self, y: Array) -> bool:
-        """Tell whether a point of a curve lies on a known branch."""
-        start = self._known.near(y * self._metric.scale, self._metric)
-        return start is not None and self._pursuit.leads_to(start / self._metric.scale, y)
-
     def _standing(self, y: Array) -> Found | None:
-        """Return the exact solution near a rough solution, at an alpha near the rough alpha.
-
-        None for a start that ran away: alpha hardly changes along the curve, at the solution and
-        beside the solution.
-        """
+        """Return the exact solution near a rough solution, None for a start that ran away."""
         metric, x = self._metric, y * self._metric.scale
         curve = Curve(Selection(self._system, self._system.character(x[:-1], float(x[-1]))), metric)
         direction = self._pursuit.direction(y)
         if direction is None or self._pursuit.is_flat(y, direction):
             return None
         row = metric.covector(direction * metric.scale)
-        root = newton(curve, lambda at: (float(row.dot(at - x)), row), x, MOST_CORRECTIONS)
+        root = newton(curve, lambda at: (float(row.dot(at - x)), row), x, MOST_STANDING)
         if isinstance(root, Failure):
             return None
         return self._usable((root.x, root.error[np.newaxis]), x)
@@ -259,7 +248,7 @@ class _Looking:
         """Return the known solutions at an alpha, in typical magnitudes."""
         found = []
         for x in self._known.at(alpha):
-            reach = np.minimum(np.abs(x[:-1]), FARTHEST * self._metric.scale[:-1])
+            reach = np.minimum(np.abs(x[:-1]), FARTHEST_START * self._metric.scale[:-1])
             self._reach = np.maximum(self._reach, reach)
             y, arrived = self._pursuit.at_alpha(x / self._metric.scale, ())
             found.append(y if arrived else x / self._metric.scale)
@@ -269,8 +258,7 @@ class _Looking:
         """Return points, each once: a solution that is deflated away twice attracts from afar."""
         found: list[Array] = []
         for y in points:
-            if self._is_new(y * self._metric.scale, found, DISTINCT):
-                found.append(y)
+            found += [y] if self._is_new(y * self._metric.scale, found, DISTINCT) else []
         return found
 
     def _is_new(self, x: Array, known: list[Array], same: float = SAME_SOLUTION) -> bool:
@@ -282,13 +270,14 @@ class _Looking:
         return least > same * (1.0 + float(np.linalg.norm(x / scale)))
 
     def guess(self, number: int) -> Array:
-        """Return the state of a start: such points fill space evenly, with heavy tails.
-
-        Typical magnitudes may be the magnitudes of a single branch, with other branches far away.
-        """
-        even = _filling(number, self._system.size)
+        """Return the state of a start: such points fill space evenly, with heavy tails."""
+        root, size = 2.0, self._system.size  # a sequence that fills (-1, 1)^n (Roberts 2018)
+        for _ in range(40):
+            root = (1.0 + root) ** (1.0 / (size + 1))
+        steps = root ** -np.arange(1.0, size + 1.0)
+        even = 2.0 * ((0.5 + (number + 1) * steps) % 1.0) - 1.0
         spread = even * np.sqrt(2.0 / (1.0 - even**2))
-        farther = WIDER ** (number % WIDTHS)
+        farther = WIDER_BY ** (number % SPREADS)
         return self.box.guess(spread, 0.5 * even, farther * self._reach)
 
     def _corrected(self, y: Array, alpha: float) -> Found | None:
@@ -303,39 +292,20 @@ class _Looking:
     def _usable(self, found: Found, rough: Array) -> Found | None:
         """Return a solution with digits, inside the bounds and near a rough solution, else None."""
         metric, (x, error) = self._metric, found
-        if metric.norm(metric.difference(x, rough)) > CORRECTED * (1.0 + metric.norm(rough)):
+        if metric.norm(metric.difference(x, rough)) > MOST_CORRECTED * (1.0 + metric.norm(rough)):
             return None
         x[:-1] = self.box.wrapped(x[:-1])
         error, scale = np.atleast_2d(error), metric.scale
         if not has_digits(x, error, scale) or not is_inside(self.box, x, error, scale):
             return None
-        return (x, error) if self._solves(x) else None
-
-    def _solves(self, x: Array) -> bool:
-        """Tell whether a root of one selection is a solution in the cell in which the root lies."""
-        system, z, alpha = self._system, x[:-1], float(x[-1])
-        tests = system.test_functions(z, alpha)
+        tests = self._system.test_functions(x[:-1], float(x[-1]))
         if not np.isfinite(tests).all():
-            return False
-        selection = Selection(system, Character.of(tests))
-        return is_solved(selection, self._metric, x, selection.jacobian(x), selection.residual(x))
+            return None
+        own = Selection(self._system, Character.of(tests))  # of the cell in which the root lies
+        is_root = is_solved(own, metric, x, own.jacobian(x), own.residual(x))
+        return (x, error) if is_root else None
 
 
 def affordable_starts(system: PiecewiseSystem, fewest: int, most: int) -> int:
     """Return how many starts a budget of evaluations allows for a system of this size."""
-    return min(max(EVALUATIONS // ((system.size + 2) * USUAL), fewest), most)
-
-
-def _part(number: int) -> float:
-    """Return the k-th of evenly spread parts of the interval, which avoid special values."""
-    golden = 0.5 * (5.0**0.5 - 1.0)
-    return float((0.5 + golden * (number + 0.118)) % 1.0)
-
-
-def _filling(number: int, size: int) -> Array:
-    """Return a point of a sequence that fills (-1, 1)^n evenly (Roberts 2018)."""
-    root = 2.0
-    for _ in range(40):
-        root = (1.0 + root) ** (1.0 / (size + 1))
-    steps = root ** -np.arange(1.0, size + 1.0)
-    return np.asarray(2.0 * ((0.5 + (number + 1) * steps) % 1.0) - 1.0)
+    return min(max(MOST_EVALUATIONS // ((system.size + 2) * USUAL), fewest), most)

@@ -8,15 +8,12 @@ curve has not crossed.
 Failure modes and answers
 -------------------------
 - A double zero is located to the square root of rounding, so that slopes there differ from zero by
-  more than their own rounding, and no matrix is singular: the depth is what counts.
-- A test has terms that cancel and do not show in its gradient, or terms known to more digits than
-  is typical: values, not estimates, tell whether the test is negative between its zeros.
-- The curvature from differences belongs to another part of the curve: both places are a millionth
-  of the interval apart, and a zero that is farther from the lowest point is a crossing.
-- Another interface is met before the place where the piece would go on: the piece would begin
-  outside of its cell, and never meet this interface.
-- The test falls again beyond the zero: the piece goes on beyond the lowest point, at the distance
-  of the zero from the lowest point.
+  more than their own rounding, and no matrix is singular: the depth is what counts. As terms of a
+  test may cancel, values, not estimates, tell whether the test is negative between its zeros.
+- The curvature from differences belongs to another part of the curve: a zero that is farther from
+  the lowest point than a millionth of the interval is a crossing.
+- Another interface is met before the place where the piece would go on, which lies beyond the
+  lowest point, at the distance of the zero from the lowest point: the curve crosses.
 """
 
 from __future__ import annotations
@@ -39,11 +36,11 @@ from pwscont.linear.vectors import plus
 from pwscont.system.abilities import end_of
 from pwscont.system.selection import Selection
 from pwscont.system.system import PiecewiseSystem
-from pwscont.transitions.corner.cells import SLANT, Corner
 from pwscont.transitions.corner.cone import TangentCone, opposite, same_piece, tangent_cone
-from pwscont.transitions.detector import Reading, SpecialPointFound, TransitionDetector
-from pwscont.transitions.location import locate_zero
+from pwscont.transitions.detector import Reading, SpecialPointFound, TransitionDetector, locate_zero
 from pwscont.transitions.rays import (
+    SLANT,
+    Corner,
     Ray,
     beyond,
     check_continuity,
@@ -64,32 +61,33 @@ PARABOLA_PLACES, PARABOLA_DEFECT = (0.5, 1.0, 1.5), 0.25
 def touching(curve: Curve, state: State, test: int) -> SpecialPointFound | None:
     """Return the point where a curve touches an interface; None if the curve crosses, or may cross.
 
-    Parameters
-    ----------
-    curve : Curve
-    state : State
-        A point where a test that bounds the curve's cell vanishes, and falls along the tangent.
-    test : int
+    ``state``: a point where a test that bounds the cell vanishes, and falls along the tangent.
     """
     if curve.metric.norm(state.size) <= CLEAR_CROSSING:
         return None  # nearly always
-    index = int(np.flatnonzero(curve.selection.bounding == test)[0])
-    slope, further = -_slope(curve, state, index), _at(curve, state, DISTANCE_TO_CURVATURE)
+    selection, index = curve.selection, int(np.flatnonzero(curve.selection.bounding == test)[0])
+    row, further = selection.test_gradient(state.x, index), _at(curve, state, DISTANCE_TO_CURVATURE)
+    slope = -float(row.dot(state.tangent))
     if further is None or not slope > 0.0:
         return None
-    turn = slope + _slope(curve, further, index)
+    turn = slope + float(selection.test_gradient(further.x, index).dot(further.tangent))
     lowest = DISTANCE_TO_CURVATURE * slope / turn if turn > 0.0 else np.inf
-    if not (
-        lowest <= DISTANCE_TO_CURVATURE and 0.5 * slope * lowest <= _rounding(curve, state, index)
-    ):
+    size = magnitude_of_values(row[np.newaxis], state.x, state.error)
+    rounding = CONFIDENCE * float((size + EPS * (np.abs(row) @ curve.metric.scale))[0])
+    if not (lowest <= DISTANCE_TO_CURVATURE and 0.5 * slope * lowest <= rounding):
         return None
     places = [_at(curve, state, part * lowest) for part in (*PARABOLA_PLACES, 2.0)]
     *between, rising = (place for place in places if place is not None)
     if len(between) < len(PARABOLA_PLACES) or _dips(curve, between, index, slope * lowest):
         return None
-    if _leaves(curve, rising, index):
-        return None
-    return _touched(curve, state, rising, test)
+    if (np.delete(selection.tests(rising.x), index) < 0.0).any():
+        return None  # another interface lies before the place where the piece would go on
+    error = np.vstack([state.error, rising.x - state.x])  # covers the beginnings of both rays
+    onwards = State(rising.x, rising.tangent, error, state.orientation)
+    name = selection.system.test_name(test)
+    message = f"touches the interface where {name} vanishes, and stays in {selection.label}"
+    rays = Ray(curve, state).reversed(), Ray(curve, onwards)
+    return SpecialPointFound(Kind.CORNER, state.x, message, rays)
 
 
 def _dips(curve: Curve, between: list[State], index: int, twice: float) -> bool:
@@ -98,32 +96,6 @@ def _dips(curve: Curve, between: list[State], index: int, twice: float) -> bool:
     parts = np.array(PARABOLA_PLACES)
     parabola = twice * (0.5 * parts**2 - parts)
     return bool((np.abs(values - parabola) <= 0.5 * PARABOLA_DEFECT * twice).all())
-
-
-def _leaves(curve: Curve, rising: State, index: int) -> bool:
-    """Tell whether another interface lies between the zero and where the piece would go on."""
-    return bool((np.delete(curve.selection.tests(rising.x), index) < 0.0).any())
-
-
-def _slope(curve: Curve, state: State, index: int) -> float:
-    return float(curve.selection.test_gradient(state.x, index).dot(state.tangent))
-
-
-def _rounding(curve: Curve, state: State, index: int) -> float:
-    """Return a bound on the rounding of a test, whose terms may be as large as typical terms."""
-    row = curve.selection.test_gradient(state.x, index)[np.newaxis]
-    size = magnitude_of_values(row, state.x, state.error) + EPS * (abs(row) @ curve.metric.scale)
-    return CONFIDENCE * float(size[0])
-
-
-def _touched(curve: Curve, state: State, rising: State, test: int) -> SpecialPointFound:
-    """Return the special point, with an error that covers the beginnings of both rays."""
-    name = curve.selection.system.test_name(test)
-    error = np.vstack([state.error, rising.x - state.x])
-    onwards = State(rising.x, rising.tangent, error, state.orientation)
-    message = f"touches the interface where {name} vanishes, and stays in {curve.selection.label}"
-    rays = Ray(curve, state).reversed(), Ray(curve, onwards)
-    return SpecialPointFound(Kind.CORNER, state.x, message, rays)
 
 
 def _at(curve: Curve, state: State, s: float) -> State | None:
@@ -139,7 +111,7 @@ LONG_STEP = 0.05
 #: Where perturbation leads nowhere, as where solutions fill a face.
 NO_WAY_FOUND = "{} test functions vanish, too many cells to try all; perturbation found no way on"
 THIRDS = (1.0 / 3.0, 2.0 / 3.0)
-NONE = np.zeros(0, dtype=np.intp)
+NO_TESTS = np.zeros(0, dtype=np.intp)
 
 
 @final
@@ -215,19 +187,18 @@ class BoundingTests(TransitionDetector):
         forth = across(curve, state, test) if len(zero) == 1 else None
         if forth is None:
             met = corner(curve, x, state.error, zero, back)
-            forth = across(curve, state, test) if _is_apart(met, zero) else None
+            # without a ray back the piece lies between interfaces, and meets one after another
+            is_apart = met.kind == Kind.STOPPED and len(zero) > 1
+            forth = across(curve, state, test) if is_apart else None
             if forth is None:
                 return met
         return crossed(x, back, forth)
 
 
 def _next_to_zero(values: Array, terms: Array) -> Indices:
-    """Return the tests that, next to their own terms, may be zero along a piece.
-
-    Every test is measured in its own unit: the other tests may be zero as well, or far larger.
-    """
+    """Return the tests that, next to their own terms, may be zero along a piece."""
     above = plus(np.abs(values), -NEXT_TO_ZERO, terms)
-    return NONE if smallest(above) > 0.0 else np.flatnonzero(above <= 0.0)  # nearly always none
+    return NO_TESTS if smallest(above) > 0.0 else np.flatnonzero(above <= 0.0)  # nearly always none
 
 
 def _terms(rows: Matrix, x: Array, scale: Array) -> Array:
@@ -256,10 +227,7 @@ def _looked_at(segment: CurvedSegment) -> tuple[Array, ...]:
 
 
 def _is_outside(segment: CurvedSegment, start: Reading, end: Reading) -> bool:
-    """Tell whether a test is clearly negative at the beginning of a step, and falls.
-
-    Such a test was not seen to vanish, and will not be: the piece does not belong to this cell.
-    """
+    """Tell whether a test is clearly negative at the beginning of a step, and falls."""
     selection, state, scale = segment.curve.selection, segment.start, segment.curve.metric.scale
     rows = selection.unsigned_gradients(state.x)
     clear = NEXT_TO_ZERO * _terms(rows, state.x, scale) + CONFIDENCE * (abs(rows) @ state.size)
@@ -267,24 +235,12 @@ def _is_outside(segment: CurvedSegment, start: Reading, end: Reading) -> bool:
 
 
 def _is_dip(inside: Array, terms: Array, start: Reading, end: Reading) -> bool:
-    """Tell whether any test is negative inside a step and positive at both ends.
-
-    A test that is zero all along, which has no slope at either end, does not count.
-    """
+    """Tell whether any test is negative inside a step and positive at both ends."""
     positive = (end.values > 0.0) & ((start.values > 0.0) | (start.slopes > 0.0))
     stays_zero = (start.slopes == 0.0) & (end.slopes == 0.0)
     sizes = np.maximum(np.abs(start.values), np.abs(end.values))
     deep = inside < -NEXT_TO_ZERO * np.maximum(terms, sizes)
     return bool((deep & positive & ~stays_zero).any())
-
-
-def _is_apart(met: SpecialPointFound, zero: frozenset[int]) -> bool:
-    """Tell whether tests that vanish together within rounding still vanish one after another.
-
-    If no ray of the tests' corner is the piece that was followed, the piece lies between the
-    interfaces, and meets one interface after another.
-    """
-    return met.kind == Kind.STOPPED and len(zero) > 1
 
 
 def is_zero_along(
@@ -342,10 +298,7 @@ def corner(
 
 
 def _as_uncertain_as(back: Ray, zero: frozenset[int]) -> Ray:
-    """Return the ray with an error that covers where along the ray each of these tests vanishes.
-
-    The rounding of one test may exceed the uncertainty of the place where another test vanishes.
-    """
+    """Return the ray with an error that covers where along the ray each of these tests vanishes."""
     state, which = back.state, np.array(sorted(zero), dtype=np.intp)
     system, z, alpha = back.curve.selection.system, state.x[:-1], state.alpha
     gradients = system.some_test_gradients(z, alpha, which)
@@ -359,11 +312,7 @@ def _as_uncertain_as(back: Ray, zero: frozenset[int]) -> Ray:
 
 
 def _zero_beyond(selection: Selection, x: Array, zero: frozenset[int]) -> frozenset[int]:
-    """Return further tests that vanish if a test does not bound the cell on its other side.
-
-    The cell on the other side was named by signs that are rounding: the tests that bound this cell
-    are rounding, too.
-    """
+    """Return the tests of the cell beyond, named by rounding if it is not bounded by the test."""
     if len(zero) != 1:
         return frozenset()
     (test,) = zero
@@ -379,9 +328,13 @@ def turns(back: Ray, forth: Ray) -> bool:
 def _message(system: PiecewiseSystem, found: TangentCone, zero: frozenset[int]) -> str:
     tests = f"{', '.join(map(system.test_name, sorted(zero)))} vanish"
     if not found.exact:
+        count = len(found.rays) - 1
+        ways = "one way on, possibly of several" if count == 1 else ""
+        ways = ways or f"{count} ways on, possibly of more"
+        ways += "" if found.is_balanced else " (more there are: their signs do not cancel)"
         return (
-            f"{len(zero)} test functions vanish: too many cells to try all; "
-            f"{_ways_on(found)}, found by perturbation"
+            f"{len(zero)} test functions vanish: too many cells to try all; {ways}, found by "
+            "perturbation"
         )
     if found.dimension > 1:
         return (
@@ -391,14 +344,6 @@ def _message(system: PiecewiseSystem, found: TangentCone, zero: frozenset[int]) 
     if found.along_interface:
         return f"{tests}; {len(found.rays)} pieces meet, at least one along an interface"
     return f"{tests}; {len(found.rays)} pieces meet"
-
-
-def _ways_on(found: TangentCone) -> str:
-    """Say how many ways on were found, and whether there are certainly more."""
-    count = len(found.rays) - 1
-    several = f"{count} ways on, possibly of more"
-    words = "one way on, possibly of several" if count == 1 else several
-    return words if found.is_balanced else f"{words} (more there are: their signs do not cancel)"
 
 
 def _no_way_on(selection: Selection, zero: frozenset[int]) -> str:

@@ -9,7 +9,6 @@ Failure modes and answers
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import final
 
@@ -24,16 +23,16 @@ from pwscont.curve.curve import Curve, State
 from pwscont.curve.error_samples import Found, magnitude
 from pwscont.curve.metric import Metric
 from pwscont.curve.newton import Root, newton, uncertainty
+from pwscont.enumeration.continua import is_one_of_many
 from pwscont.linear.factorise import Factor, bordered, last_unit
 from pwscont.system.selection import Selection
 from pwscont.system.system import PiecewiseSystem, SlicewiseLinearSystem
-from pwscont.transitions.bounding import corner, turns
-from pwscont.transitions.continuum import is_one_of_many
+from pwscont.transitions.bounding import corner, crossed
 from pwscont.transitions.detector import SpecialPointFound
 from pwscont.transitions.rays import Ray, check_continuity, inward_ray, zeros
 from pwscont.transitions.smooth import at_branch_point, fold_at_end
 
-MOST_NEWTON = 8
+MOST_SETTLING = 8
 
 
 def settled(system: PiecewiseSystem, metric: Metric, found: Found) -> Found | None:
@@ -49,7 +48,7 @@ def settled(system: PiecewiseSystem, metric: Metric, found: Found) -> Found | No
     if held is None or held[1][-1]:
         return found
     row = held[1]
-    root = newton(curve, lambda y: (float(row.dot(y - x)), row), x, MOST_NEWTON)
+    root = newton(curve, lambda y: (float(row.dot(y - x)), row), x, MOST_SETTLING)
     if isinstance(root, Failure):
         return None
     same = 0.5 * SAME_ALPHA * max(abs(float(x[-1])), float(metric.scale[-1]))
@@ -75,35 +74,18 @@ def regular_border(curve: Curve, x: Array) -> tuple[Matrix, Array, Factor] | Non
 @final
 @dataclass(frozen=True, slots=True)
 class Standing:
-    """Where a solution stands: inside a cell, on the interface of two, or in a corner.
+    """Where a solution stands: inside a cell, on the interface of two, or in a corner."""
 
-    Attributes
-    ----------
-    x : ndarray, shape (n + 1,)
-    error : ndarray, shape (k, n + 1)
-    zero : frozenset of int
-        The tests that vanish there.
-    curve : Curve
-        The curve of the cell whose signs the tests have, or seem to have.
-    other : Curve or None
-        The curve of the cell on the other side, if exactly one test that bounds a cell vanishes.
-    """
-
-    x: Array
-    error: Array
-    zero: frozenset[int]
-    curve: Curve
+    x: Array  # shape (n + 1,)
+    error: Array  # shape (k, n + 1)
+    zero: frozenset[int]  # the tests that vanish there
+    curve: Curve  # the curve of the cell whose signs the tests have, or seem to have
+    #: The curve of the cell on the other side, if exactly one test that bounds a cell vanishes.
     other: Curve | None
 
     @classmethod
     def of(cls, system: PiecewiseSystem, metric: Metric, x: Array, error: Array) -> Standing:
-        """Return where a solution stands.
-
-        Raises
-        ------
-        InvalidSystemError
-            If a test is not finite there.
-        """
+        """Return where a solution stands; refuse tests that are not finite."""
         tests = np.array(system.test_functions(x[:-1], float(x[-1])), dtype=float)
         if len(tests) and not are_finite(tests):
             raise InvalidSystemError(
@@ -113,7 +95,8 @@ class Standing:
         curve = Curve(Selection(system, Character.of(tests)), metric)
         gradients = system.test_jacobian(x[:-1], float(x[-1]))
         zero = zeros(gradients, tests, x, error, metric.scale)
-        if all(zero.isdisjoint(side.bounding.tolist()) for side in _near(curve.selection, zero)):
+        near = curve.selection, *(_beyond(curve.selection, test) for test in zero)
+        if all(zero.isdisjoint(side.bounding.tolist()) for side in near):
             return cls(x, error, frozenset(), curve, None)
         other = Curve(_beyond(curve.selection, *zero), metric) if len(zero) == 1 else None
         return cls(x, error, zero, curve, other)
@@ -128,12 +111,6 @@ class Standing:
         if self.other and (found := _on_interface(self, self.other)):
             return found
         return corner(self.curve, self.x, self.error, self.zero)
-
-
-def _near(here: Selection, zero: frozenset[int]) -> Iterator[Selection]:
-    """Yield the selection of a point, and those beyond each of the tests that vanish there."""
-    yield here
-    yield from (_beyond(here, test) for test in zero)
 
 
 def _beyond(here: Selection, test: int) -> Selection:
@@ -166,9 +143,4 @@ def _on_interface(standing: Standing, other: Curve) -> SpecialPointFound | None:
     rays = [inward_ray(side, x, error, test) for side in (curve, other)]
     check_continuity(curve, other.selection, None if None in rays else rays[1], x, error)
     found = tuple(ray for ray in rays if ray is not None)
-    if len(found) < 2:
-        return None
-    kind = Kind.NONSMOOTH_FOLD if turns(*found) else Kind.TRANSITION
-    characters = curve.selection.character, other.selection.character
-    message = curve.selection.system.describe_transition(*characters)
-    return SpecialPointFound(kind, x, message, found)
+    return crossed(x, *found) if len(found) == len(rays) else None

@@ -4,14 +4,11 @@ Failure modes and answers
 -------------------------
 - A corner is reached from a cell that goes on there, and curves of other cells that meet there end:
   the corner ends all curves that meet there, or the result would depend on the cell of arrival.
-- A start is such a corner, without a cell of arrival: all cells are asked.
 - A curve that runs along an interface does not end because of this interface: a point that all
   curves pass within a single cell ends no curve.
-- A piece may run along a bound, as a multiplier that stays zero does, or touch a bound: Newton
-  leaves the piece's points on either side. An unknown leaves its bounds only where it is beyond a
-  bound by more than the error of the point.
-- The last correction of Newton may be smaller than rounding by chance: where a point is beyond a
-  bound by next to nothing, the error of the point is estimated anew.
+- A piece may run along a bound, or touch a bound: Newton leaves the piece's points on either side.
+  An unknown leaves its bounds only where it is beyond a bound by more than the error of the point,
+  which is estimated anew if small by chance.
 - Where branches cross on a bound, branches that leave the bounds are not followed: the point says
   so, as the signs of these branches are missing from the sum of signs.
 - A test may vanish where a bound is met, as the test of a complementarity does: the rays of that
@@ -36,12 +33,17 @@ from pwscont.curve.stepper import CurvedSegment, Segment
 from pwscont.linear.factorise import last_unit
 from pwscont.system.abilities import Ending, end_of
 from pwscont.system.box import Box
-from pwscont.transitions.bounding import BoundingTests
-from pwscont.transitions.corner.cells import Corner
+from pwscont.transitions.bounding import BoundingTests, turns
 from pwscont.transitions.corner.cone import same_piece, tangent_cone
-from pwscont.transitions.detector import Reading, SpecialPointFound, TransitionDetector
-from pwscont.transitions.location import NARROW_BRACKET, locate_sign_change, locate_zero
-from pwscont.transitions.rays import Ray, vanishing
+from pwscont.transitions.detector import (
+    NARROW_BRACKET,
+    Reading,
+    SpecialPointFound,
+    TransitionDetector,
+    locate_sign_change,
+    locate_zero,
+)
+from pwscont.transitions.rays import Corner, Ray, vanishing
 from pwscont.transitions.smooth import fold_at_end
 
 
@@ -110,11 +112,13 @@ def at_end(curve: Curve, state: State) -> SpecialPointFound:
     system, metric = curve.selection.system, curve.metric
     zero = vanishing(system, state.x, state.error, metric.scale)
     if not zero and (fold := fold_at_end(curve, state)):
-        return _turning(Ray(curve, fold))
+        forth = Ray(curve, fold)
+        message = f'fold within "{curve.selection.label}", at the end of the interval'
+        return SpecialPointFound(Kind.FOLD, fold.x, message, (forth.reversed(), forth))
     rays: tuple[Ray, ...] = ()
     if zero:
         rays = tangent_cone(Corner.at(system, metric, state.x, state.error, zero), back).rays
-    inside = tuple(ray for ray in rays if _same_side(ray, back) and not same_piece(ray, back))
+    inside = tuple(ray for ray in rays if turns(back, ray) and not same_piece(ray, back))
     return SpecialPointFound(Kind.END, state.x, "end of the interval", (back, *inside))
 
 
@@ -125,26 +129,9 @@ def _fold(segment: CurvedSegment, found: State | Failure) -> State | None:
         bracket = 0.0, segment.length
         near = locate_sign_change(segment, segment.curve.slope, bracket, NARROW_BRACKET)
     fold = fold_at_end(segment.curve, segment.end if isinstance(near, Failure) else near)
-    return _onwards(segment, fold) if fold else None
-
-
-def _onwards(segment: CurvedSegment, state: State) -> State:
-    """Return a state that looks ahead; beyond a fold the way out of the interval leads back."""
-    t = state.tangent
-    if segment.curve.metric.covector(segment.chord).dot(t) >= 0.0:
-        return state
-    return State(state.x, -t, state.error, -state.orientation)
-
-
-def _turning(forth: Ray) -> SpecialPointFound:
-    """Return the fold at which a curve turns at an end."""
-    message = f'fold within "{forth.curve.selection.label}", at the end of the interval'
-    return SpecialPointFound(Kind.FOLD, forth.state.x, message, (forth.reversed(), forth))
-
-
-def _same_side(ray: Ray, back: Ray) -> bool:
-    """Tell whether a ray goes back into the interval."""
-    return ray.curve.slope(ray.state) * back.curve.slope(back.state) > 0.0
+    if fold is None or segment.curve.metric.covector(segment.chord).dot(fold.tangent) >= 0.0:
+        return fold
+    return fold.reversed()  # beyond a fold the way out of the interval leads back
 
 
 def points_inside(ray: Ray, lo: float, hi: float) -> bool:
@@ -158,19 +145,11 @@ def points_inside(ray: Ray, lo: float, hi: float) -> bool:
 
 #: On curved pieces a slope below this, relative to typical magnitudes, is an error of the tangent.
 LEVEL_SLOPE = EPS**0.5
-EVERY = slice(None)
 
 
 @final
 class Bounds(TransitionDetector):
-    """Watches z - lower and upper - z for all finite bounds.
-
-    Parameters
-    ----------
-    box : Box
-    names : sequence of str
-        The names of the unknowns.
-    """
+    """Watches z - lower and upper - z for all finite bounds of named unknowns."""
 
     is_affine = True
 
@@ -185,7 +164,7 @@ class Bounds(TransitionDetector):
         """Return the distances to the bounds; the distance to a bound at the state is positive."""
         values, slopes = self._distances(state), self._side * state.tangent[self._which]
         on = self._is_on(curve, state)
-        values[on] = self._rounding(curve, on)
+        values[on] = self._rounding(curve)[on]
         slopes[on & (np.abs(slopes) <= self._level(curve, state))] = 0.0
         return Reading(values, slopes)
 
@@ -204,9 +183,9 @@ class Bounds(TransitionDetector):
             on |= doubtful & (off <= CONFIDENCE * (error + rounding))
         return on
 
-    def _rounding(self, curve: Curve, some: Signs | slice = EVERY) -> Array:
+    def _rounding(self, curve: Curve) -> Array:
         """Return the rounding of distances to bounds."""
-        rounding: Array = EPS * (curve.metric.scale[self._which] + np.abs(self._limit))[some]
+        rounding: Array = EPS * (curve.metric.scale[self._which] + np.abs(self._limit))
         return rounding
 
     def _level(self, curve: Curve, state: State) -> Array:

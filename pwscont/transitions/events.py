@@ -7,18 +7,15 @@ depends on events: events are searched on steps that are taken, and divide piece
 Failure modes and answers
 -------------------------
 - g has several zeros on one step: g is evaluated in places along the step, and where g comes
-  closest to zero between the places. Both zeros around such a place are found; zeros closer than
-  the places may go unseen if g has several extrema between two places.
-- g is zero on a stretch, as max(0, z) is: the edges of the stretch are events.
+  closest to zero between the places. Zeros closer than the places may go unseen if g has several
+  extrema between two places. If g is zero on a stretch, as max(0, z) is, the edges are events.
 - g has no sign where a piece begins, because g is level there or nothing but rounding: g is watched
   from the first place where g has a sign.
 - Between two points of a step the curve is known by a cubic: where g seems to vanish on the cubic,
-  points of the curve itself decide.
-- Events at the same point: the point has the names of all events.
-- No point of the curve is found where g vanishes: the event stands where the cubic has it, with an
-  error as large as the distance between the two places.
-- An event at a transition, a fold or an end of the interval: the special point keeps its kind, and
-  has the name of the event.
+  points of the curve itself decide. If no point of the curve is found, the event stands where the
+  cubic has it, with an error as large as the distance between the two places.
+- Events at the same point: the point has the names of all events. A transition, a fold or an end of
+  the interval keeps its kind, and has the name of the event.
 """
 
 from __future__ import annotations
@@ -36,8 +33,12 @@ from pwscont.basics.rounding import CONVERGED, EPS
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.metric import Metric
 from pwscont.curve.stepper import BESIDE, CurvedSegment, Segment
-from pwscont.transitions.detector import SpecialPointFound
-from pwscont.transitions.location import MOST_BRENT, locate_point, locate_sign_change
+from pwscont.transitions.detector import (
+    MOST_BRENT,
+    SpecialPointFound,
+    locate_point,
+    locate_sign_change,
+)
 from pwscont.transitions.rays import Ray
 from pwscont.transitions.user_event import Stop, UserEvent
 
@@ -45,14 +46,14 @@ from pwscont.transitions.user_event import Stop, UserEvent
 GRADED = 10.0 ** np.arange(-7.0, -1.0)
 #: How closely the place is found where g comes closest to zero, as a part of the step.
 CLOSEST = EPS**0.5
-NONE = np.empty(0)
+NO_PLACES = np.empty(0)
 #: If g comes no closer to zero than this part of its values, points of the cubic prove the sign.
 SHALLOW_DIP = 1e-3
 #: Distance beside an end of a step, as a part of the way to the next place, at which g shows how it
 #: changes.
 DISTANCE_TO_PLACE = 1e-3
 #: Where between two places, as a part of the way, g is compared with that of a single zero.
-PLAIN = 0.3
+COMPARED_AT = 0.3
 
 
 def _places(count: int) -> Array:
@@ -75,27 +76,17 @@ AT_SPECIAL_POINT = 1e-6
 @final
 @dataclass(frozen=True, slots=True, eq=False)
 class EventMark:
-    """A place on a piece where events are zero.
-
-    Attributes
-    ----------
-    state : State
-    events : tuple of UserEvent
-    after : int
-        How many of the points of the piece come before.
-    position : float
-        Distance along the stretch from the last of these points.
-    """
+    """A place on a piece where events are zero."""
 
     state: State
     events: tuple[UserEvent, ...]
-    after: int
-    position: float
+    after: int  # how many of the points of the piece come before
+    position: float  # distance along the stretch from the last of these points
 
     @property
     def names(self) -> str:
         """The names of the events."""
-        return ", ".join(event.name for event in self.events)
+        return _named(self.events)
 
 
 @final
@@ -176,7 +167,7 @@ class _Watched:
                 continue
             if self._sign is not None and sign != self._sign:
                 found = self._change(segment, before, s)
-                more = NONE if is_fine else self._around(segment, before, found[0], s)
+                more = NO_PLACES if is_fine else self._around(segment, before, found[0], s)
                 if len(more):
                     yield from self._walk(segment, before, np.append(more, s), is_fine=True)
                 else:
@@ -184,13 +175,10 @@ class _Watched:
             self._sign, before = sign, s
 
     def _around(self, segment: Segment, lo: float, zero: float, hi: float) -> Array:
-        """Return places between ``lo`` and ``hi`` that tell three zeros from one clear zero.
-
-        Where g has a single zero, g divided by the distance to the zero hardly changes.
-        """
+        """Return places that tell three zeros from one, beside which g / distance is even."""
         sign, cell, places = self._sign, hi - lo, [lo]
         if not sign:
-            return NONE
+            return NO_PLACES
 
         def divided(s: float) -> float:
             """Return g over the distance to the zero, positive if the zero is the only zero."""
@@ -198,21 +186,14 @@ class _Watched:
             value = self.event.value(self._exact(segment, s)[0])
             return sign * value / (zero - s) if s != zero else np.inf
 
-        beside = [
-            lo + PLAIN * cell,
-            hi - PLAIN * cell,
-            zero - DISTANCE_TO_PLACE * cell,
-            zero + DISTANCE_TO_PLACE * cell,
-        ]
-        sizes = [divided(s) for s in (lo, *beside, hi) if lo <= s <= hi]
+        plain, close = COMPARED_AT * cell, DISTANCE_TO_PLACE * cell
+        beside = lo, lo + plain, hi - plain, zero - close, zero + close, hi
+        sizes = [divided(s) for s in beside if lo <= s <= hi]
         if min(sizes) >= 0.5 * max(sizes):
-            return NONE
-        from scipy.optimize import minimize_scalar  # noqa: PLC0415  few events need it
-
-        options = {"xatol": CLOSEST * cell}
-        found = minimize_scalar(divided, bounds=(lo, hi), method="bounded", options=options)
-        if found.fun < 0.0:  # two more zeros: on either side of this place
-            apart = DISTANCE_TO_PLACE * abs(found.x - zero)
+            return NO_PLACES
+        place, least = _least(divided, lo, hi)
+        if least < 0.0:  # two more zeros: on either side of this place
+            apart = DISTANCE_TO_PLACE * abs(place - zero)
             places += [zero - apart, zero + apart]
         return np.unique([s for s in places if lo < s < hi])
 
@@ -237,30 +218,16 @@ class _Watched:
         return found.x, found.size
 
     def _beside_least(self, segment: Segment, places: Array, values: Array) -> Array:
-        """Return graded places around the place where g seems to vanish, if g comes close to zero.
-
-        There may be more zeros next to a zero.
-        """
+        """Return graded places around where g seems to vanish, if g comes close to zero."""
         sizes, length = np.abs(values), float(places[-1])
         i = int(sizes.argmin())
         if not sizes[i] <= CLOSE_TO_ZERO * sizes.max() or not sizes.any():
-            return NONE
+            return NO_PLACES
         s = np.concatenate([[0.0], places])
         lo, hi = float(s[i]), float(s[min(i + 2, len(s) - 1)])
-        low = self._least_size(segment, lo, hi)
+        low, _ = _least(lambda s: abs(self.event.value(segment.near(s))), lo, hi)
         beside = np.concatenate([low - length * AROUND, low + length * AROUND])
         return beside[(beside > 0.0) & (beside < length)]
-
-    def _least_size(self, segment: Segment, lo: float, hi: float) -> float:
-        from scipy.optimize import minimize_scalar  # noqa: PLC0415  few events need it
-
-        found = minimize_scalar(
-            lambda s: abs(self.event.value(segment.near(float(s)))),
-            bounds=(lo, hi),
-            method="bounded",
-            options={"xatol": CLOSEST * (hi - lo)},
-        )
-        return float(found.x)
 
     def _lows(self, segment: Segment, places: Array, values: Array) -> Iterator[float]:
         """Yield the lowest places where g has another sign than at the places around."""
@@ -294,15 +261,7 @@ class _Watched:
         self, point: Callable[[float], Array], sign: float, lo: float, hi: float
     ) -> tuple[float, float]:
         """Return the place where sign * g is lowest between two places, and the lowest value."""
-        from scipy.optimize import minimize_scalar  # noqa: PLC0415  few events need it
-
-        found = minimize_scalar(
-            lambda s: sign * self.event.value(point(float(s))),
-            bounds=(lo, hi),
-            method="bounded",
-            options={"xatol": CLOSEST * (hi - lo)},
-        )
-        return float(found.x), float(found.fun)
+        return _least(lambda s: sign * self.event.value(point(s)), lo, hi)
 
     def _sign_at(self, x: Array, size: Array) -> float | None:
         """Return the sign of g, 0 where g is zero all around, None where g is rounding."""
@@ -313,17 +272,18 @@ class _Watched:
         return 0.0 if is_flat else None
 
     def _change(self, segment: Segment, lo: float, hi: float) -> tuple[float, State]:
-        """Return the place where the sign changes between two places.
-
-        Where the location fails: the middle of the two places, and the distance as the error.
-        """
+        """Return the place where the sign changes; a rough place if the location fails."""
         sign = self._sign
         assert sign is not None
         if self.event.ahead(sign, self._exact(segment, lo)[0]) <= 0.0:
             hi = lo  # g is rounding there already
         if not isinstance(segment, CurvedSegment):
-            s = hi if hi == lo else self._on_ray(segment, sign, lo, hi)
-            found = locate_point(segment, s)
+            if hi > lo:
+                from scipy.optimize import brentq  # noqa: PLC0415  importing takes long
+
+                exactly = {"xtol": EPS * hi, "rtol": 4.0 * EPS, "maxiter": MOST_BRENT}
+                hi = brentq(lambda s: self.event.ahead(sign, segment.near(s)), lo, hi, **exactly)
+            found = locate_point(segment, hi)
         elif hi == lo:
             found = segment.start if not lo else segment.at(lo)
         else:
@@ -342,13 +302,16 @@ class _Watched:
         error = np.abs(segment.near(hi) - segment.near(lo)) + aside * self._curve.metric.scale
         return State(x, way, error[np.newaxis], segment.start.orientation)
 
-    def _on_ray(self, segment: Segment, sign: float, lo: float, hi: float) -> float:
-        from scipy.optimize import brentq  # noqa: PLC0415  it takes as long to import as all else
 
-        def value(s: float) -> float:
-            return self.event.ahead(sign, segment.near(s))
+def _least(function: Callable[[float], float], lo: float, hi: float) -> tuple[float, float]:
+    """Return the place where a function is least between two places, and the least value."""
+    from scipy.optimize import minimize_scalar  # noqa: PLC0415  few events need it
 
-        return float(brentq(value, lo, hi, xtol=EPS * hi, rtol=4.0 * EPS, maxiter=MOST_BRENT))
+    options = {"xatol": CLOSEST * (hi - lo)}
+    found = minimize_scalar(
+        lambda s: function(float(s)), bounds=(lo, hi), method="bounded", options=options
+    )
+    return float(found.x), float(found.fun)
 
 
 ALWAYS = (
@@ -419,16 +382,11 @@ class Events:
 
     @property
     def names(self) -> str:
-        """The names of all events at the point."""
+        """The names of all events."""
         return _named(self.events)
 
     def begun(self, arrival: SpecialPointFound) -> SpecialPointFound:
-        """Return the start of a component; refuse events that are zero all around the start.
-
-        Raises
-        ------
-        InvalidInputError
-        """
+        """Return the start of a component; refuse events that are zero all around the start."""
         for event in self.events:
             if arrival.rays and event.is_zero_around(arrival.rays[0]):
                 raise InvalidInputError(ALWAYS.format(event.name, arrival.x[-1]))
@@ -437,13 +395,8 @@ class Events:
     def names_at(self, metric: Metric, x: Array, error: Array, beyond: Sequence[Array]) -> str:
         """Return the names of the events that are zero at a special point of another kind.
 
-        Parameters
-        ----------
-        metric : Metric
-        x, error : ndarray, shape (n + 1,)
-            The point and the estimate of the point's error.
-        beyond : sequence of ndarray, shape (n + 1,)
-            A point of each piece that the special point joins.
+        ``x``, ``error``, shape (n + 1,): the point and the estimate of the point's error.
+        ``beyond``, shape (n + 1,): a point of each piece that the special point joins.
         """
         return _named([e for e in self.events if e.meets(metric, x, error, beyond)])
 

@@ -6,21 +6,17 @@ and both curves are followed.
 Failure modes and answers
 -------------------------
 - Where the curve turns at an end, the turning place along the curve is known to the square root of
-  rounding only: the rays to the end on both sides would make two ends. The place where the slope of
-  alpha vanishes is well known, and serves both rays.
-- A fold beyond the end: the curve is cut at the end, however close the fold is, unless alpha at the
-  fold is the end's alpha to rounding.
-- From a fold at an end the tangent leads along the end, and a prediction to either side of the end:
-  the tangent leans into the interval by as much as the tangent's own rounding.
-- Near the point [J; t^T] is nearly singular, so that points of the curve can hardly be computed:
-  the point is the regular solution of an extended system (:mod:`pwscont.curve.crossing`), and
-  the curve is bisected only while the step is too long for that.
-- The sign of a state next to the point is rounding: a point just outside the step counts as well.
+  rounding only. The place where the slope of alpha vanishes is well known, and serves the rays on
+  both sides. A fold beyond the end cuts the curve at the end, unless alpha is equal to rounding.
+- From a fold at an end the tangent leads along the end: the tangent leans into the interval by as
+  much as the tangent's own rounding.
+- Near a branch point [J; t^T] is nearly singular: the point is the regular solution of an extended
+  system (:mod:`pwscont.curve.crossing`), and the curve is bisected only while the step is too long
+  for that. The sign next to the point is rounding: a point just outside the step counts as well.
 - The step jumped from one curve to another that passes close by: the sign flips without a branch
   point. Such a jump is a failure, on which the step is shortened until the steps follow the bend.
-- Two branch points within one step flip the sign twice and go unseen: allow shorter steps. Points
-  where the sign does not flip go unseen, too: where an even number of eigenvalues vanishes
-  together, as under symmetry, and where curves touch.
+- Two branch points within one step flip the sign twice and go unseen, as do points where the sign
+  does not flip: where an even number of eigenvalues vanishes together, and where curves touch.
 - Several branch points lie within one step, and Newton leads to a later one: the sign half way to
   the point found has flipped already, and the bisection goes on before the point.
 - Curves that cross to higher order flip the sign but have no two directions to tell apart: the
@@ -43,8 +39,14 @@ from pwscont.curve.curve import Curve, State
 from pwscont.curve.newton import uncertainty_beside
 from pwscont.curve.stepper import CurvedSegment, Segment
 from pwscont.linear.factorise import bordered
-from pwscont.transitions.detector import UNKNOWN, Reading, SpecialPointFound, TransitionDetector
-from pwscont.transitions.location import NARROW_BRACKET, locate_sign_change
+from pwscont.transitions.detector import (
+    NARROW_BRACKET,
+    UNKNOWN,
+    Reading,
+    SpecialPointFound,
+    TransitionDetector,
+    locate_sign_change,
+)
 from pwscont.transitions.rays import Ray
 
 #: A dip of the slope of alpha below zero by less than this part of the slope is left alone.
@@ -73,7 +75,9 @@ class SmoothFolds(TransitionDetector):
         """
         first, last = float(start.values[0]), float(end.values[0])
         if not last:
-            return Failure(FailureReason.FLAT) if first or _rises(segment) else None
+            rise = abs(segment.end.alpha - segment.start.alpha)
+            is_flat = first or rise > CONVERGED * segment.curve.metric.width
+            return Failure(FailureReason.FLAT) if is_flat else None
         return Failure(FailureReason.HIDDEN_FOLDS) if _turns_twice(segment) else None
 
     def locate(self, segment: Segment, index: int, bracket: tuple[float, float]) -> State | Failure:
@@ -101,12 +105,6 @@ class SmoothFolds(TransitionDetector):
         return SpecialPointFound(Kind.FOLD, state.x, message, (forth.reversed(), forth))
 
 
-def _rises(segment: CurvedSegment) -> bool:
-    """Tell whether alpha at both ends of a segment differs by more than Newton's remainder."""
-    rise = segment.end.alpha - segment.start.alpha
-    return abs(rise) > CONVERGED * segment.curve.metric.width
-
-
 def _turns_twice(segment: CurvedSegment) -> bool:
     first, chord, last = segment.slopes_of_alpha()
     a, b = 3.0 * (first + last - 2.0 * chord), 6.0 * chord - 4.0 * first - 2.0 * last
@@ -117,26 +115,19 @@ def _turns_twice(segment: CurvedSegment) -> bool:
 
 
 def _place(segment: CurvedSegment, off: float) -> float:
-    """Return the accuracy of the place of a fold on a segment, as a part of the segment.
-
-    The tangent may be off by so much, and the place along the curve by that over the rate at which
-    the tangent turns.
-    """
+    """Return the accuracy of the place of a fold, as a part of the segment, from the tangent's."""
     turn = abs(segment.curve.slope(segment.end) - segment.curve.slope(segment.start))
     return min(off / turn, 1.0) if turn else 1.0
 
 
 def _settled(segment: CurvedSegment, state: State, narrow: float) -> State:
-    """Return a located fold with an exactly vertical tangent and an estimate of the fold's error.
-
-    Alpha is stationary at a fold: the error of alpha is of second order.
-    """
+    """Return a located fold with an exactly vertical tangent and an estimate of its error."""
     state, off = polished(segment.curve, state)
-    narrow, tangent = max(narrow, _place(segment, off)), state.tangent.copy()
-    tangent[-1] = 0.0  # exactly: rounding would be found as a fold again
+    narrow, level = max(narrow, _place(segment, off)), _vertical(state, state.error)
     beside = uncertainty_beside(segment.curve, state)
-    error = np.vstack([state.error, beside, narrow * segment.length * tangent])
-    return State(state.x, tangent, error, state.orientation)
+    # alpha is stationary at a fold: its error is of second order
+    error = np.vstack([state.error, beside, narrow * segment.length * level.tangent])
+    return replace(level, error=error)
 
 
 #: A curve steeper than this at an end has no fold there.
@@ -168,6 +159,13 @@ def fold_at_end(curve: Curve, state: State) -> State | None:
         return None
     along = max(abs(s or 0.0), GUARD * EPS * FIRST_SECANT / abs(curve.slope(there)))
     return _vertical(fold, np.vstack([state.error, fold.error, along * fold.tangent]))
+
+
+def _vertical(fold: State, error: Array) -> State:
+    """Return a fold with an exactly vertical tangent: rounding would be found as a fold again."""
+    tangent = fold.tangent.copy()
+    tangent[-1] = 0.0
+    return State(fold.x, tangent, error, fold.orientation)
 
 
 def leaning(ray: Ray) -> Ray:
@@ -210,13 +208,6 @@ def _level(
             return None
         second = s, curve.slope(there)
     return second[0]
-
-
-def _vertical(fold: State, error: Array) -> State:
-    """Return a fold with an exactly vertical tangent."""
-    tangent = fold.tangent.copy()
-    tangent[-1] = 0.0
-    return State(fold.x, tangent, error, fold.orientation)
 
 
 #: A branch point outside a step, within this part of the step's length, belongs to the step.
@@ -266,12 +257,7 @@ def branch_point(curve: Curve, found: Crossing, state: State) -> SpecialPointFou
     point: a piece that arrives on one curve with a positive sign goes on with a negative sign, and
     both halves of the other curve leave with a positive sign.
 
-    Parameters
-    ----------
-    curve : Curve
-    found : Crossing
-    state : State
-        The point as an arrival on either curve, with the sign before the point.
+    ``state``: the point as an arrival on either curve, with the sign before the point.
     """
     cosines = [abs(curve.metric.covector(state.tangent).dot(d)) for d in found.directions]
     other = found.directions[int(np.argmin(cosines))]
@@ -309,7 +295,11 @@ def _locate(
     lo, hi = bracket
     for number in range(MOST_BISECTIONS):
         middle = 0.5 * (lo + hi)
-        point = _point_near(segment, middle) if number % BISECTIONS_BETWEEN == 0 else None
+        point: Crossing | Failure | None = None
+        if number % BISECTIONS_BETWEEN == 0:
+            point = crossing(segment.curve, segment.near(middle))
+        if not isinstance(point, Crossing) or not _belongs(segment, point.x):
+            point = None
         if point is not None:
             if not point.meets:
                 return Failure(FailureReason.SINGULAR)
@@ -325,12 +315,6 @@ def _locate(
     return Failure(FailureReason.SINGULAR)
 
 
-def _point_near(segment: CurvedSegment, s: float) -> Crossing | None:
-    """Return the branch point to which Newton leads from a place, None if not on the segment."""
-    found = crossing(segment.curve, segment.near(s))
-    return found if isinstance(found, Crossing) and _belongs(segment, found.x) else None
-
-
 def _belongs(segment: CurvedSegment, x: Array) -> bool:
     """Tell whether a branch point lies on the segment, or too close to its ends to decide."""
     s, slack = segment.position(x), OUTSIDE_STEP * segment.length
@@ -339,25 +323,12 @@ def _belongs(segment: CurvedSegment, x: Array) -> bool:
 
 
 def _own(segment: CurvedSegment, found: Crossing) -> Array:
-    """Return the direction of the segment's own curve, pointing forward.
-
-    Of the two directions, return the direction closest to the slope of the cubic through the
-    segment's ends.
-    """
-    covector = segment.curve.metric.covector(_slope(segment, segment.position(found.x)))
+    """Return the direction, pointing forward, that is closest to the cubic through the ends."""
+    r = segment.position(found.x) / segment.length
+    slope = (1.0 - r) * (1.0 - 3.0 * r) * segment.start.tangent
+    slope += r * (3.0 * r - 2.0) * segment.end.tangent + 6.0 * r * (1.0 - r) * segment.chord
+    covector = segment.curve.metric.covector(slope)
     cosines = [float(covector.dot(direction)) for direction in found.directions]
     best = int(np.argmax(np.abs(cosines)))
     forward: Array = np.sign(cosines[best]) * found.directions[best]
     return forward
-
-
-def _slope(segment: CurvedSegment, s: float) -> Array:
-    """Return the slope at distance ``s`` of the cubic Hermite interpolant."""
-    r = s / segment.length
-    start, end = segment.start.tangent, segment.end.tangent
-    slope: Array = (
-        (1.0 - r) * (1.0 - 3.0 * r) * start
-        + r * (3.0 * r - 2.0) * end
-        + 6.0 * r * (1.0 - r) * segment.chord
-    )
-    return slope

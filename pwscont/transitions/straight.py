@@ -1,8 +1,23 @@
 """Transitions of straight pieces: from cell to cell by one solve (docs/theory, F11).
 
-A piece whose end is hard to find, because tests vanish together, the piece is nearly vertical or
-nearly in the interface, or something is wrong with the system, is left by the general detector, see
-:mod:`pwscont.transitions.bounding`.
+With J' = J + c g^T on the other side of an interface (F1), where g is the gradient of the test that
+vanishes, the direction beyond follows from the direction before by the solution of J w = c alone.
+The same update holds for all solutions: the samples of the error of a point are carried along. From
+time to time, in small systems always, and where residuals show that directions have drifted,
+an *audit* solves for all samples afresh, together with corrections of point and direction. Only
+audits ask for Jacobians that are large and not at hand.
+
+Failure modes and answers
+-------------------------
+- Tests vanish together, 1 + g.w is small beside 1 and g.w, the direction is nearly vertical or in
+  the interface, or something is wrong with the system: the piece is left to the general detector,
+  see :mod:`pwscont.transitions.bounding`.
+- Rounding adds up from cell to cell: the residual of the system is asked for at every transition.
+  A residual larger than the stated error covers corrects the point, and asks for an audit if the
+  last audit was long ago.
+- The Jacobians of the cells differ by a matrix of rank 2 or more, because the system is wrong, or
+  returns all matrices, or c, in the same array: an audit compares the direction with the new
+  Jacobian, and the residual of the next point is more than rounding.
 """
 
 from __future__ import annotations
@@ -12,53 +27,49 @@ from typing import NamedTuple, final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Indices, are_finite, is_everywhere, joined, product
+from pwscont.basics.arrays import (
+    Array,
+    Matrix,
+    Signs,
+    are_finite,
+    is_anywhere,
+    is_everywhere,
+    joined,
+    product,
+)
 from pwscont.basics.character import Character
 from pwscont.basics.outcome import Failure
-from pwscont.basics.rounding import CONFIDENCE, EPS, GUARD
+from pwscont.basics.rounding import CONFIDENCE, CONVERGED, EPS, GUARD
 from pwscont.curve.curve import Curve, State
+from pwscont.curve.error_samples import magnitude_beside, samples
 from pwscont.curve.stepper import Segment
-from pwscont.curve.straight import Settled, StraightCell
-from pwscont.linear.factorise import last_unit
-from pwscont.linear.vectors import Rows
+from pwscont.linear.bordered import GROWTH
+from pwscont.linear.factorise import column, inner, kink_by_columns, last_unit
+from pwscont.linear.jacobian import StructuredJacobian
+from pwscont.linear.updates import ProductForm
+from pwscont.linear.vectors import Rows, add_multiples
 from pwscont.system.abilities import Ending
+from pwscont.system.box import Box
 from pwscont.system.selection import Selection
+from pwscont.system.system import PiecewiseLinearSystem
 from pwscont.system.values import own_array
 from pwscont.transitions.bounding import BoundingTests, crossed
-from pwscont.transitions.corner.cells import SLANT
-from pwscont.transitions.detector import (
-    Reading,
-    SpecialPointFound,
-    TransitionDetector,
-    soonest,
-)
+from pwscont.transitions.detector import Reading, SpecialPointFound, TransitionDetector, ratio_test
 from pwscont.transitions.ends import at_end
-from pwscont.transitions.rays import Ray, is_zero
+from pwscont.transitions.rays import SLANT, Ray, is_zero
 
-#: A piece keeps the direction in which it began up to this part of the direction.
+#: A piece keeps the direction in which the piece began up to this part of the direction.
 ALIGNED = EPS**0.5
 
 
 class Entered(NamedTuple):
-    """A cell that a piece has entered, or inside which the piece begins.
+    """A cell that a piece has entered, or inside which the piece begins."""
 
-    Attributes
-    ----------
-    state : State
-        The point of the interface, on the piece that ends there; inside that of the ray.
-    ray : Ray
-        The piece.
-    cell : StraightCell
-        The cell of the piece.
-    tests, rates : ndarray, shape (m,)
-        All tests at the point, and the derivatives of the tests by alpha along the piece.
-    """
-
-    state: State
-    ray: Ray
+    state: State  # the point of the interface, on the piece that ends there; inside, of the ray
+    ray: Ray  # the piece
     cell: StraightCell
-    tests: Array
-    rates: Array
+    tests: Array  # all tests at the point, shape (m,)
+    rates: Array  # the derivatives of the tests by alpha along the piece, shape (m,)
 
     def ahead(self) -> tuple[int, float]:
         """Return which bounding test of the piece vanishes first, and at what distance.
@@ -68,7 +79,9 @@ class Entered(NamedTuple):
         """
         selection, pace = self.ray.curve.selection, self.ray.state.tangent[-1]
         values = selection.side * self.tests[selection.bounding]
-        return soonest(values, (pace * selection.side) * self.rates[selection.bounding])
+        distances = ratio_test(values, (pace * selection.side) * self.rates[selection.bounding])
+        first = int(distances.argmin()) if len(distances) else 0
+        return first, float(distances[first]) if len(distances) else math.inf
 
 
 @final
@@ -115,9 +128,11 @@ class StraightTests(TransitionDetector):
             self._last = last = self._begun(ray)
         if last is None:
             return None
-        ahead, room = last.ahead(), _room(state, interval)
+        slope = float(state.tangent[-1])
+        end = interval[1] if slope > 0.0 else interval[0]
+        ahead, room = last.ahead(), (end - state.alpha) / slope if slope else np.inf
         if not ahead[1] < room:
-            return self._at_end(last, room, interval)
+            return self._at_end(last, room, end)
         self._last = self._across(ray.curve, state, *ahead)
         self._hard = None if self._last else state
         return self._last and self.arrive(ray.curve, self._last.state, ahead[0])
@@ -132,19 +147,14 @@ class StraightTests(TransitionDetector):
         cell = self._cell_of(curve, state)
         return cell and Entered(state, ray, cell, tests, gradients.rows.dot(cell.along))
 
-    def _at_end(
-        self, last: Entered, room: float, interval: tuple[float, float]
-    ) -> SpecialPointFound | None:
-        """Return the end of the interval, which a piece reaches at this distance; leave the cell.
-
-        None where that is hard.
-        """
+    def _at_end(self, last: Entered, room: float, end: float) -> SpecialPointFound | None:
+        """Return the end of the interval at a distance, None where hard; leave the cell."""
         self._last, start = None, last.ray.state
         x = start.x + room * start.tangent
-        x[-1] = end = interval[1] if start.tangent[-1] > 0.0 else interval[0]
+        x[-1] = end
         if self._gradients is None or self._gradients.may_end or not np.isfinite(room):
             return None
-        found = last.cell.settled(x, last_unit(len(x)), 0.0)
+        found = last.cell.corrected(x, last_unit(len(x)), 0.0)
         if found is None:
             return None
         found.x[-1] = end  # equal up to rounding
@@ -152,53 +162,61 @@ class StraightTests(TransitionDetector):
         return at_end(last.ray.curve, here)
 
     def _gradients_of(self, curve: Curve, x: Array) -> Gradients:
-        """Return the gradients of all tests, which are constant."""
         if self._gradients is None or not self._gradients.are_of(curve):
             self._gradients = Gradients(curve, x)
         return self._gradients
 
     def _across(self, curve: Curve, start: State, index: int, s: float) -> Entered | None:
         """Return the point where a test vanishes, and the ray beyond; None where that is hard."""
-        gradients, test = self._gradients_of(curve, start.x), int(curve.selection.bounding[index])
+        gradients, selection = self._gradients_of(curve, start.x), curve.selection
+        test = int(selection.bounding[index])
         x, gradient = start.x + s * start.tangent, gradients.rows.one(test)
         if gradients.may_end or not curve.metric.admits(x):
             return None
         last = self._last if self._last and self._last.ray.state is start else None
         cell = last.cell if last else self._cell_of(curve, start)
         tests = gradients.tests_at(x)
-        other = _other_side(curve, tests, index)
+        beyond = Character.beyond(tests, test, bool(selection.side[index] < 0.0))
+        other = Curve(Selection(selection.system, beyond), curve.metric)
         if cell is None or not gradients.is_crossed(test, gradient, start):
             return None
         if not other.selection.is_bounded_by(test):
             return None
-        settled = cell.cross(other, x, test, gradient, float(tests[test]))
-        if settled is None:
+        point = cell.cross(other, x, test, gradient, float(tests[test]))
+        if point is None:
             return None
         rates = gradients.rows.dot(cell.along)
-        here = tests - gradients.changes(settled, rates)
-        if not are_finite(here) or gradients.is_corner(tests, here, settled, test):
+        here = tests - gradients.changes(point, rates)
+        if not are_finite(here) or gradients.is_corner(tests, here, point, test):
             return None
-        return _entered(cell, start, settled, here, rates)
+        return _entered(cell, start, point, here, rates)
 
     def _cell_of(self, curve: Curve, start: State) -> StraightCell | None:
         """Return the cell of a piece, factorised afresh if the last cell is another cell."""
         cell = self._last.cell if self._last else None
         if cell is None or cell.curve.selection is not curve.selection:
             cell = None if curve.selection.adjacent_cells else StraightCell.at(curve, start.x)
-        return cell if cell and _agree(cell, start) else None
+        if cell is None:
+            return None
+        row = curve.metric.covector(curve.metric.normalised(cell.along))
+        return cell if abs(row.dot(start.tangent)) > 1.0 - ALIGNED else None
+
+
+def _entered(
+    cell: StraightCell, start: State, point: CorrectedPoint, tests: Array, rates: Array
+) -> Entered:
+    """Return what was found where a piece from ``start`` led into a cell."""
+    forwards = cell.turn * math.copysign(1.0, start.tangent[-1])
+    tangents = start.tangent, (forwards / cell.length) * cell.along
+    here, there = (
+        State(point.x, tangent, point.error, start.orientation, point.size) for tangent in tangents
+    )
+    return Entered(here, Ray(cell.curve, there), cell, tests, rates)
 
 
 @final
 class Gradients:
-    """The gradients of all tests of a piecewise-linear system, which are constant.
-
-    Parameters
-    ----------
-    curve : Curve
-        A curve of the system, in the metric.
-    x : ndarray, shape (n + 1,)
-        Where the system may be asked.
-    """
+    """The gradients of all tests of a piecewise-linear system, asked for at ``x``."""
 
     def __init__(self, curve: Curve, x: Array) -> None:
         self._system, self._scale = curve.selection.system, curve.metric.scale
@@ -216,11 +234,11 @@ class Gradients:
         """Tell whether these gradients belong to the tests of a curve's system."""
         return self._system is curve.selection.system and self._scale is curve.metric.scale
 
-    def changes(self, found: Settled, rates: Array) -> Array:
+    def changes(self, point: CorrectedPoint, rates: Array) -> Array:
         """Return by how much the correction of a point changed all tests, shape (m,)."""
-        changes: Array = found.along * rates
-        if found.aside is not None:
-            changes += self.rows.dot(joined(found.aside, 0.0))
+        changes: Array = point.along * rates
+        if point.aside is not None:
+            changes += self.rows.dot(joined(point.aside, 0.0))
         return changes
 
     def is_crossed(self, test: int, gradient: Array, start: State) -> bool:
@@ -234,61 +252,235 @@ class Gradients:
         """Tell whether a state lies inside the cell of a curve, and no test is next to zero."""
         metric, selection = curve.metric, curve.selection
         extent = metric.largest(np.abs(state.x)), metric.largest(state.size)
-        if not len(tests) or not are_finite(tests) or len(self.near_zero(tests, extent)):
+        if not len(tests) or not are_finite(tests) or self._near_zero(tests, extent).any():
             return False
         inside = selection.side * tests[selection.bounding] > 0.0
         return not len(inside) or is_everywhere(inside)
 
-    def near_zero(self, tests: Array, extent: tuple[float, float]) -> Indices:
-        """Return the tests that an error may have made zero, or a correction.
-
-        Every other test exceeds what errors and corrections of this extent contribute to the test,
-        measured by typical magnitudes, see :class:`Settled`.
-        """
+    def _near_zero(self, tests: Array, extent: tuple[float, float]) -> Signs:
+        """Tell which tests errors or corrections of this extent may have made zero."""
         reach = GUARD * EPS * (1.0 + extent[0]) + 2.0 * CONFIDENCE * extent[1]
-        near: Indices = (np.abs(tests) <= reach * self._typical).nonzero()[0]
+        near: Signs = np.abs(tests) <= reach * self._typical
         return near
 
-    def is_corner(self, before: Array, tests: Array, found: Settled, but: int) -> bool:
+    def is_corner(self, before: Array, tests: Array, point: CorrectedPoint, but: int) -> bool:
         """Tell whether another test vanishes at a point, or has another sign than before."""
-        near = self.near_zero(tests, found.extent)
+        near = self._near_zero(tests, point.extent).nonzero()[0]
         near = near[near != but] if len(near) else near
         if not len(near):
             return False  # nearly always
         rows, values = self.rows.some(near), tests[near]
         turned = (values >= 0.0) != (before[near] >= 0.0)
-        return bool((turned | is_zero(rows, values, found.x, found.error, self._scale)).any())
+        return bool((turned | is_zero(rows, values, point.x, point.error, self._scale)).any())
 
 
-def _other_side(curve: Curve, tests: Array, index: int) -> Curve:
-    """Return the curve on the other side of an interface, where all other tests are as given."""
-    selection = curve.selection
-    test, is_negative = int(selection.bounding[index]), bool(selection.side[index] < 0.0)
-    beyond = Character.beyond(tests, test, is_negative)
-    return Curve(Selection(selection.system, beyond), curve.metric)
+#: Systems of fewer unknowns are audited at every transition, all systems after AUDIT_AFTER
+#: transitions: true errors of random bodies are then at most 1.6 times the stated errors, and 2.8
+#: times after 64 transitions.
+ALWAYS_AUDITED, AUDIT_AFTER = 16, 24
+#: Least number of transitions after which a residual above rounding asks for an audit: directions
+#: have drifted.
+DRIFTED_AFTER = 8
+#: Systems of fewer unknowns are asked for Jacobians at every transition: two residuals cost more.
+ASKED_FOR_JACOBIANS = 64
+#: Least residual that is corrected, as a part of the terms of the same row: three quarters of the
+#: residual that the stated error of the point covers.
+UNSEEN = 0.75 * CONFIDENCE * EPS
+#: Errors are estimated afresh if an unknown is larger than GROWN times the largest unknown of the
+#: same typical magnitude at the last audit.
+GROWN = 2.0
+#: How many times larger than all other unknowns an unknown is made, in typical magnitudes.
+FAR_AWAY = 2.0**20
+#: Largest residual of a direction of a selection, as a part of the terms.
+ASTRAY = EPS**0.5
 
 
-def _entered(
-    cell: StraightCell, start: State, settled: Settled, tests: Array, rates: Array
-) -> Entered:
-    """Return what was found where a piece from ``start`` led into a cell."""
-    x, error, size = settled.x, settled.error, settled.size
-    forwards = cell.turn * math.copysign(1.0, start.tangent[-1])
-    tangent = (forwards / cell.length) * cell.along
-    here = State(x, start.tangent, error, start.orientation, size)
-    there = State(x, tangent, error, start.orientation, size)
-    return Entered(here, Ray(cell.curve, there), cell, tests, rates)
+class CorrectedPoint(NamedTuple):
+    """A point of an interface or of an end, after the correction."""
+
+    x: Array
+    error: Array  # samples of the error of x, shape (k, n + 1)
+    size: Array  # the estimate of the error of x, shape (n + 1,)
+    extent: tuple[float, float]  # largest components of x and size, in typical magnitudes
+    along: float  # by how much alpha was corrected along the piece
+    aside: Array | None  # by how much z was corrected as well; None if not needed
 
 
-def _room(state: State, interval: tuple[float, float]) -> float:
-    """Return the distance at which a straight piece reaches an end of the interval."""
-    slope = float(state.tangent[-1])
-    end = interval[1] if slope > 0.0 else interval[0]
-    return (end - state.alpha) / slope if slope else np.inf
+@final
+class StraightCell:
+    """The linear algebra of the cell in which a straight piece lies, led from cell to cell."""
+
+    def __init__(self, curve: Curve, solver: ProductForm, along: Array) -> None:
+        self.curve, self._solver = curve, solver
+        self.turn = 1  # the sign of 1 + g.w where the cell was entered: -1 at a fold
+        self.length = curve.metric.norm(along)
+        system = curve.selection.system
+        self._is_told = isinstance(system, PiecewiseLinearSystem) and system.knows_kinks
+        self._jacobian: Matrix | None = None  # kept if kinks are read off Jacobians
+        self._samples = samples(len(along))
+        #: The direction of the piece, and samples of the error of points, with alpha component 0.
+        self._lines = np.zeros((1 + len(self._samples), len(along)))
+        self._lines[0] = along
+        self.along: Array = self._lines[0]  # with alpha component 1; changes with the cell
+        self._wide = np.zeros(len(along))
+        self._slopes = np.empty(0)  # of the last test crossed, along all lines
+        self._terms = np.empty(0)  # magnitudes of the terms of the rows of H at the last audit
+        self._most, self._since = np.empty(0), AUDIT_AFTER
+
+    @classmethod
+    def at(cls, curve: Curve, x: Array) -> StraightCell | None:
+        """Return the factorised cell of a curve; None where the Jacobian is next to singular."""
+        jacobian, n = curve.selection.jacobian(x), len(x) - 1
+        core = inner(jacobian, curve.metric.binary)
+        if core is None:
+            return None
+        solver = ProductForm(core, n)
+        cell = cls(curve, solver, joined(-solver.solve(column(jacobian, n)), 1.0))
+        is_at_hand = isinstance(jacobian, StructuredJacobian) and jacobian.is_at_hand
+        is_cheap = n < ASKED_FOR_JACOBIANS or is_at_hand
+        if not cell._is_told and (is_cheap or Box.of(curve.selection.system).is_bounded):
+            cell._jacobian = jacobian
+        return cell if cell._is_tame() else None
+
+    def cross(
+        self, other: Curve, x: Array, test: int, gradient: Array, value: float
+    ) -> CorrectedPoint | None:
+        """Lead into the cell of the curve ``other``, beyond the interface where a test vanishes.
+
+        Return the point of the interface near ``x``, where the test has the given gradient and
+        value. None if the correction is more than rounding, or cannot be computed: the cell is of
+        no use then.
+        """
+        is_in = self._enter(other, x, test, gradient)
+        return self._corrected(x, gradient, value) if is_in else None
+
+    def corrected(self, x: Array, gradient: Array, value: float) -> CorrectedPoint | None:
+        """Return the point of the piece where a function vanishes, as :meth:`cross` does."""
+        self._slopes = self._lines.dot(gradient)
+        return self._corrected(x, gradient, value)
+
+    def _corrected(self, x: Array, gradient: Array, value: float) -> CorrectedPoint | None:
+        """Correct a point, and in audits also the direction and the samples."""
+        residual, sizes, aside = self.curve.selection.residual(x), np.abs(x), None
+        is_due = self._since >= AUDIT_AFTER or len(sizes) <= ALWAYS_AUDITED
+        is_due = is_due or is_anywhere(sizes > self._most)
+        is_off = not is_due and not is_everywhere(np.abs(residual) <= UNSEEN * self._terms)
+        if is_due or (is_off and self._since >= DRIFTED_AFTER):
+            aside = self._audited(x, sizes, residual)
+            if aside is None:
+                return None
+            self._slopes = self._lines.dot(gradient)
+        elif is_off:
+            aside = self._solver.solve(residual)
+        return self._moved(x, sizes, gradient, value, aside) if self._slopes[0] else None
+
+    def _enter(self, other: Curve, x: Array, test: int, gradient: Array) -> bool:
+        """Change to the Jacobian on the other side; False if the change loses too many digits."""
+        is_ready = not self._solver.is_full or self._has_renewed(self._jacobian_at(x))
+        kink = self._kink(other, x, test, gradient)
+        if not is_ready or kink is None:
+            return False
+        w = self._solver.solve(kink)
+        pivot = self._solver.change(w, gradient[:-1])
+        if pivot == 0.0:
+            return False
+        self._slopes = self._lines.dot(gradient) / pivot
+        self._wide[:-1] = w  # alpha of the lines does not change
+        add_multiples(self._lines, -self._slopes, self._wide)
+        self.turn, self._since = 1 if pivot > 0.0 else -1, self._since + 1
+        self.length = other.metric.norm(self.along)
+        return self._is_tame()
+
+    def _moved(
+        self, x: Array, sizes: Array, gradient: Array, value: float, aside: Array | None
+    ) -> CorrectedPoint | None:
+        """Return the point of an interface, None where the correction is more than rounding."""
+        metric, slopes = self.curve.metric, self._slopes
+        along = (value - (0.0 if aside is None else gradient[:-1].dot(aside))) / slopes[0]
+        dx = along * self._lines[0]
+        if aside is not None:
+            dx[:-1] += aside
+        error: Array = self._lines[1:].copy()  # and where the rounding of the test puts the point
+        last = EPS * np.abs(gradient).dot(sizes) * self._samples[:, -1] - slopes[1:]
+        add_multiples(error, last / slopes[0], self._lines[0])
+        size = magnitude_beside(sizes, error)
+        extent = metric.largest(sizes), metric.largest(size)
+        point = CorrectedPoint(x - dx, error, size, extent, along, aside)
+        return point if metric.admits(point.x) and self._is_rounding(dx, point) else None
+
+    def _has_renewed(self, jacobian: Matrix) -> bool:
+        """Factorise the Jacobian of the cell afresh; False for a singular Jacobian."""
+        core = inner(jacobian, self.curve.metric.binary)
+        if core is not None:
+            self._solver.renew(core)
+        return core is not None
+
+    def _jacobian_at(self, x: Array) -> Matrix:
+        known = self._jacobian
+        return self.curve.selection.lent_jacobian(x) if known is None else known
+
+    def _kink(self, other: Curve, x: Array, test: int, gradient: Array) -> Array | None:
+        """Return c of the cell beyond, and take up the curve there."""
+        before, jacobian, self.curve = self.curve, self._jacobian, other
+        if self._is_told:
+            return other.selection.kink(before.selection, test)
+        if jacobian is None:
+            return _kink_by_residuals(before, other, x, gradient)
+        self._jacobian = other.selection.jacobian(x)
+        return kink_by_columns(jacobian, self._jacobian, gradient, other.metric.scale)
+
+    def _is_rounding(self, dx: Array, point: CorrectedPoint) -> bool:
+        """Tell whether a correction is no more than rounding and error of the corrected point."""
+        typical = GUARD * EPS * point.extent[0]
+        if point.aside is None and abs(point.along) * self.length <= typical:
+            return True  # nearly always
+        rounding = typical * self.curve.metric.scale + CONFIDENCE * point.size
+        return is_everywhere(np.abs(dx) <= rounding)
+
+    def _is_tame(self) -> bool:
+        """Tell whether the direction is finite, and far from vertical."""
+        return self.length * self.curve.metric.width < GROWTH
+
+    def _audited(self, x: Array, sizes: Array, residual: Array) -> Array | None:
+        """Solve for errors, point and direction afresh; return the correction, None if astray."""
+        n, along, metric = len(x) - 1, self.along, self.curve.metric
+        jacobian = self._jacobian_at(x)
+        magnitudes, astray = abs(jacobian), jacobian.dot(along)
+        self._most = sizes
+        if n >= ALWAYS_AUDITED:
+            largest = np.zeros(len(sizes))
+            np.maximum.at(largest, metric.kinds, sizes)
+            self._most = GROWN * largest[metric.kinds]
+        self._terms = product(magnitudes, self._most + CONVERGED * metric.scale)
+        typical = product(magnitudes, metric.scale)
+        if not is_everywhere(np.abs(astray) <= (ASTRAY * self.length) * typical):
+            return None
+        if self._solver.is_full:
+            self._has_renewed(jacobian)  # due at the next change, when no Jacobian is at hand
+        asked = np.empty((1 + len(self._lines), n))
+        asked[0], asked[1] = residual, astray
+        np.multiply(self._samples[:, :n], EPS * self._terms, out=asked[2:])
+        solved = self._solver.solve_all(asked)
+        along[:-1] -= solved[1]
+        self._lines[1:, :-1] = solved[2:]
+        self.length, self._since = metric.norm(along), 0
+        correction: Array = solved[0]
+        return correction
 
 
-def _agree(cell: StraightCell, start: State) -> bool:
-    """Tell whether a piece has the direction of its cell, in either sense of travel."""
-    metric = cell.curve.metric
-    row = metric.covector(metric.normalised(cell.along))
-    return bool(abs(row.dot(start.tangent)) > 1.0 - ALIGNED)
+def _kink_by_residuals(before: Curve, after: Curve, x: Array, gradient: Array) -> Array | None:
+    """Return c, shape (n,), without Jacobians; None where the test changes with alpha alone.
+
+    The residuals on the two sides are compared far away along the unknown along which the test
+    changes most, where the rounding of all other terms is small.
+    """
+    scale = after.metric.scale
+    weights = np.abs(gradient * scale)[:-1]
+    steepest = int(weights.argmax())
+    far = x.copy()
+    far[steepest] += FAR_AWAY * max(1.0, after.metric.norm(x)) * scale[steepest]
+    test = gradient[steepest] * (far[steepest] - x[steepest])
+    if weights[steepest] <= abs(gradient[-1] * scale[-1]) / FAR_AWAY or not math.isfinite(test):
+        return None
+    jump: Array = (after.selection.residual(far) - before.selection.residual(far)) / test
+    return jump

@@ -4,17 +4,17 @@ Failure modes and answers
 -------------------------
 - Where an event was found, the next piece begins with g = 0, with a sign that is rounding: what the
   accuracy of the point explains is zero.
-- g is zero up to rounding on a stretch or everywhere, as sin^2 + cos^2 - 1 is, or a residual on all
-  branches: the rounding of g is measured where nothing but rounding changes the arguments of g.
-- g is zero, to rounding, at every place tried: g is no event, and is refused at the start.
-- g cannot be computed, is not a number, or is a truth value, which has no zero to be found: an
-  error tells the user the name of the event.
+- g is zero up to rounding on a stretch or everywhere, as sin^2 + cos^2 - 1 is: the rounding of g is
+  measured where nothing but rounding changes the arguments of g. If g is zero, to rounding, at
+  every place tried, g is no event, and is refused at the start.
+- g cannot be computed, is not a number, or is a truth value: an error names the event.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, final
 
@@ -78,21 +78,13 @@ class UserEvent:
     shown: int | None = None
 
     def value(self, x: Array) -> float:
-        """Return g(z, alpha).
+        """Return g(z, alpha); refuse a function that fails, or returns no finite number."""
 
-        Raises
-        ------
-        InvalidInputError
-            If the function fails, or returns no finite number.
-        """
-        return evaluated(
-            f"the event {self.name!r}", self._number, x[:-1][: self.shown], float(x[-1])
-        )
+        def number(z: Array, alpha: float) -> Any:
+            given = self.function(z, alpha)
+            return given.item() if isinstance(given, np.ndarray) and given.size == 1 else given
 
-    def _number(self, z: Array, alpha: float) -> Any:
-        """Return what the function returns; the entry of an array with a single entry."""
-        given = self.function(z, alpha)
-        return given.item() if isinstance(given, np.ndarray) and given.size == 1 else given
+        return evaluated(f"the event {self.name!r}", number, x[:-1][: self.shown], float(x[-1]))
 
     def read(self, curve: Curve, state: State) -> tuple[float, float, bool]:
         """Return g, its derivative along the tangent, and whether g is zero from here on.
@@ -102,8 +94,9 @@ class UserEvent:
         """
         metric, x = curve.metric, state.x
         value, slope, steep = self._differences(metric, x, state.tangent)
-        if not (value or slope):
-            return 0.0, 0.0, self._is_zero_beyond(metric, x, state.tangent)
+        if not (value or slope):  # is g zero all around a point a little further on?
+            ahead = x + _step(metric, x, state.tangent) * state.tangent
+            return 0.0, 0.0, self.noise(metric, ahead, np.zeros_like(x)) == 0.0
         if slope and abs(value) > REACHABLE * steep:
             return value, slope, False
         noise = self.noise(metric, x, state.size)
@@ -122,11 +115,10 @@ class UserEvent:
         ``beyond`` are points of these pieces.
         """
         ways = (metric.difference(y, x) for y in beyond)
-        if not any(self.is_near(metric, x, error, way) for way in ways) and (
-            beyond or self.cleared(metric, x, error)
-        ):
-            return False
-        return not beyond or any(self.cleared(metric, y, error) for y in beyond)
+        if not beyond:
+            return not self.cleared(metric, x, error)
+        is_near = any(self.is_near(metric, x, error, way) for way in ways)
+        return is_near and any(self.cleared(metric, y, error) for y in beyond)
 
     def is_near(self, metric: Metric, x: Array, error: Array, way: Array) -> bool:
         """Tell whether g is zero where a way begins, to the accuracy of that point."""
@@ -164,18 +156,14 @@ class UserEvent:
         return CONFIDENCE * self._shaken(metric, x, size)
 
     def _shaken(self, metric: Metric, x: Array, size: Array) -> float:
-        """Return how much g changes beside a point at most."""
+        """Return how much g changes beside a point at most, where g is defined."""
         beside = x + size * np.array([generic(len(x), shift) for shift in range(SHAKEN)])
         beside[:, -1] = np.clip(beside[:, -1], *metric.interval)
-        value = self.value(x)
-        return max([self._change(value, y) for y in beside])
-
-    def _change(self, value: float, x: Array) -> float:
-        """Return the distance of g from a value; 0 where g is undefined."""
-        try:
-            return abs(self.value(x) - value)
-        except InvalidInputError:
-            return 0.0
+        value, changes = self.value(x), [0.0]
+        for y in beside:
+            with suppress(InvalidInputError):
+                changes.append(abs(self.value(y) - value))
+        return max(changes)
 
     def is_zero(self, ray: Ray) -> bool:
         """Tell whether g is zero where a ray begins, to the accuracy of that point."""
@@ -186,11 +174,6 @@ class UserEvent:
         if abs(value) <= steep * slack:
             return True
         return abs(value) <= self.noise(metric, state.x, state.size)
-
-    def _is_zero_beyond(self, metric: Metric, x: Array, tangent: Array) -> bool:
-        """Tell whether g, zero at ``x``, is zero all around a point a little further on."""
-        ahead = x + _step(metric, x, tangent) * tangent
-        return self.noise(metric, ahead, np.zeros_like(x)) == 0.0
 
     def _differences(self, metric: Metric, x: Array, tangent: Array) -> tuple[float, float, float]:
         """Return g, the difference quotient of g within the interval, and the steepness of g."""
@@ -208,15 +191,12 @@ class UserEvent:
         value, slope, steep = self._differences(metric, x, ray.state.tangent)
         if slope and abs(value) > REACHABLE * steep:
             return False
+        places, rounding = list(_around(ray)), ROUNDING_DISTANCE * metric.scale
         try:
-            tried = np.array([self._tried(metric, y) for y in _around(ray)])
+            largest = max(abs(self.value(y)) for y in places)
+            return largest <= CONFIDENCE * max(self._shaken(metric, y, rounding) for y in places)
         except InvalidInputError:  # at a place that may be far from all solutions
             return False
-        return bool(tried[:, 0].max() <= CONFIDENCE * tried[:, 1].max())
-
-    def _tried(self, metric: Metric, x: Array) -> tuple[float, float]:
-        """Return the size of g at a place, and the part of g that is noise."""
-        return abs(self.value(x)), self._shaken(metric, x, ROUNDING_DISTANCE * metric.scale)
 
 
 def _around(ray: Ray) -> Iterator[Array]:

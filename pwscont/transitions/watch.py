@@ -4,10 +4,9 @@ Failure modes and answers
 -------------------------
 - A cell thinner than the step: the character is frozen, so the far end of the step lies
   outside the cell whatever lies beyond the cell (docs/theory, F7).
-- A test that dips below zero and comes back within a step: the slopes of the test at the two ends
-  differ in sign, and where the two tangent lines cross below zero, the dip is searched. A dip
-  that the slopes do not show is seen by the tests at points inside the step: at thirds of a long
-  step, at a single point of a short step.
+- A test dips below zero and comes back within a step: where the slopes at the two ends differ in
+  sign, and the two tangent lines cross below zero, the dip is searched. Other dips are seen by the
+  tests at points inside the step.
 - A fold lies at an interface up to rounding: of events that only errors tell apart the event that
   was located first counts. A piece that begins with a test below zero never meets that test again.
 - The test that was just crossed starts at zero, with a sign that is rounding: the slope of the test
@@ -32,18 +31,20 @@ from pwscont.curve.curve import Curve, State
 from pwscont.curve.stepper import CurvedSegment, Segment
 from pwscont.system.promises import AFFINE_DEFECT, refuse_bent_ray, refuse_stray_ray
 from pwscont.transitions.detector import (
+    MOST_BRACKET_HALVINGS,
+    NARROW_BRACKET,
     Reading,
     SpecialPointFound,
     TransitionDetector,
+    locate_sign_change,
     ratio_test,
 )
-from pwscont.transitions.location import MOST_BRACKET_HALVINGS, NARROW_BRACKET, locate_sign_change
 
 #: Closer to the beginning of a piece than this, in the metric and times 1 + |x|, the event of a
 #: user's detector is rounding.
 AT_BEGINNING = 1e-10
 #: The value, in any unit, of a function just before the function vanishes.
-TINY = float(np.finfo(float).tiny)
+JUST_POSITIVE = float(np.finfo(float).tiny)
 #: A function that is zero at the start of a step is watched if the slope makes that function
 #: positive after this part of the step.
 RISES = 1e-3
@@ -73,18 +74,10 @@ class Event:
 @final
 @dataclass(slots=True, eq=False)
 class Readings:
-    """What all detectors read at one state.
+    """What all detectors read at one state."""
 
-    Attributes
-    ----------
-    parts : sequence of Reading
-        The reading of each detector.
-    values, slopes : ndarray
-        The values and slopes of all parts, end to end.
-    """
-
-    parts: Sequence[Reading]
-    values: Array
+    parts: Sequence[Reading]  # the reading of each detector
+    values: Array  # the values and slopes of all parts, end to end
     slopes: Array
 
     @classmethod
@@ -97,15 +90,7 @@ class Readings:
 
 @final
 class Watch:
-    """All detectors of a run.
-
-    Parameters
-    ----------
-    detectors : sequence of TransitionDetector
-        All detectors, in the order in which their functions are numbered.
-    added : sequence of TransitionDetector
-        Those detectors that a user gave.
-    """
+    """All detectors of a run, in order; the ``added`` detectors are those that a user gave."""
 
     def __init__(
         self, detectors: Sequence[TransitionDetector], added: Sequence[TransitionDetector] = ()
@@ -117,12 +102,8 @@ class Watch:
 
     def _overriding(self, method: str) -> list[tuple[int, TransitionDetector]]:
         """Return the detectors that override a method, and their places."""
-        default = getattr(TransitionDetector, method)
-        return [
-            (i, each)
-            for i, each in enumerate(self._detectors)
-            if getattr(type(each), method) is not default
-        ]
+        own, every = getattr(TransitionDetector, method), enumerate(self._detectors)
+        return [(i, each) for i, each in every if getattr(type(each), method) is not own]
 
     def read(self, curve: Curve, state: State) -> Readings:
         """Return what all detectors read at a state.
@@ -130,25 +111,15 @@ class Watch:
         The readings of a user's detector are copied, because the detector may use the same arrays
         for the next state.
         """
-        return Readings.of([self._part(each, curve, state) for each in self._detectors])
-
-    def _part(self, detector: TransitionDetector, curve: Curve, state: State) -> Reading:
-        part = detector.read(curve, state)
-        if detector not in self._added:
-            return part
-        return Reading(np.array(part.values), np.array(part.slopes))
+        parts = [detector.read(curve, state) for detector in self._detectors]
+        for i, detector in enumerate(self._detectors if self._added else ()):
+            if detector in self._added:
+                parts[i] = Reading(np.array(parts[i].values), np.array(parts[i].slopes))
+        return Readings.of(parts)
 
     def first(self, curve: Curve, state: State) -> Readings:
-        """Return what all detectors read where a piece begins, and check users' detectors.
-
-        Raises
-        ------
-        InvalidInputError
-            If a detector returns something else than the contract says.
-        """
-        for detector in self._detectors:
-            if detector not in self._added:
-                continue
+        """Return what all detectors read where a piece begins; refuse wrong readings of users."""
+        for detector in self._added:
             part = detector.read(curve, state)
             if not isinstance(part, Reading):
                 raise broken(detector, "read", "a Reading", part)
@@ -176,7 +147,7 @@ class Watch:
     def before(self, reading: Readings, event: Event) -> Readings:
         """Return the reading just before an event, where the function is still positive."""
         part = reading.parts[self._detectors.index(event.detector)]
-        return self._changed(reading, event, TINY, float(part.slopes[event.index]))
+        return self._changed(reading, event, JUST_POSITIVE, float(part.slopes[event.index]))
 
     def _changed(self, reading: Readings, event: Event, value: float, slope: float) -> Readings:
         """Return a reading with another value and slope of the function of an event."""
@@ -187,12 +158,7 @@ class Watch:
         return Readings.of(parts)
 
     def check(self, start: Readings, end: Readings) -> None:
-        """Refuse detectors whose number of functions changed, or whose values are nan.
-
-        Raises
-        ------
-        InvalidInputError
-        """
+        """Refuse detectors whose number of functions changed, or whose values are nan."""
         parts = zip(self._detectors, start.parts, end.parts, strict=True)
         for detector, first, last in parts:
             if len(first.values) != len(last.values):
@@ -275,17 +241,12 @@ def first_on_ray(watch: Watch, segment: Segment, start: Readings) -> Event | Fai
         return Failure(FailureReason.UNBOUNDED)
     detector, index = watch.owner(start, first)
     state = _located(detector, segment, index, (best, best))
-    _check_straight(segment, best, state)
+    begin, end, metric = segment.start.x, segment.near(best), segment.curve.metric
+    if not (isinstance(state, State) and metric.relative(state.x - end, end) <= AFFINE_DEFECT):
+        # the correction was more than rounding
+        refuse_bent_ray(segment.curve.selection, begin, end - begin, metric.scale)
+        refuse_stray_ray(segment.curve.selection, begin, end - begin, metric.scale)
     return state if isinstance(state, Failure) else Event(detector, index, best, state)
-
-
-def _check_straight(segment: Segment, s: float, found: State | Failure) -> None:
-    """Refuse a selection that leaves its ray: the correction was more than rounding."""
-    start, end, metric = segment.start.x, segment.near(s), segment.curve.metric
-    if isinstance(found, State) and metric.relative(found.x - end, end) <= AFFINE_DEFECT:
-        return
-    refuse_bent_ray(segment.curve.selection, start, end - start, metric.scale)
-    refuse_stray_ray(segment.curve.selection, start, end - start, metric.scale)
 
 
 def first_on_curve(
@@ -301,15 +262,9 @@ def first_on_curve(
     segment falls to zero later, and is not located. So of each detector the function that seems to
     vanish first is located first.
 
-    Parameters
-    ----------
-    watch : Watch
-    segment : CurvedSegment
-    start, end : Readings
-        What is read at the start and at the end of the segment.
-    first : Event, optional
-        A known event at the end of the segment: another function that vanishes at the end is no
-        event of its own.
+    ``start``, ``end``: what is read at the start and at the end of the segment.
+    ``first``: a known event at the end of the segment: another function that vanishes at the end is
+    no event of its own.
     """
     if len(start.values) != len(end.values):
         watch.check(start, end)
@@ -325,7 +280,11 @@ def first_on_curve(
         if isinstance(event, Failure):
             return event
         located.add(suspect)
-        if event is None or (first is not None and _is_at_end(event, segment)):
+        if event is None:
+            continue
+        error = CONFIDENCE * segment.curve.metric.norm(event.state.size)
+        is_at_end = event.state is segment.end or event.position >= segment.length - error
+        if first is not None and is_at_end:
             continue
         first = event
         if event.position <= 0.0:
@@ -335,16 +294,9 @@ def first_on_curve(
     return first
 
 
-def _is_at_end(event: Event, segment: CurvedSegment) -> bool:
-    """Tell whether an event is at the end of a segment, up to the error of the event."""
-    state = event.state
-    error = CONFIDENCE * segment.curve.metric.norm(state.size)
-    return state is segment.end or event.position >= segment.length - error
-
-
 def _before(reading: Readings) -> Readings:
     """Return the reading just before an event: functions that vanish at the event are positive."""
-    values = np.where(reading.values == 0.0, TINY, reading.values)
+    values = np.where(reading.values == 0.0, JUST_POSITIVE, reading.values)
     return Readings(reading.parts, values, reading.slopes)
 
 
@@ -365,11 +317,7 @@ def _suspects(before: Readings, after: Readings, length: float) -> list[int]:
 
 
 def _soonest(suspects: set[int], before: Readings, after: Readings) -> int:
-    """Return the function that vanishes first if all are straight, of the first detector with any.
-
-    Where functions of several detectors vanish at the same place, the event belongs to the first
-    detector.
-    """
+    """Return which function of the first detector with any vanishes first, if all are straight."""
     ends = np.cumsum([len(part.values) for part in before.parts])
     last = ends[np.searchsorted(ends, min(suspects), side="right")]
     some = np.array(sorted(i for i in suspects if i < last), dtype=np.intp)
@@ -418,26 +366,23 @@ def _bracket_of_dip(
             return float(border(state.x)[1].dot(state.tangent))
         return float(detector.read(segment.curve, state).slopes[index])
 
-    lowest = locate_sign_change(segment, slope, (0.0, segment.length), NARROW_BRACKET)
-    if isinstance(lowest, Failure):
-        return lowest
-    value = _value(detector, segment, lowest, index)
-    if 0.0 <= value <= abs(slope(lowest)) * NARROW_BRACKET * segment.length:
-        # the dip may be narrower than the bracket of the lowest point
-        lowest = locate_sign_change(segment, slope, (0.0, segment.length), EPS)
-        if isinstance(lowest, Failure):
-            return lowest
-        value = _value(detector, segment, lowest, index)
-    if value < 0.0:  # the last correction may be larger than the dip is deep
-        value = _value(detector, segment, corrected_again(segment.curve, lowest), index)
-    return (0.0, segment.position(lowest.x)) if value < 0.0 else None
+    def value(state: State) -> float:
+        """Return the value, even where a reading calls the function level at zero."""
+        if border:
+            return float(border(state.x)[0])
+        return float(detector.read(segment.curve, state).values[index])
 
-
-def _value(detector: TransitionDetector, segment: CurvedSegment, state: State, index: int) -> float:
-    """Return the value of a function, even where a reading calls the function level at zero."""
-    if border := detector.border(segment.curve, index):
-        return float(border(state.x)[0])
-    return float(detector.read(segment.curve, state).values[index])
+    lowest, least = segment.start, 0.0
+    for narrow in (NARROW_BRACKET, EPS):
+        found = locate_sign_change(segment, slope, (0.0, segment.length), narrow)
+        if isinstance(found, Failure):
+            return found
+        lowest, least = found, value(found)
+        if not 0.0 <= least <= abs(slope(lowest)) * narrow * segment.length:
+            break  # otherwise the dip may be narrower than the bracket of the lowest point
+    if least < 0.0:  # the last correction may be larger than the dip is deep
+        least = value(corrected_again(segment.curve, lowest))
+    return (0.0, segment.position(lowest.x)) if least < 0.0 else None
 
 
 def _bracket_of_return(

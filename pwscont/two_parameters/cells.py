@@ -26,10 +26,10 @@ from typing import final
 import numpy as np
 
 from pwscont import Character, InvalidSystemError
-from pwscont.enumeration import det_sign
 from pwscont.enumeration.choices import Choices
 from pwscont.enumeration.options import Option, Problem
 from pwscont.enumeration.polyhedron import Polyhedron, satisfies
+from pwscont.enumeration.slices import det_sign
 from pwscont.enumeration.tree import Prices, leaves
 from pwscont.extending import EPS, GUARD, Array, Indices, Metric, Signs, check_budget
 from pwscont.two_parameters.affine import AffineFamily

@@ -1,9 +1,7 @@
 """The tangent cone of a corner: all rays that leave a solution at which tests vanish.
 
-Two algorithms find the rays. Where the cells that meet at the corner can all be tried, the rays are
-enumerated, and all are found (:mod:`pwscont.transitions.corner.enumeration`). Where the cells are
-too many, rays are found by perturbation, each verified, and more rays may exist
-(:mod:`pwscont.transitions.corner.perturbation`).
+Two algorithms find the rays: where the cells that meet at the corner can all be tried, enumeration
+finds all rays; where the cells are too many, perturbation finds rays, and more may exist.
 """
 
 from __future__ import annotations
@@ -23,10 +21,9 @@ from pwscont.curve.error_samples import magnitude_of_values
 from pwscont.system.abilities import DecidesCorners
 from pwscont.system.selection import Selection
 from pwscont.system.system import PiecewiseLinearSystem
-from pwscont.transitions.corner.cells import Corner, Direction
 from pwscont.transitions.corner.enumeration import index_along, rays_cell_by_cell, rays_of_slices
 from pwscont.transitions.corner.perturbation import rays_by_perturbation
-from pwscont.transitions.rays import Ray, state_on
+from pwscont.transitions.rays import Corner, Direction, Ray, state_on
 
 #: Length, in the metric, over which a curve tangent to an interface is followed to see to which
 #: side the curve bends.
@@ -38,29 +35,25 @@ PARALLEL = 1e-12
 @final
 @dataclass(frozen=True, slots=True, eq=False)
 class TangentCone:
-    """The rays of a corner.
+    """The rays of a corner."""
 
-    Attributes
-    ----------
-    rays : tuple of Ray
-        Isolated rays, and the extreme rays of faces.
-    dimension : int
-        Largest dimension of a cone of solutions: 1 unless the corner is degenerate.
-    along_interface : bool
-        Whether a ray runs along an interface instead of into a cell.
-    exact : bool
-        Whether the rays are certainly all; otherwise there may be more.
-    """
-
-    rays: tuple[Ray, ...]
-    dimension: int
-    along_interface: bool
-    exact: bool
+    rays: tuple[Ray, ...]  # isolated rays, and the extreme rays of faces
+    dimension: int  # largest dimension of a cone of solutions: 1 unless the corner is degenerate
+    along_interface: bool  # whether a ray runs along an interface instead of into a cell
+    exact: bool  # whether the rays are certainly all; otherwise there may be more
 
     @property
     def is_balanced(self) -> bool:
         """Whether the signs of the rays cancel, as the signs of all rays together do (F12)."""
-        return sum(map(_sign, self.rays)) == 0
+        return (
+            sum(
+                ray.index * int(np.sign(ray.curve.slope(ray.state)))  # with the side of alpha
+                if ray.interface_cells
+                else ray.state.orientation
+                for ray in self.rays
+            )
+            == 0
+        )
 
     @property
     def kind(self) -> Kind:
@@ -80,11 +73,7 @@ class TangentCone:
 def tangent_cone(corner: Corner, back: Ray | None = None) -> TangentCone:
     """Return the rays of a corner: all, or if the cells are too many, those that paths lead to.
 
-    Parameters
-    ----------
-    corner : Corner
-    back : Ray, optional
-        The ray along which the corner was reached, at which the paths begin.
+    ``back``: the ray along which the corner was reached, at which the paths begin.
     """
     simple = rays_cell_by_cell(corner)
     if simple is not None:
@@ -94,20 +83,16 @@ def tangent_cone(corner: Corner, back: Ray | None = None) -> TangentCone:
     if enumerated is not None:
         found, dimension = enumerated
         rays = _rays(corner, found)
-        return TangentCone(rays, dimension, _any_along_interface(rays), True)
+        return TangentCone(rays, dimension, any(ray.interface_cells for ray in rays), True)
     along = None if back is None else (back.state.tangent, (back.curve.selection.character,))
     rays = _rays(corner, rays_by_perturbation(corner, along))
     to_both_sides = {np.sign(ray.curve.slope(ray.state)) for ray in rays} >= {1.0, -1.0}
-    exact = to_both_sides and _has_one_ray(corner)
-    return TangentCone(rays, 1, _any_along_interface(rays), exact)
-
-
-def _has_one_ray(corner: Corner) -> bool:
-    """Tell whether a system promises one ray at most to either side of alpha."""
     system, x = corner.system, corner.x
-    if system.unique or not isinstance(system, DecidesCorners):
-        return system.unique
-    return system.has_one_ray(x[:-1], float(x[-1]), corner.zero)
+    is_unique = system.unique  # at most one ray to either side of alpha, by promise
+    if isinstance(system, DecidesCorners) and not is_unique:
+        is_unique = system.has_one_ray(x[:-1], float(x[-1]), corner.zero)
+    exact = to_both_sides and is_unique
+    return TangentCone(rays, 1, any(ray.interface_cells for ray in rays), exact)
 
 
 def _back_in_cell(back: Ray | None, found: Direction) -> Ray | None:
@@ -123,10 +108,6 @@ def _back_in_cell(back: Ray | None, found: Direction) -> Ray | None:
     return Ray(back.curve, State(state.x, tangent, state.error, orientation))
 
 
-def _any_along_interface(rays: Sequence[Ray]) -> bool:
-    return any(bool(ray.interface_cells) for ray in rays)
-
-
 def _rays(corner: Corner, directions: Sequence[Direction]) -> tuple[Ray, ...]:
     """Return rays in some directions, one ray for parallel directions."""
     rays: list[Ray] = []
@@ -139,10 +120,7 @@ def _rays(corner: Corner, directions: Sequence[Direction]) -> tuple[Ray, ...]:
 
 
 def _ray(corner: Corner, found: Direction) -> Ray:
-    """Return the ray in a direction: into a cell, or along the interfaces of several cells.
-
-    Among several cells the curve of a cell may touch the interface and bend into the cell.
-    """
+    """Return the ray in a direction: into a cell, or along the interfaces of several cells."""
     system, metric = corner.system, corner.metric
     direction, characters = found
     tangent = metric.normalised(direction)
@@ -194,10 +172,3 @@ def same_piece(ray: Ray, back: Ray) -> bool:
         return parallel(ray, back)
     cosine = ray.curve.metric.covector(ray.state.tangent).dot(back.state.tangent)
     return bool(cosine > 1.0 - EPS**0.5)
-
-
-def _sign(ray: Ray) -> int:
-    """Return the orientation of a ray; along interfaces the index, with the side of alpha."""
-    if not ray.interface_cells:
-        return ray.state.orientation
-    return ray.index * int(np.sign(ray.curve.slope(ray.state)))

@@ -7,18 +7,13 @@ the paths, so that structure and updates of factorisations serve at corners as w
 At all other corners the rays are the solutions of a piecewise-linear problem, the cone problem
 H'(x; d) = 0. A linear condition c . d = +1 or -1 fixes the length of d, and the solutions of these
 two slices are enumerated like those of any other slice, part by part where the problem has parts.
+All rays are found, the extreme rays where a cone of dimension two or more solves the problem.
 
-Guarantee: all rays are found, the extreme rays where a cone of dimension two or more solves the
-problem. Where the cells are too many, nothing is said.
-
-The index of a ray along interfaces
------------------------------------
-Where tests vanish all along a path, small changes of H move the path into one cell or into several,
-or leave no solution there. The index (the local degree) does not change: the sum of the signs of
-det(dH/dz) over the solutions nearby. At fixed alpha these are the solutions w of
-H'(x; (w, 0)) = e for a generic e (docs/theory, "Degenerate paths"): a cone problem in which the
-tests that vanish along the path choose the cell. With several tests the signs in the cells do not
-tell the index: all cells may have the sign +1 and the index be 2.
+Where tests vanish all along a ray, small changes of H move the path into one cell or into several,
+or leave no solution there. The *index* of the ray is the sum of the signs of det(dH/dz) over the
+solutions nearby, which does not change (docs/theory, "Degenerate paths"): the solutions w of
+H'(x; (w, 0)) = e for a generic e, a cone problem in which the tests that vanish along the path
+choose the cell.
 
 Failure modes and answers
 -------------------------
@@ -27,56 +22,44 @@ Failure modes and answers
 - A ray is vertical, so that alpha cannot fix its length: alpha is used as c only if every part is
   regular in all cells; then no ray is vertical.
 - Index: e is not generic, so that a solution lies on an interface or in a singular cell: another e
-  is tried.
-- Index: the cells are too many. The sign in the first cell is taken, and the corner is called
-  searched in part, so that nothing is promised.
-- Index: solutions fill a face at one alpha. The extreme rays of a face are not followed along
-  interfaces, and need no index.
+  is tried. If the cells are too many, the sign in the first cell is taken, and the corner is called
+  searched in part. The extreme rays of a face need no index.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from functools import cached_property
-from itertools import product
+from itertools import chain, product
 from math import prod
 from typing import final
 
 import numpy as np
 import scipy.sparse as sp
 
-from pwscont.basics.arrays import Array, Matrix, are_finite, by_rows, dense, generic
+from pwscont.basics.arrays import Array, Matrix, by_rows, dense, generic
 from pwscont.basics.character import Character
 from pwscont.basics.looks import at
 from pwscont.basics.rounding import EPS
 from pwscont.curve.metric import Metric
-from pwscont.enumeration import (
-    FEW_CELLS,
-    Cells,
-    Slice,
-    Table,
-    is_regular,
-    most_cells,
-    parts_of_table,
-    solve_slice,
-)
+from pwscont.enumeration.by_parts import Cells, is_regular, most_cells, parts_of_table
+from pwscont.enumeration.options import Table
+from pwscont.enumeration.slices import FEW_CELLS, solve_slice
 from pwscont.linear.factorise import last_unit
 from pwscont.linear.jacobian import StructuredJacobian
 from pwscont.system.contract import jacobian_at
 from pwscont.system.selection import Selection
 from pwscont.system.system import Block, SlicewiseLinearSystem, number_of_cells
 from pwscont.system.values import refuse_infinite
-from pwscont.transitions.corner.cells import Corner, Direction, has_named_cells, with_modes
-from pwscont.transitions.rays import Ray
+from pwscont.transitions.rays import Corner, Direction, Ray, has_named_cells
 
 #: Most cells that the cone problem tries at a corner: those of eight contact nodes.
-MOST_CELLS = 4**8
+MOST_CELLS_OF_CONE = 4**8
 #: Most vanishing tests of a system without blocks, whose sign patterns are tried one after another.
-MOST_TESTS = 12
+MOST_PATTERN_TESTS = 12
 #: Jacobians that a cone problem keeps: those of blocks with up to this many modes.
 KEPT_JACOBIANS = 4
 #: A test is level along a ray where its slope is below this part of the magnitudes of its terms.
-LEVEL = EPS**0.5
+LEVEL_TEST = EPS**0.5
 #: Generic right-hand sides e that are tried for an index.
 MOST_RIGHT_HAND_SIDES = 3
 
@@ -110,12 +93,13 @@ def _few_cells(corner: Corner) -> list[Character] | None:
     if not isinstance(system, SlicewiseLinearSystem) or not zero:
         return None
     if not has_named_cells(system):
-        return corner.all_cells() if len(zero) <= MOST_TESTS else None
+        return corner.all_cells() if len(zero) <= MOST_PATTERN_TESTS else None
     blocks = [block for block in system.blocks() if not zero.isdisjoint(block.tests)]
     choices = [block.modes for block in corner.restricted(blocks)]
     if prod(map(len, choices)) > FEW_CELLS:
         return None
-    return [with_modes(corner.character, blocks, modes) for modes in product(*choices)]
+    tests = [test for block in blocks for test in block.tests]
+    return [corner.character.with_signs(tests, chain(*modes)) for modes in product(*choices)]
 
 
 def rays_of_slices(corner: Corner) -> tuple[list[Direction], int] | None:
@@ -129,21 +113,18 @@ def rays_of_slices(corner: Corner) -> tuple[list[Direction], int] | None:
         return None
     metric = Metric(np.append(corner.metric.scale, 1.0))
     slices = [solve_slice(problem, metric, side) for side in (1.0, -1.0)]
-    rays = [(point.x[:-1], _listed(point.characters)) for s in slices for point in s.points]
+    rays = []
+    for point in (point for s in slices for point in s.points):
+        cells = point.characters
+        cells = cells.listed() if isinstance(cells, Cells) else tuple(cells)
+        rays.append((point.x[:-1], cells))
     faces = [face for s in slices for face in s.faces]
     rays += [(x[:-1], (face.character,)) for face in faces for x in face.corners]
     return rays, max((1 + face.dimension for face in faces), default=1)
 
 
-def _listed(cells: Sequence[Character]) -> tuple[Character, ...]:
-    return cells.listed() if isinstance(cells, Cells) else tuple(cells)
-
-
 def _in_parts(corner: Corner) -> ConeProblem | None:
-    """Return the cone problem in which alpha alone fixes the length of d: it falls into parts.
-
-    None where there is one part, or where a ray may be vertical and would not be seen.
-    """
+    """Return the cone problem in parts, by alpha alone; None where a ray may be vertical."""
     if not has_named_cells(corner.system):
         return None
     problem = ConeProblem(corner, last_unit(len(corner.x)))
@@ -155,19 +136,9 @@ def _in_parts(corner: Corner) -> ConeProblem | None:
 
 
 def index_along(ray: Ray, zero: frozenset[int]) -> int:
-    """Return the index of the solutions on a ray from a point where the tests ``zero`` vanish.
+    """Return the index of a ray along interfaces, from where the tests ``zero`` vanish.
 
-    Parameters
-    ----------
-    ray : Ray
-        A ray along interfaces.
-    zero : frozenset of int
-        All tests that vanish where the ray starts; tests that grow along the ray choose no cell.
-
-    Returns
-    -------
-    int
-        The sum of the signs of det(dH/dz) over the solutions nearby, when H is changed a little.
+    Tests that grow along the ray choose no cell.
     """
     near = _beside(ray, zero)
     size = abs(ray.curve.selection.jacobian(near.x)) @ near.metric.scale
@@ -177,16 +148,10 @@ def index_along(ray: Ray, zero: frozenset[int]) -> int:
         if not problem.is_small:
             break
         found = solve_slice(problem, metric, 0.0)
-        if _is_regular(found):
+        isolated = (len(point.characters) == 1 and point.det_sign for point in found.points)
+        if not found.faces and all(isolated):  # and inside of a cell
             return sum(point.det_sign for point in found.points)
     return ray.state.orientation * int(np.sign(ray.curve.slope(ray.state)))
-
-
-def _is_regular(found: Slice) -> bool:
-    """Tell whether all solutions of a slice are isolated and lie inside their cells."""
-    return not found.faces and all(
-        len(point.characters) == 1 and point.det_sign for point in found.points
-    )
 
 
 def _beside(ray: Ray, zero: frozenset[int]) -> Corner:
@@ -195,7 +160,7 @@ def _beside(ray: Ray, zero: frozenset[int]) -> Corner:
     which = np.array(sorted(zero), dtype=np.intp)
     rows = system.some_test_gradients(x[:-1], float(x[-1]), which)
     slopes = np.asarray(rows @ ray.state.tangent)
-    least = LEVEL * (abs(rows) @ (np.abs(ray.state.tangent) + LEVEL * metric.scale))
+    least = LEVEL_TEST * (abs(rows) @ (np.abs(ray.state.tangent) + LEVEL_TEST * metric.scale))
     level = np.abs(slopes) <= least
     signs = system.test_functions(x[:-1], float(x[-1])) >= 0.0
     signs[which] = ~level & (slopes > 0.0)
@@ -206,14 +171,9 @@ def _beside(ray: Ray, zero: frozenset[int]) -> Corner:
 class ConeProblem(SlicewiseLinearSystem):
     """H'(x; d) = e together with c . d = alpha, for the unknown direction d.
 
-    Parameters
-    ----------
-    corner : Corner
-        The signs of the vanishing tests along d choose the cell.
-    row : ndarray, shape (n + 1,), optional
-        The row c; default a generic row.
-    right : ndarray, shape (n,), optional
-        The right-hand side e; default zero.
+    ``corner``: the signs of the vanishing tests along d choose the cell.
+    ``row``, shape (n + 1,): the row c; default a generic row.
+    ``right``, shape (n,): the right-hand side e; default zero.
     """
 
     def __init__(
@@ -263,7 +223,8 @@ class ConeProblem(SlicewiseLinearSystem):
             self._known.clear()
         system, x = self._corner.system, self._corner.x
         jacobian = jacobian_at(system, x[:-1], float(x[-1]), character)
-        if not _is_finite(jacobian):
+        entries = by_rows(jacobian).data if sp.issparse(jacobian) else jacobian
+        if not isinstance(jacobian, StructuredJacobian) and not np.isfinite(entries).all():
             why = f"this cell meets others at {at(x)}, where H is continued into it"
             refuse_infinite(system, f"jacobian in {system.label(character)}", jacobian, why)
         self._known[character] = jacobian
@@ -282,11 +243,11 @@ class ConeProblem(SlicewiseLinearSystem):
     def is_small(self) -> bool:
         """Whether all cells that meet at the corner can be tried."""
         if not has_named_cells(self._corner.system):
-            return len(self._corner.zero) <= MOST_TESTS
+            return len(self._corner.zero) <= MOST_PATTERN_TESTS
         blocks = self.blocks()
-        if number_of_cells(blocks) <= MOST_CELLS:
+        if number_of_cells(blocks) <= MOST_CELLS_OF_CONE:
             return True
-        return most_cells(parts_of_table(self.table), blocks) <= MOST_CELLS
+        return most_cells(parts_of_table(self.table), blocks) <= MOST_CELLS_OF_CONE
 
     @cached_property
     def table(self) -> Table:
@@ -303,11 +264,3 @@ class ConeProblem(SlicewiseLinearSystem):
             return tuple(corner.restricted(corner.system.blocks()))
         cells = tuple(cell.signs for cell in corner.all_cells())
         return (Block(tuple(range(len(corner.signs))), tuple(range(self.size - 1)), cells),)
-
-
-def _is_finite(jacobian: Matrix) -> bool:
-    """Tell whether all entries are finite; those of a structured Jacobian are not at hand."""
-    if isinstance(jacobian, StructuredJacobian):
-        return True
-    entries = by_rows(jacobian).data if sp.issparse(jacobian) else jacobian.ravel()
-    return not len(entries) or are_finite(entries)

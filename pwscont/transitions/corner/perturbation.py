@@ -3,14 +3,12 @@
 The rays of a corner are the solutions of the cone problem H'(x; d) = 0, which is piecewise linear
 and homogeneous. For a generic constant e the solutions of H'(x; d) = e are paths that cross one
 interface at a time, and far out a path has the direction of a ray. Following the path beside a
-known ray to the other end of the path therefore leads to another ray. The way takes about one
-crossing per vanishing test, where the cells number two to the power of the vanishing tests.
+known ray to the other end of the path therefore leads to another ray, in about one crossing per
+vanishing test. The constant e is never formed: a path is given by a point s r + w beside the ray r,
+with w generic, and e is H' there.
 
-The constant e is never formed: a path is given by a point s r + w beside the ray r, with w generic,
-and e is H' there.
-
-Guarantee: every direction returned is a ray, verified by the matrix of the cell of the ray and the
-signs of the slopes. Rays to which no path was followed may be missing.
+Every direction returned is a ray, verified by the matrix of the cell of the ray and the signs of
+the slopes. Rays to which no path was followed may be missing.
 
 Failure modes and answers
 -------------------------
@@ -18,10 +16,8 @@ Failure modes and answers
 - The direction at the end of a path is no ray of the last cell: the direction is dropped.
 - A ray runs along interfaces: w chooses one of the cells in whose closure the ray lies.
 - Tests with parallel gradients vanish together wherever the path is: all of them change sign.
-- A generic number is not generic enough, or rounding leads the path astray: the tangent is checked
-  against the matrix of each cell, and the path is given up.
-- A path that does not begin at a ray is closed: the path is given up in its first cell.
-- A path meets nearly all cells, which happens in examples made for that: the path is given up.
+- A generic number is not generic enough, rounding leads the path astray, the path is closed, or
+  meets nearly all cells: the path is given up.
 """
 
 from __future__ import annotations
@@ -34,12 +30,11 @@ from pwscont.basics.arrays import Array, Signs, generic
 from pwscont.basics.budget import check_budget
 from pwscont.basics.character import Character
 from pwscont.basics.rounding import EPS, GUARD
-from pwscont.curve.straight import kink_by_columns
-from pwscont.linear.factorise import bordered, last_unit
+from pwscont.linear.factorise import bordered, kink_by_columns, last_unit
 from pwscont.linear.updates import ProductForm
 from pwscont.linear.vectors import Rows
 from pwscont.system.selection import Selection
-from pwscont.transitions.corner.cells import Corner, Direction
+from pwscont.transitions.rays import Corner, Direction
 
 #: Paths that are followed from each ray, each with a perturbation of its own.
 PATHS_PER_RAY = 4
@@ -48,42 +43,30 @@ ENOUGH_CROSSINGS = 500
 #: Most interfaces that one path crosses: this number, and this number per vanishing test.
 MOST_CROSSINGS, CROSSINGS_PER_TEST = 1000, 20
 #: Generic directions away from a ray along interfaces in which the cells around the ray are named.
-SIDES = 16
+MOST_AROUND = 16
 #: Two unit vectors are the same if their distance is less than this, which is far above EPS,
 #: because the direction at the end of a path carries the errors of all updates on the way.
 SAME_UNIT_VECTOR = 1e-6
 #: A direction is no direction of its cell if its residual is above this part of its terms.
-ASTRAY = EPS**0.5
+ASTRAY_IN_CELL = EPS**0.5
 
 
 def rays_by_perturbation(corner: Corner, back: Direction | None) -> list[Direction]:
     """Return rays of a corner; there may be more.
 
-    Parameters
-    ----------
-    corner : Corner
-    back : Direction, optional
-        The ray along which the corner was reached, returned as well if verified.
+    ``back``: the ray along which the corner was reached, returned as well if verified.
     """
     paths, found = Paths(corner), list[Direction]()
     if back is None or not _add(paths, found, (back[1][0], back[0])):
-        _add_ends(paths, found)
+        for start in map(paths.away, range(PATHS_PER_RAY)):  # paths that begin anywhere
+            for towards in () if found else (start, -start):
+                _add(paths, found, paths.along(paths.character(start), start, towards))
     for direction, _ in found:  # grows meanwhile
         for shift in range(PATHS_PER_RAY):
             if len(found) > 1 and paths.crossings > ENOUGH_CROSSINGS:
                 return found
             _add(paths, found, paths.across(direction, paths.away(shift)))
     return found
-
-
-def _add_ends(paths: Paths, found: list[Direction]) -> None:
-    """Add the rays at both ends of paths that begin anywhere, until a path has a ray."""
-    for shift in range(PATHS_PER_RAY):
-        start = paths.away(shift)
-        for towards in (start, -start):
-            _add(paths, found, paths.along(paths.character(start), start, towards))
-        if found:
-            return
 
 
 def _add(paths: Paths, found: list[Direction], end: tuple[Character, Array] | None) -> bool:
@@ -108,23 +91,16 @@ def _verified(paths: Paths, character: Character, direction: Array) -> Direction
         return None
     if slopes.all():
         return ray, (character,)
-    around = [character, *(paths.character(ray, paths.away(shift)) for shift in range(SIDES))]
+    around = [
+        character,
+        *(paths.character(ray, paths.away(shift)) for shift in range(MOST_AROUND)),
+    ]
     return ray, tuple({corner.system.cell(c): c for c in around}.values())
 
 
 @final
 class Paths:
-    """The paths of H'(x; d) = e at a corner, for generic e.
-
-    Parameters
-    ----------
-    corner : Corner
-
-    Attributes
-    ----------
-    crossings : int
-        The interfaces crossed so far, on all paths.
-    """
+    """The paths of H'(x; d) = e at a corner, for generic e, and all ``crossings``."""
 
     def __init__(self, corner: Corner) -> None:
         self.corner, self.crossings = corner, 0
@@ -160,17 +136,8 @@ class Paths:
     def across(self, ray: Array, away: Array) -> tuple[Character, Array] | None:
         """Follow the path beside a ray, from far out towards the corner and on to the other end.
 
-        Parameters
-        ----------
-        ray : ndarray, shape (n + 1,)
-            Leads away from the corner.
-        away : ndarray, shape (n + 1,)
-            A generic direction, to the side of which the path lies.
-
-        Returns
-        -------
-        (Character, ndarray) or None
-            The last cell, and the direction of the path there.
+        The path lies to the side of the generic direction ``away``. Return the last cell, and the
+        direction of the path there.
         """
         slopes, values = self._gradients.matrix @ ray, self._gradients.matrix @ away
         steep = np.abs(slopes) > np.sqrt(EPS) * (self._gradients.magnitudes @ np.abs(ray))
@@ -249,7 +216,7 @@ class _PathInCell:
             return False
         self.head(ahead * gradient)
         size = self._corner.metric.norm(self.tangent)
-        astray = np.abs(self._jacobian @ self.tangent) > ASTRAY * size * self._sizes
+        astray = np.abs(self._jacobian @ self.tangent) > ASTRAY_IN_CELL * size * self._sizes
         return not bool(astray.any())
 
     def _update(self, jump: Array, gradient: Array) -> bool:
