@@ -14,14 +14,14 @@ import numpy as np
 import scipy.sparse as sp
 
 from pwscont import Character
-from pwscont.extending import Array, GivesFormula, Indices, Matrix
+from pwscont.extending import Array, GivesFormula, Indices, Matrix, TakesColumns
 from pwscont.notation.derivatives import Derivatives
 from pwscont.notation.function import Function, LiftedFunction, Outcome
 from pwscont.notation.notated import Given, Notated
 
 
 @final
-class SwitchedSystem(Notated, GivesFormula):
+class SwitchedSystem(Notated, GivesFormula, TakesColumns):
     """A curved system written with switches; made by :func:`pwscont.Switched`."""
 
     def __init__(
@@ -58,14 +58,15 @@ class SwitchedSystem(Notated, GivesFormula):
         return tests
 
     def residual(self, z: Array, alpha: float, character: Character) -> Array:
-        """Return the user's equations, then the equations of the hidden unknowns, shape (size,).
+        """Return the user's equations, then the equations of the hidden unknowns, shape (size,)."""
+        return self._equations(self._outcome(z, alpha, character), z, character)
 
-        For k points at once z has shape (size, k), alpha shape (k,), and the value shape (size, k).
-        """
-        if z.ndim == 1:
-            outcome = self._outcome(z, alpha, character)
-        else:
-            outcome = self._lifted.outcome(z, alpha, self._layout.modes(character.array))
+    def residual_of_columns(self, z: Array, alpha: Array, character: Character) -> Array:
+        """Return the equations at k points, shape (size, k), from one call of the formula."""
+        outcome = self._lifted.outcome(z, alpha, self._layout.modes(character.array))
+        return self._equations(outcome, z, character)
+
+    def _equations(self, outcome: Outcome, z: Array, character: Character) -> Array:
         if not len(self._hidden):
             value: Array = outcome.value.copy()
             return value

@@ -13,6 +13,7 @@ import numpy as np
 from pwscont.basics.arrays import Array, Indices, Matrix, Signs, dense, indices, is_anywhere
 from pwscont.basics.character import Character
 from pwscont.basics.looks import named, short
+from pwscont.system.abilities import TakesColumns
 from pwscont.system.contract import jacobian_at, kink_at, lent_jacobian_at, residual_at
 from pwscont.system.system import PiecewiseLinearSystem, PiecewiseSystem
 from pwscont.system.values import checked_array, own_matrix
@@ -56,7 +57,7 @@ class Selection:
             tests, inside = tests[first], inside[first]
         self._cell: bytes | None = None
         self._gradients: Matrix | None = None
-        #: Whether the residual may be called with columns of points.
+        #: False once the system's values for many points were not those for single points.
         self.takes_columns = True
         self.bounding: Indices = tests
         #: +1 or -1 for each bounding test, the factor that makes the test positive inside.
@@ -115,19 +116,15 @@ class Selection:
         return values
 
     def residuals_together(self, points: Array) -> Array | None:
-        """Return what :meth:`residuals` returns, from a single call with points as columns.
-
-        None where H was not written for columns: functions of numpy work on columns entry by entry,
-        a user's functions need not. The caller compares the values at a point with H at that point
-        alone.
-        """
-        if not self.takes_columns:
+        """Return what :meth:`residuals` returns, from one call; None if H takes no columns."""
+        system = self.system
+        if not (self.takes_columns and isinstance(system, TakesColumns)):
             return None
         z, alpha, values = points[:, :-1].T.copy(), points[:, -1].copy(), np.zeros(points.shape)
         try:
-            there = self.system.residual(z, alpha, self.character)  # type: ignore[arg-type]
-            values[:, :-1] = checked_array(self.system, "residual", there, z.shape).T
-        except Exception:  # a function for a single point may fail in any way
+            there = system.residual_of_columns(z, alpha, self.character)
+            values[:, :-1] = checked_array(system, "residual_of_columns", there, z.shape).T
+        except Exception:  # a formula for a single point may fail in any way
             self.takes_columns = False
             return None
         return values if np.isfinite(values).all() else None
