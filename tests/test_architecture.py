@@ -26,7 +26,6 @@ PACKAGES = sorted(path.parent.name for path in PROBLEMS.glob("*/__init__.py"))
 #: The rooms, ground floor first.
 ROOMS = [
     "basics",
-    "intervals",
     "system",
     "linear",
     "notation",
@@ -36,7 +35,6 @@ ROOMS = [
     "graph",
     "search",
     "proof",
-    "exact",
     "continuation",
     "scenes",
     "view",
@@ -57,7 +55,6 @@ LONGEST_FILE = 500
 #: becomes smaller, its budget becomes smaller.
 BUDGET = {
     "basics": (10, 1170),
-    "intervals": (3, 380),
     "system": (11, 2980),
     "linear": (12, 1830),
     "notation": (13, 2910),
@@ -67,8 +64,7 @@ BUDGET = {
     "graph": (10, 3110),
     "search": (11, 2210),
     "continuation": (9, 3350),
-    "proof": (13, 1950),
-    "exact": (5, 820),
+    "proof": (15, 2920),
     "scenes": (14, 2660),
     "view": (6, 950),
     "evolution": (21, 3030),

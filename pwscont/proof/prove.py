@@ -11,11 +11,11 @@ from pwscont.basics.arrays import Array, finite_array
 from pwscont.basics.errors import InvalidInputError
 from pwscont.basics.looks import counted
 from pwscont.basics.rounding import CONFIDENCE
-from pwscont.exact.cells import MOST_CELLS, number_of_cells, proved_cells
-from pwscont.exact.pieces import PiecesProof
-from pwscont.exact.rates import RatesProof
 from pwscont.graph.branch_graph import BranchGraph
 from pwscont.graph.records import Solution
+from pwscont.proof.cells import MOST_CELLS, ExactCells, proved_cells
+from pwscont.proof.pieces import PiecesProof
+from pwscont.proof.rates import RatesProof
 from pwscont.search.enumeration import Solutions
 from pwscont.system.abilities import ExactData, shown_size
 from pwscont.system.system import PiecewiseSystem
@@ -116,11 +116,12 @@ def prove(given: Any, alpha: float | None = None) -> CountProof | PiecesProof | 
                 "prove(graph, alpha) needs the alpha at which to count"
             )
         return PiecesProof(given, rows)
-    common, parts = system.exact_rows(alpha)
-    cells = number_of_cells(parts)
-    if cells > MOST_CELLS:
-        raise InvalidInputError(f"{cells} cells are too many: at most {MOST_CELLS} are proved")
-    found = proved_cells(common, parts, alpha)
+    cells = ExactCells(*system.exact_rows(alpha))
+    if cells.number > MOST_CELLS:
+        raise InvalidInputError(
+            f"{cells.number} cells are too many: at most {MOST_CELLS} are proved"
+        )
+    found = proved_cells(cells, alpha)
     shown = shown_size(cast(PiecewiseSystem, system))
     centres = [x[:shown] for x, _ in found.boxes.values()]
     centres += [np.array(point, dtype=float)[:shown] for point in found.points]

@@ -14,45 +14,46 @@ Failure modes and answers
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import final
+from functools import partial
+from typing import Any, final
 
 import numpy as np
+from scipy.sparse.csgraph import connected_components
 
-from pwscont.basics.arrays import Array, Signs
-from pwscont.graph.structure import connected
-from pwscont.intervals.interval import Interval, above, below, chosen
-from pwscont.proof.evaluate import second_slopes, slopes_of, undecided, values_of
-from pwscont.proof.newton import inverse, picked, times, total
+from pwscont.basics.arrays import Array, Indices, Signs
+from pwscont.proof.contraction import (
+    along,
+    branched,
+    hull_of_branches,
+    inverse_of,
+    picked,
+    slopes_of,
+    times,
+    units,
+    values_of,
+)
+from pwscont.proof.interval import Interval, above, below, chosen, together
+from pwscont.proof.operations import SWITCHES
 from pwscont.proof.tape import Tape
 
 #: Most open boxes that are put together.
 MOST_GROUPED = 4000
 #: Into how many parts the weights of two modes are divided.
 WEIGHTS = 8
+FIRST, SECOND = (partial(branched, both=lambda *pair, k=k: pair[k]) for k in (0, 1))
 
 
 def hulls(boxes: Interval) -> Interval:
-    """Return the hulls of groups of boxes (n + 1, k) that touch; of too many boxes, the boxes."""
-    count = boxes.lo.shape[1]
-    if not 0 < count <= MOST_GROUPED:
-        return boxes
-    order = np.argsort(boxes.lo[-1])
-    groups = connected(range(count), _touching(boxes[:, order]))
-    places = [order[sorted(group)] for group in groups]
-    lo = np.stack([boxes.lo[:, each].min(axis=1) for each in places], axis=1)
-    hi = np.stack([boxes.hi[:, each].max(axis=1) for each in places], axis=1)
-    return Interval(lo, hi)
-
-
-def _touching(boxes: Interval) -> list[tuple[int, int]]:
-    """Return the pairs of boxes that touch; boxes are sorted by their least alpha."""
-    pairs, count = [], boxes.lo.shape[1]
-    ends = np.searchsorted(boxes.lo[-1], boxes.hi[-1], side="right")
-    for i in range(count):
-        some = np.s_[:, i + 1 : ends[i]]
-        touch = (boxes.lo[some] <= boxes.hi[:, [i]]) & (boxes.hi[some] >= boxes.lo[:, [i]])
-        pairs += [(i, i + 1 + int(j)) for j in np.flatnonzero(touch.all(axis=0))]
-    return pairs
+    """Return the hulls of groups of boxes (n + 1, k) that touch, in the order of alpha."""
+    boxes = boxes[:, np.argsort(boxes.lo[-1])]
+    touch = np.ones((boxes.lo.shape[1],) * 2, dtype=bool)
+    for lo, hi in zip(boxes.lo, boxes.hi, strict=True):
+        touch &= lo <= hi[:, np.newaxis]
+    count, group = connected_components(touch & touch.T, directed=False)
+    lo, hi = (np.full((count, len(boxes.lo)), far) for far in (np.inf, -np.inf))
+    np.minimum.at(lo, group, boxes.lo.T)
+    np.maximum.at(hi, group, boxes.hi.T)
+    return Interval(lo.T, hi.T)
 
 
 @final
@@ -76,31 +77,21 @@ class Groups:
 
     @classmethod
     def of(cls, tape: Tape, boxes: Interval, whole: Interval, scale: Array) -> Groups:
-        """Return the groups of open boxes of a whole box (n + 1,); no groups if boxes are too many.
+        """Return the groups of open boxes of a whole box (n + 1,); boxes if these are too many.
 
         ``scale`` are the magnitudes of coordinates.
         """
-        groups = hulls(boxes)
-        count = groups.lo.shape[1]
-        if not 0 < count <= MOST_GROUPED:
-            return cls(groups, np.zeros(count, dtype=bool), np.full(count, np.nan))
-        passage = _Passage(tape, groups, scale)
+        if not 0 < (count := boxes.lo.shape[1]) <= MOST_GROUPED:
+            return cls(boxes, np.zeros(count, dtype=bool), np.full(count, np.nan))
+        passage = _Passage(tape, hulls(boxes), scale)
         passed = passage.is_passed()
-        return cls(groups, passed, np.where(passed, passage.turns(whole), np.nan))
+        return cls(passage.hulls, passed, np.where(passed, passage.turns(whole), np.nan))
 
     def turn_of(self, lo: float, hi: float) -> float:
         """Return the turn of all groups within a range of alpha together."""
         turns = self.turns[(self.hulls.lo[-1] >= lo) & (self.hulls.hi[-1] <= hi)]
         least, largest = float(turns.min()), float(turns.max())
         return float(np.sign(least + largest)) if least * largest >= 0.0 else np.nan
-
-
-def _first(one: Interval, other: Interval) -> Interval:
-    return one
-
-
-def _second(one: Interval, other: Interval) -> Interval:
-    return other
 
 
 @final
@@ -114,19 +105,20 @@ class _Passage:
     """
 
     def __init__(self, tape: Tape, hulls: Interval, scale: Array) -> None:
-        self._tape, self._hulls, self._scale = tape, hulls, scale
-        self._values = values_of(tape, hulls)
-        slopes = [slopes_of(tape, self._values, hulls, each) for each in (_first, _second)]
-        both = slopes_of(tape, self._values, hulls)
-        self._undecided, test = undecided(tape, self._values, both)
-        self._magnitude = Interval.point(scale[:, np.newaxis])
-        self._test, many = test * self._magnitude, self._undecided > 1
+        self._tape, self.hulls, self._scale = tape, hulls, Interval(scale[:, np.newaxis])
+        values = values_of(tape, hulls)
+        both, *modes = (
+            slopes_of(tape, values, units(hulls), each)
+            for each in (hull_of_branches, FIRST, SECOND)
+        )
+        self._undecided, test = _undecided(tape, hulls, values, both)
+        self._test, shape = test * self._scale, hulls.lo.shape
+        hull = picked(tape.outputs, both, shape)
         self._modes = [
-            chosen(many, picked(tape, both), picked(tape, each)) * self._magnitude
-            for each in slopes
+            chosen(self._undecided > 1, hull, picked(tape.outputs, each, shape)) * self._scale
+            for each in modes
         ]
-        along = [_tangent(each.middle()) for each in self._modes]
-        self._along = along[0] + along[1]
+        self._along = np.sum([_tangent(each.middle()) for each in self._modes], axis=0)
 
     def is_passed(self) -> Signs:
         """Tell in which hulls all solutions lie on one curve without branch points."""
@@ -135,56 +127,70 @@ class _Passage:
         for k in range(WEIGHTS):
             weight = Interval(np.full(1, k / WEIGHTS), np.full(1, (k + 1) / WEIGHTS))
             mixed = chosen(self._undecided == 1, other + weight * (one - other), one)
-            rows = _contraction(mixed, self._along)[1]
-            passed &= rows.max(axis=0) < 1.0
+            passed &= _contraction(mixed, self._along)[1].max(axis=0) < 1.0
         return passed
 
     def turns(self, whole: Interval) -> Array:
         """Return the turns of groups that are passed."""
-        along = [_directions(each, self._along) for each in self._modes]
-        signs = [_sign(each[-1]) for each in along]
-        inside = self._hulls[:-1].is_within(whole[:-1, np.newaxis]).all(axis=0)
-        opens = np.where(self._undecided == 0, self._of_folds(along[0]), self._of_kinks(along))
-        is_monotone = signs[0] == signs[1]
-        return np.where(is_monotone, self._of_faces(whole, along), np.where(inside, opens, np.nan))
+        unit = np.zeros_like(self._along)
+        unit[-1] = 1.0  # tangents t, with K t = (0, ..., 0, 1)
+        ways = [_solved(each, self._along, Interval(unit)) for each in self._modes]
+        slope, other = (_sign(each[-1]) for each in ways)
+        inside = self.hulls[:-1].is_within(whole[:-1, np.newaxis]).all(axis=0)
+        opens = np.where(self._undecided == 0, self._of_folds(ways[0]), self._of_kinks(ways))
+        turning = np.where(inside, opens, np.nan)
+        return np.where(slope == other, self._of_faces(whole, ways), turning)
 
-    def _of_folds(self, along: Interval) -> Array:
+    def _of_folds(self, way: Interval) -> Array:
         """Return the signs of the second derivative of alpha along smooth curves."""
-        direction = along * self._magnitude
-        bent = picked(self._tape, second_slopes(self._tape, self._values, direction, _first))
-        nothing = np.zeros((1, bent.lo.shape[1]))
-        right = Interval(np.vstack([bent.lo, nothing]), np.vstack([bent.hi, nothing]))
+        way, tape = way * self._scale, along(self._tape)
+        values = values_of(tape, together(np.vstack, self.hulls, way))
+        seeds = [*(way[i] for i in range(len(way.lo))), *[None] * len(way.lo)]
+        bent = picked(tape.outputs, slopes_of(tape, values, seeds, FIRST), way.lo.shape[1:])
+        right = together(np.vstack, bent, Interval(np.zeros(way.lo.shape[1])))
         return -_sign(_solved(self._modes[0], self._along, right)[-1])
 
-    def _of_kinks(self, along: list[Interval]) -> Array:
+    def _of_kinks(self, ways: list[Interval]) -> Array:
         """Return the signs of the change of the slope of alpha at kinks that are crossed once."""
-        test, other = (_sign(_dot(self._test, each)) for each in along)
-        slope, before = (_sign(each[-1]) for each in along)
+        test, other = (_sign((self._test * each).total()) for each in ways)
+        slope, before = (_sign(each[-1]) for each in ways)
         is_one = (self._undecided == 1) & (test == other) & (slope == -before)
         return np.where(is_one, test * slope, np.nan)
 
-    def _of_faces(self, whole: Interval, along: list[Interval]) -> Array:
+    def _of_faces(self, whole: Interval, ways: list[Interval]) -> Array:
         """Return the turns of hulls in which the curve goes on in alpha, by the faces touched."""
-        count = len(self._undecided)
-        touched, turns = np.zeros(count), np.zeros(count)
-        for i in range(len(self._scale) - 1):
-            one, other = (_sign(each[i]) * _sign(each[-1]) for each in along)
+        touched, turns = np.zeros(len(self._undecided)), np.zeros(len(self._undecided))
+        for i in range(self._tape.size):
+            one, other = (_sign(each[i]) * _sign(each[-1]) for each in ways)
             speed = np.where(one == other, one, np.nan)
-            at_least = self._hulls.lo[i] <= whole.lo[i]
-            at_most = self._hulls.hi[i] >= whole.hi[i]
+            at_least, at_most = self.hulls.lo[i] <= whole.lo[i], self.hulls.hi[i] >= whole.hi[i]
             touched += 1.0 * at_least + at_most
             turns = np.where(at_least, speed, np.where(at_most, -speed, turns))
         return np.where(touched > 1.0, np.nan, turns)
 
 
+def _undecided(
+    tape: Tape, boxes: Interval, values: list[Interval], slopes: list[Any]
+) -> tuple[Indices, Interval]:
+    """Return how many switches may be in either mode, and the slope of the test of such a switch.
+
+    The test is positive where the first branch holds. Shapes (B,) and (n + 1, B).
+    """
+    zero = Interval(np.zeros(boxes.lo.shape))
+    count, slope = np.zeros(boxes.lo.shape[1], dtype=np.intp), zero
+    for step in tape.steps:
+        if step.name in SWITCHES:
+            of = SWITCHES[step.name][0]
+            test = of(*(values[place] for place in step.args))
+            either = ~((test.lo >= 0.0) | (test.hi < 0.0))
+            count += either
+            slope = chosen(either, of(*(slopes[place] or zero for place in step.args)), slope)
+    return count, slope
+
+
 def _sign(x: Interval) -> Array:
     """Return the signs of intervals, not a number where an interval may hold zero."""
     return np.where(x.lo > 0.0, 1.0, np.where(x.hi < 0.0, -1.0, np.nan))
-
-
-def _dot(one: Interval, other: Interval) -> Interval:
-    products = one * other
-    return total([products[i] for i in range(len(products.lo))])
 
 
 def _tangent(slopes: Array) -> Array:
@@ -201,11 +207,10 @@ def _contraction(slopes: Interval, along: Array) -> tuple[Array, Array]:
 
     K are the derivatives with the row ``along``, shape (n + 1, n + 1, k).
     """
-    lo, hi = (np.concatenate([end, along[np.newaxis]]) for end in (slopes.lo, slopes.hi))
-    square, unit = Interval(lo, hi), np.eye(len(lo))[:, :, np.newaxis]
-    about = inverse(square.middle())
-    off = (Interval.point(unit) - times(about, square)).reach()
-    return about, above(off.sum(axis=1), 2.0 * len(lo))
+    square = together(np.concatenate, slopes, Interval(along[np.newaxis]))
+    about = inverse_of(square.middle())
+    off = (np.eye(len(along))[:, :, np.newaxis] - times(about, square)).reach()
+    return about, above(off.sum(axis=1), 2.0 * len(off))
 
 
 def _solved(slopes: Interval, along: Array, right: Interval) -> Interval:
@@ -213,11 +218,5 @@ def _solved(slopes: Interval, along: Array, right: Interval) -> Interval:
     about, rows = _contraction(slopes, along)
     start, left = times(about, right), below(1.0 - rows.max(axis=0))
     largest = above(start.reach().max(axis=0) / np.where(left > 0.0, left, np.nan))
-    return start + Interval.ball(above(rows * largest))
-
-
-def _directions(slopes: Interval, along: Array) -> Interval:
-    """Return what holds the tangents t with K t = (0, ..., 0, 1)."""
-    right = np.zeros((len(along), along.shape[1]))
-    right[-1] = 1.0
-    return _solved(slopes, along, Interval.point(right))
+    far = above(rows * largest)
+    return start + Interval(-far, far)
