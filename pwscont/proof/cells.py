@@ -137,17 +137,11 @@ def _inverses(matrices: Array) -> Array:
 
 @final
 class ExactCells:
-    """All cells of exact rows, as :class:`ExactData` hands them over.
+    """All cells, ``number`` of them, of exact rows, as :class:`ExactData` hands them over.
 
-    Attributes
-    ----------
-    size : int
-        The number of unknowns z.
-    rows : ndarray, shape (r, size + 2)
-        The equations of all cells, the row of the inequality 1 >= 0, then the equations and
-        inequalities of all modes; coefficients of (z, alpha, 1).
-    number : int
-        The number of cells.
+    ``rows`` (r, size + 2) are coefficients of (z, alpha, 1): the equations of all cells, the row of
+    the inequality 1 >= 0, then the equations and inequalities of all modes. ``modes`` has of every
+    mode of every part the places of equations and inequalities.
     """
 
     def __init__(self, common: Array, parts: Sequence[Sequence[ExactMode]]) -> None:
@@ -182,15 +176,14 @@ class ExactCells:
     def _condensed(self) -> tuple[Indices, Balls, Balls]:
         """Return an order of unknowns, the first ones by the others, and rows of the others."""
         count, columns = self._common, np.arange(self.size + 2)
-        if count and np.isfinite(self.rows).all():
-            columns[:-2] = qr(self.rows[:count, :-2], mode="r", pivoting=True)[1]
-            own, rest = self.rows[:, columns[:count]], self.rows[:, columns[count:]]
+        if 0 < count <= self.size and np.isfinite(self.rows).all():
+            order = np.append(qr(self.rows[:count, :-2], mode="r", pivoting=True)[1], columns[-2:])
+            own, rest = self.rows[:, order[:count]], self.rows[:, order[count:]]
             first = solved(Balls(own[np.newaxis, :count]), Balls(rest[np.newaxis, :count]))[0]
             if np.isfinite(first.rad).all():
                 parts = np.where(np.arange(len(own)) < count, 0.0, own.T).T
-                return columns, first, Balls(parts) @ first + Balls(rest)
-        nothing = Balls(np.zeros((0, self.size + 2)), np.zeros((0, self.size + 2)))
-        return np.arange(self.size + 2), nothing, Balls(self.rows)
+                return order, first, Balls(parts) @ first + Balls(rest)
+        return columns, Balls(np.zeros((0, self.size + 2))), Balls(self.rows)
 
     def portions(self, number: int) -> Iterator[slice]:
         """Yield slices of so many cells that are worked on at once."""
@@ -214,7 +207,7 @@ class ExactCells:
         return np.concatenate([self.rows[: self._common], equations]), sides
 
     def side(self, choice: Sequence[int], number: int) -> Array:
-        """Return an inequality of a cell by its place among :meth:`signs`."""
+        """Return an inequality of a cell by its place among :meth:`lines`."""
         tables = zip(self._sides, choice, strict=True)
         row: Array = self.rows[np.concatenate([table[k] for table, k in tables])[number]]
         return row
@@ -258,14 +251,8 @@ def at(lines: Balls, alphas: Array) -> Balls:
 class ProvedCells:
     """What is proved of all cells at one alpha.
 
-    Attributes
-    ----------
-    boxes : dict of choice to (centre, radius)
-        ExactCells with one solution inside, off all inequalities, proved in floating point.
-    points : set of tuple of Fraction
-        Solutions in rational numbers.
-    open : list of tuple of int
-        ExactCells that are not decided.
+    ``boxes`` are centres and radii of solutions, of the cells that are proved in floating point to
+    have one solution, off all inequalities; ``points`` are other solutions.
     """
 
     boxes: dict[Choice, tuple[Array, Array]] = field(default_factory=dict)
@@ -286,12 +273,11 @@ class ProvedCells:
         points = [np.array(point, dtype=float) for point in self.points]
         known = [*self.boxes.values(), *((x, ULP * np.abs(x) + SMALLEST) for x in points)]
         for choice, (x, r) in self.boxes.items():
-            if any(y is not x and _may_meet(x, y, upper(r + s, 2)) for y, s in known):
-                yield choice
-
-
-def _may_meet(x: Array, y: Array, radius: Array) -> bool:
-    return bool((np.abs(x - y) <= radius + 4.0 * ULP * (np.abs(x) + np.abs(y))).all())
+            for y, s in known:
+                slack = upper(r + s, 2) + 4.0 * ULP * (np.abs(x) + np.abs(y))
+                if y is not x and (np.abs(x - y) <= slack).all():
+                    yield choice
+                    break
 
 
 def proved_cells(cells: ExactCells, alpha: float) -> ProvedCells:
@@ -300,7 +286,7 @@ def proved_cells(cells: ExactCells, alpha: float) -> ProvedCells:
     for choices in cells.choices():
         x, sides = cells.lines(choices)
         signs = at(sides, np.array([alpha])).signs()[..., 0]
-        least = signs.min(axis=1)
+        least = signs.min(axis=1, initial=1)
         for i in np.flatnonzero(least >= 0):
             choice = tuple(choices[i].tolist())
             if least[i] > 0:

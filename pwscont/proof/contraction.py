@@ -73,13 +73,12 @@ def units(box: Interval) -> list[Interval]:
     return [Interval(np.broadcast_to(unit, box.lo.shape)) for unit in eye]
 
 
-def hull_of_branches(name: str, test: Interval, one: Any, other: Any) -> Interval:
-    """Return the derivative of a switch, the hull of both where the test may have either sign."""
-    return branched(name, test, one, other, Interval.hull)
-
-
 def branched(
-    name: str, test: Interval, one: Any, other: Any, both: Callable[[Any, Any], Interval]
+    name: str,
+    test: Interval,
+    one: Any,
+    other: Any,
+    both: Callable[[Any, Any], Interval] = Interval.hull,
 ) -> Interval:
     """Return the derivative of a switch; ``both`` joins the branches where either may hold.
 
@@ -91,7 +90,7 @@ def branched(
 
 
 def slopes_of(
-    tape: Tape, values: Steps, seeds: Sequence[Any], choose: Choose = hull_of_branches
+    tape: Tape, values: Steps, seeds: Sequence[Any], choose: Choose = branched
 ) -> list[Any]:
     """Return the derivatives of all steps from those of the variables; None is zero."""
     known: list[Any] = []

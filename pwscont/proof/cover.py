@@ -52,16 +52,9 @@ TRIED = 0.9
 @final
 @dataclass(frozen=True, slots=True, eq=False)
 class Cover:
-    """What a search has left of a box: every solution lies in a tube or in an open box.
+    """What a search has left of a box: every solution lies in a proved tube or in an open box.
 
-    Attributes
-    ----------
-    tubes : Tubes, optional
-        Proved; the solutions of the accepted boxes lie in the tubes.
-    open : Interval, shape (n + 1, k)
-        Boxes that are not decided.
-    boxes : int
-        How many boxes were looked at.
+    ``open`` are boxes (n + 1, k), and ``boxes`` is how many boxes were looked at.
     """
 
     tubes: Tubes | None

@@ -26,13 +26,7 @@ LOOKS, BISECTIONS = 200, 60
 
 
 def tape_of(system: PiecewiseSystem) -> Tape:
-    """Return the tape of a system.
-
-    Raises
-    ------
-    InvalidInputError
-        If the system is piecewise linear, has too many tests, or cannot be traced.
-    """
+    """Return the tape of a system, or refuse a system that is linear, or cannot be traced."""
     if isinstance(system, SwitchedSystem):
         return traced(system.formula, system.shown)
     if isinstance(system, SlicewiseLinearSystem):
@@ -58,12 +52,7 @@ def _selected(system: PiecewiseSystem, z: Any, alpha: Any, sw: TracedSwitches) -
 
 
 def check_tape(tape: Tape, system: Any, box: Interval) -> None:
-    """Refuse a tape that says something else than the system at some point of a box.
-
-    Raises
-    ------
-    InvalidInputError
-    """
+    """Refuse a tape that says something else than the system at some point of a box."""
     for x in _points(box, COMPARED).T:
         with np.errstate(all="ignore"):
             value = _value(system, x[:-1], float(x[-1]))

@@ -3,12 +3,8 @@
 A group of open boxes is *passed* if all solutions in the hull of the group are proved to lie on one
 curve without branch points; other groups stay open. The *turn* of a group that is passed says how
 the number of solutions can change in the hull when alpha grows: the number only grows (around folds
-that open to larger alpha, or where the curve enters the box), only falls, or stays.
-
-Failure modes and answers
--------------------------
-- Several switches are undecided, a smooth fold beside a kink, both a fold and a face of the box:
-  the turn is not known.
+that open to larger alpha, or where the curve enters the box), only falls, or stays. The turn is not
+known where several switches are undecided, or a fold is near a kink or a face of the box.
 """
 
 from __future__ import annotations
@@ -24,7 +20,6 @@ from pwscont.basics.arrays import Array, Indices, Signs
 from pwscont.proof.contraction import (
     along,
     branched,
-    hull_of_branches,
     inverse_of,
     picked,
     slopes_of,
@@ -59,16 +54,10 @@ def hulls(boxes: Interval) -> Interval:
 @final
 @dataclass(frozen=True, slots=True, eq=False)
 class Groups:
-    """Groups of open boxes, shapes (k,).
+    """Groups of open boxes: the hulls (n + 1, k), which groups are passed, and their turns.
 
-    Attributes
-    ----------
-    hulls : Interval, shape (n + 1, k)
-    passed : ndarray of bool
-        Whether all solutions in the hull lie on one curve without branch points.
-    turns : ndarray
-        Whether the number of solutions only grows with alpha (1), only falls (-1), or stays (0);
-        not a number where this is not known.
+    A turn says whether the number of solutions only grows with alpha (1), only falls (-1), or stays
+    (0); a turn that is not known is not a number.
     """
 
     hulls: Interval
@@ -108,8 +97,7 @@ class _Passage:
         self._tape, self.hulls, self._scale = tape, hulls, Interval(scale[:, np.newaxis])
         values = values_of(tape, hulls)
         both, *modes = (
-            slopes_of(tape, values, units(hulls), each)
-            for each in (hull_of_branches, FIRST, SECOND)
+            slopes_of(tape, values, units(hulls), each) for each in (branched, FIRST, SECOND)
         )
         self._undecided, test = _undecided(tape, hulls, values, both)
         self._test, shape = test * self._scale, hulls.lo.shape

@@ -31,7 +31,9 @@ FAR = 1e6
 #: By how much of a period the place of a crest may be misjudged; rounding of arguments below FAR
 #: makes errors smaller by a factor of a thousand.
 BLUR = 1e-6
+INF = np.inf
 Map = Callable[["Interval"], "Interval"]
+Ends = Callable[[Array, Array], Array]
 
 
 def below(x: Array, ulps: float = 1.0) -> Array:
@@ -79,7 +81,9 @@ def _wave(function: Callable[[Array], Array], top: float) -> Map:
     return values
 
 
-INF = np.inf
+def _paired(of_lower: Ends, of_upper: Ends) -> Callable[[Interval, Interval], Interval]:
+    """Return a function of two intervals that takes the ends together."""
+    return lambda x, y: Interval(of_lower(x.lo, y.lo), of_upper(x.hi, y.hi))
 
 
 @final
@@ -126,14 +130,10 @@ class Interval:
         found = _spanned([x / y for x in _ends(self) for y in _ends(other)])
         return found.where(other.excludes_zero())
 
-    def __radd__(self, other: Any) -> Interval:
-        return _interval(other) + self
+    __radd__, __rmul__ = __add__, __mul__
 
     def __rsub__(self, other: Any) -> Interval:
         return _interval(other) - self
-
-    def __rmul__(self, other: Any) -> Interval:
-        return _interval(other) * self
 
     def __rtruediv__(self, other: Any) -> Interval:
         return _interval(other) / self
@@ -180,21 +180,11 @@ class Interval:
         lo = np.maximum(np.maximum(self.lo, -self.hi), 0.0)
         return Interval(lo, np.maximum(-self.lo, self.hi))
 
-    def maximum(self, other: Interval) -> Interval:
-        """Return the larger of two numbers."""
-        return Interval(np.maximum(self.lo, other.lo), np.maximum(self.hi, other.hi))
-
-    def minimum(self, other: Interval) -> Interval:
-        """Return the smaller of two numbers."""
-        return Interval(np.minimum(self.lo, other.lo), np.minimum(self.hi, other.hi))
-
-    def hull(self, other: Interval) -> Interval:
-        """Return the smallest intervals that hold both intervals."""
-        return Interval(np.minimum(self.lo, other.lo), np.maximum(self.hi, other.hi))
-
-    def meet(self, other: Interval) -> Interval:
-        """Return what both intervals hold; empty where lo > hi. An end without a number is left."""
-        return Interval(np.fmax(self.lo, other.lo), np.fmin(self.hi, other.hi))
+    maximum, minimum = _paired(np.maximum, np.maximum), _paired(np.minimum, np.minimum)
+    #: The smallest intervals that hold both intervals.
+    hull = _paired(np.minimum, np.maximum)
+    #: What both intervals hold; empty where lo > hi. An end without a number is left.
+    meet = _paired(np.fmax, np.fmin)
 
     def where(self, keeps: Signs) -> Interval:
         """Return intervals that say nothing where a condition does not hold."""

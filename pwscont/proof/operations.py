@@ -21,16 +21,10 @@ Known = list[Interval]
 @final
 @dataclass(frozen=True, slots=True)
 class Rule:
-    """An operation of arguments x with value y; a power takes its exponent last.
+    """What is known of an operation y of arguments x; a power takes its exponent last.
 
-    Attributes
-    ----------
-    values : callable
-        Intervals x -> interval that holds every value of numbers in x.
-    slopes : callable, optional
-        y, x -> the derivatives by each argument; 1.0 and -1.0 are the only plain numbers.
-    inverse : callable, optional
-        Intervals y, x -> for each argument what holds it if the value is in y.
+    ``values``: intervals x -> y; ``slopes``: y, x -> the derivatives by each argument, where 1.0
+    and -1.0 are the only plain numbers; ``inverse``: y, x -> for each argument what holds it.
     """
 
     values: Callable[..., Interval]

@@ -41,15 +41,9 @@ class NotTracedError(TypeError):
 @final
 @dataclass(frozen=True, slots=True)
 class Step:
-    """One operation of a tape.
+    """One operation of a tape, with the places of the arguments on the tape.
 
-    Attributes
-    ----------
-    name : str
-    args : tuple of int
-        The places of the arguments on the tape.
-    numbers : tuple of float
-        The value of a constant, the exponent of a power, the number of a variable.
+    ``numbers`` has the value of a constant, the exponent of a power, the number of a variable.
     """
 
     name: str
@@ -60,17 +54,10 @@ class Step:
 @final
 @dataclass(slots=True, eq=False)
 class Tape:
-    """The operations of a formula, arguments first.
+    """The operations of a formula of ``size`` unknowns, arguments first: z, alpha, and so on.
 
-    Attributes
-    ----------
-    size : int
-        The number of unknowns n; the variables are z[0], ..., z[n - 1], alpha.
-    steps : list of Step
-    outputs : list of int
-        The places of the n entries of the formula.
-    refused : list of NotTracedError
-        What the formula asked for in vain, though it may have gone on.
+    ``outputs`` are the places of the entries of the formula, and ``refused`` is what the formula
+    asked for in vain, though it may have gone on.
     """
 
     size: int
@@ -155,8 +142,8 @@ class Traced(NDArrayOperatorsMixin):
         """Write an operation on this number and others down, or refuse the operation in words."""
         if name in DERIVED:
             return DERIVED[name](*args)
-        if name in SIMPLER and all(_is_number(each) or isinstance(each, Traced) for each in args):
-            simple = SIMPLER[name](*args)
+        if name in ("add", "subtract", "multiply") and all(map(_is_known, args)):
+            simple = _simpler(name, *args)
             if simple is not None:
                 return simple
         if name in ELEMENTARY or name in ("negative", "add", "subtract", "multiply", "divide"):
@@ -204,38 +191,22 @@ def _is_number(thing: Any) -> bool:
     return isinstance(thing, Real)
 
 
-def _product(x: Any, y: Any) -> Any:
-    """Return a square, or a product with one or with zero, None for other products."""
+def _is_known(thing: Any) -> bool:
+    return isinstance(thing, Real | Traced)
+
+
+def _simpler(name: str, x: Any, y: Any) -> Any:
+    """Return a sum, difference or product that is simpler than it looks, None for others."""
     number, other = (x, y) if _is_number(x) else (y, x)
     if not _is_number(number):
-        return x**2 if x.place == y.place else None
-    if number == 0.0 and other.tape.steps[other.place].name == "variable":
-        return 0.0
-    return other if number == 1.0 else None
+        return x**2 if name == "multiply" and x.place == y.place else None
+    if name == "multiply":
+        is_nothing = number == 0.0 and other.tape.steps[other.place].name == "variable"
+        return 0.0 if is_nothing else other if number == 1.0 else None
+    found: Any = number if isinf(number) else other if number == 0.0 else None
+    return -found if name == "subtract" and found is y else found
 
 
-def _sum(x: Any, y: Any) -> Any:
-    """Return a sum with zero or with an infinite number, None for other sums."""
-    number, other = (x, y) if _is_number(x) else (y, x)
-    if not _is_number(number):
-        return None
-    return other if number == 0.0 else number if isinf(number) else None
-
-
-def _difference(x: Any, y: Any) -> Any:
-    if _is_number(y):
-        return _sum(x, -y)
-    if not _is_number(x):
-        return None
-    return -y if x == 0.0 else x if isinf(x) else None
-
-
-#: Operations that need not be written down, or are simpler than they look.
-SIMPLER: dict[str, Callable[..., Any]] = {
-    "add": _sum,
-    "subtract": _difference,
-    "multiply": _product,
-}
 #: Operations that are written down as others.
 DERIVED: dict[str, Callable[..., Any]] = {
     "positive": lambda x: x,
@@ -312,13 +283,7 @@ class TracedSwitches:
 
 
 def traced(f: Callable[[Any, Any, Any], Any], size: int) -> Tape:
-    """Return the tape of a formula f(z, alpha, sw) of n unknowns.
-
-    Raises
-    ------
-    InvalidInputError
-        If the formula cannot be traced, with the reason.
-    """
+    """Return the tape of a formula f(z, alpha, sw), or say why the formula cannot be traced."""
     tape, again = Tape(size), Tape(size)
     try:
         for each in (tape, again):

@@ -33,14 +33,9 @@ SLACK = 64.0
 @final
 @dataclass(frozen=True, slots=True, eq=False)
 class Tubes:
-    """Tubes, one after the other along the last axis.
+    """Tubes, one after the other along the last axis, shapes (B,) and (n, B).
 
-    Attributes
-    ----------
-    first, middle, last : ndarray, shape (B,)
-    centre, slope, radius : ndarray, shape (n, B)
-    image : ndarray, shape (n, B)
-        The radius of the image of Krawczyk's operator, in which the solutions lie.
+    ``image`` is the radius of the image of Krawczyk's operator, in which the solutions lie.
     """
 
     first: Array
