@@ -240,6 +240,18 @@ def moved(graph, index, part):
     return BranchGraph(graph.special_points(), pieces, graph.interval, system=graph.system)
 
 
+@pytest.mark.parametrize("name", ["fig7", "two ways", "vertical pieces"])
+def test_a_curve_that_jumped_is_not_proved(name):
+    """The right cells and the right alphas, but other solutions there."""
+    system = fig7().system if name == "fig7" else CORNERS[name][0]
+    graph = explore(system, (-1.5, 1.5))
+    for k, piece in enumerate(graph.pieces):
+        points = piece.points.copy()
+        points[:, 0] += 1e-4 * (1.0 + np.abs(points[:, 0]))
+        pieces = [*graph.pieces[:k], replace(piece, track=Track.of(points)), *graph.pieces[k + 1 :]]
+        assert not prove(BranchGraph(graph.nodes, pieces, graph.interval, system=system)).holds
+
+
 def test_a_piece_that_ends_at_a_wrong_place_is_not_proved():
     graph = explore(fig7().system, (-2.0, 2.0))
     for part in (-1e-4, 1e-4):

@@ -241,7 +241,7 @@ class ExactCells:
 
 
 def at(lines: Balls, alphas: Array) -> Balls:
-    """Return functions of alpha, (B, k, 2), at alphas (j,) or (B, j), shape (B, k, j)."""
+    """Return what is affine in alpha, (B, k, 2), at alphas (j,) or (B, j), shape (B, k, j)."""
     with np.errstate(all="ignore"):
         return lines @ Balls(np.stack([alphas, np.ones_like(alphas)], axis=-2))
 

@@ -27,6 +27,7 @@ from pwscont.basics.looks import counted
 from pwscont.graph.branch_graph import BranchGraph
 from pwscont.proof.cells import (
     MOST_CELLS,
+    Balls,
     ExactCells,
     Point,
     at,
@@ -165,7 +166,7 @@ class PiecesProof:
         first = set(np.unique(self._choices, axis=0, return_index=True)[1].tolist())
         left = []
         for some in self._cells.portions(len(nodes)):
-            _, sides = self._cells.lines(self._choices[some])
+            x, sides = self._cells.lines(self._choices[some])
             shape = sides.mid.shape[:2] + beside.shape[:2] + (2,)
             every = np.moveaxis(beside[:, :, some], 2, 0).reshape(len(sides.mid), -1)
             inside, outside = np.moveaxis(at(sides, every).signs().reshape(shape), 2, 0)
@@ -173,6 +174,7 @@ class PiecesProof:
             ended = known & (outside != 0).all(axis=1) & ((outside < 0).sum(axis=1) == 1)
             for i, k in enumerate(range(some.start, some.stop)):
                 is_proved = alphas[k, 0] != alphas[k, 1] and known[i].any(axis=0).all()
+                is_proved = is_proved and self._is_near(k, x[i])
                 if k not in first or not (is_proved or self._rational_ends(k)):
                     left.append(k)  # a cell has one piece: another one is the same piece again
                 for far, end in np.argwhere(ended[i] & is_proved):
@@ -180,6 +182,12 @@ class PiecesProof:
                     row = self._cells.side(self._choices[k], int(number))
                     self._vanishing[k, nodes[k][end]] = row
         return left
+
+    def _is_near(self, k: int, line: Balls) -> bool:
+        """Tell whether the ends of a piece are on the line of the cell of the piece."""
+        found = np.array([self._cells.unknowns(line, x[-1])[0] for x in self._points[k]])
+        far: Array = np.abs(found - self._points[k, :, :-1])
+        return bool((far <= NEAR * self._magnitudes[:-1]).all())
 
     def _is_joined(self, node: int, pieces: list[int]) -> bool:
         """Tell whether proved pieces certainly end in one point.
