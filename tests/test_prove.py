@@ -160,6 +160,47 @@ def test_enclosures_that_are_too_narrow_are_caught(monkeypatch):
     assert bad_boxes(12) > 0
 
 
+def escaped(found, exact):
+    """Return how many exact numbers are outside of balls."""
+    pairs = zip(found.mid.ravel().tolist(), found.rad.ravel().tolist(), exact, strict=True)
+    return sum(abs(Fraction(mid) - x) > Fraction(rad) for mid, rad, x in pairs)
+
+
+def exact_rows(matrix, x, right):
+    """Return matrix x + right in rational numbers."""
+    A, b, c = ([[Fraction(v) for v in row] for row in each.tolist()] for each in (matrix, x, right))
+    return [
+        sum(row[k] * b[k][j] for k in range(len(b))) + c[i][j]
+        for i, row in enumerate(A)
+        for j in range(len(b[0]))
+    ]
+
+
+@pytest.mark.parametrize("is_exact", [True, False])
+def test_balls_hold_exact_products(is_exact):
+    """Of all magnitudes, with and without cancellation; balls without a radius lose results."""
+    lost = 0
+    for seed in range(40):
+        rng = np.random.default_rng(seed)
+        matrix = rng.normal(size=(6, 5)) * 2.0 ** rng.integers(-60, 60, size=(6, 5))
+        x = rng.normal(size=(5, 2)) * 2.0 ** rng.integers(-60, 60, size=(5, 2))
+        right = -(matrix @ x) if seed % 2 else rng.normal(size=(6, 2))
+        near = matrix * (1.0 + 1e-12 * rng.uniform(-1.0, 1.0, matrix.shape))
+        balls = Balls(matrix) if is_exact else Balls(near, 1.1e-12 * np.abs(matrix))
+        truth = exact_rows(matrix, x, right)
+        found = pwscont.proof.cells._residual(balls, x, Balls(right))
+        assert escaped(found, truth) == 0
+        lost += escaped(Balls(found.mid, 1e-3 * found.rad), truth)
+    assert lost > 0
+
+
+def test_exact_residuals_have_twice_the_digits():
+    rng = np.random.default_rng(2)
+    matrix, x = rng.normal(size=(30, 30)), rng.normal(size=(30, 2))
+    found = pwscont.proof.cells._residual(Balls(matrix), x, Balls(-(matrix @ x)))
+    assert found.rad.max() < 1e-19
+
+
 # -- pieces and transitions ------------------------------------------------------------------------
 
 

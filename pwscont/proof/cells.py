@@ -10,8 +10,8 @@ Failure modes and answers
 -------------------------
 - Modes of a part have different numbers of equations, or data are so large or small that bounds
   are no numbers: cells are left to rational numbers.
-- The equations of a cell are singular and can be solved: solutions may be infinitely many, and the
-  cell stays open.
+- A cell has a line without end or an area of solutions, at one alpha more than a point: the cell
+  stays open.
 """
 
 from __future__ import annotations
@@ -197,7 +197,7 @@ class ExactCells:
         for some in self.portions(self.number):
             yield np.arange(some.start, some.stop)[:, np.newaxis] // strides % sizes
 
-    def of(self, choice: Sequence[int]) -> tuple[Array, Array]:
+    def of(self, choice: Any) -> tuple[Array, Array]:
         """Return the equations and the inequalities of a cell."""
         pairs = [modes[k] for modes, k in zip(self.modes, choice, strict=True)]
         equations, sides = (
@@ -206,7 +206,7 @@ class ExactCells:
         )
         return np.concatenate([self.rows[: self._common], equations]), sides
 
-    def side(self, choice: Sequence[int], number: int) -> Array:
+    def side(self, choice: Any, number: int) -> Array:
         """Return an inequality of a cell by its place among :meth:`lines`."""
         tables = zip(self._sides, choice, strict=True)
         row: Array = self.rows[np.concatenate([table[k] for table, k in tables])[number]]
@@ -261,12 +261,11 @@ class ProvedCells:
 
     def decide(self, cells: ExactCells, choice: Choice, alpha: float) -> None:
         """Decide a cell in rational numbers: note the solution, or that the cell stays open."""
-        equations, sides = cells.of(choice)
-        solution = point_of(fixed(equations, alpha))
-        if solution == ():
+        ends = segment_of(*cells.of(choice), (alpha, alpha))
+        if ends is not None and len(set(ends)) == 1:
+            self.points.add(ends[0][:-1])
+        elif ends is not None:
             self.open.append(choice)
-        elif solution is not None and all(value(row, solution) >= 0 for row in fixed(sides, alpha)):
-            self.points.add(solution)
 
     def meeting(self) -> Iterator[Choice]:
         """Yield the cells with solutions that may be the solution of another cell."""
@@ -307,11 +306,6 @@ def rational(rows: Array) -> list[list[Fraction]]:
     return [[Fraction(number) for number in row] for row in rows.tolist()]
 
 
-def fixed(rows: Array, alpha: float) -> list[list[Fraction]]:
-    """Return rows (z, constant) in rational numbers, alpha put in."""
-    return [[*row[:-2], row[-2] * Fraction(alpha) + row[-1]] for row in rational(rows)]
-
-
 def value(row: list[Fraction], x: Sequence[Fraction]) -> Fraction:
     """Return the value of a row (x, constant) at a point."""
     return sum((a * b for a, b in zip(row, x, strict=False) if a and b), row[-1])
@@ -336,14 +330,6 @@ def _without(row: list[Fraction], unit: list[Fraction], column: int) -> list[Fra
     if not factor:
         return row
     return [a - factor * b if b else a for a, b in zip(row, unit, strict=True)]
-
-
-def point_of(rows: list[list[Fraction]]) -> Point | None:
-    """Return the solution of equations; None where there is none, () where there are several."""
-    done = eliminated(rows)
-    if done is None or len(done) < len(rows[0]) - 1:
-        return None if done is None else ()
-    return tuple(-done[column][-1] for column in sorted(done))
 
 
 def segment_of(equations: Array, sides: Array, interval: tuple[float, float]) -> Any:

@@ -23,7 +23,7 @@ import numpy as np
 
 from pwscont.basics.arrays import Array, Indices, Signs
 from pwscont.proof.interval import Interval, together
-from pwscont.proof.operations import OPERATIONS, SWITCHES, branch
+from pwscont.proof.operations import MINUS, OPERATIONS, PLUS, SWITCHES, branch
 from pwscont.proof.tape import Step, Tape, Traced
 
 #: What is known of every step of a tape; None is zero.
@@ -113,13 +113,12 @@ def _slope(step: Step, y: Any, x: list[Any], dx: list[Any], choose: Choose) -> A
     slopes = OPERATIONS[step.name].slopes
     assert slopes is not None
     factors = slopes(y, *x, *step.numbers)
-    return reduce(add, (_times(f, d) for f, d in zip(factors, dx, strict=True) if d is not None))
-
-
-def _times(factor: Any, slope: Any) -> Any:
-    if isinstance(factor, float) and abs(factor) == 1.0:
-        return slope if factor > 0.0 else -slope
-    return factor * slope
+    parts = [
+        d if f is PLUS else -d if f is MINUS else f * d
+        for f, d in zip(factors, dx, strict=True)
+        if d is not None
+    ]
+    return reduce(add, parts)
 
 
 def along(tape: Tape) -> Tape:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Indices, Signs
+from pwscont.basics.arrays import Array
 from pwscont.graph.proved import BoxProof, Corners, CountedStretch, Range
 from pwscont.graph.structure import connected
 from pwscont.proof.contraction import formula, inverse_of, with_slopes
@@ -124,13 +124,9 @@ def _distinct(tubes: Tubes, found: Interval, alpha: float) -> list[int] | None:
         others = np.arange(i + 1, count)
         apart = (found.lo[:, others] > found.hi[:, [i]]) | (found.hi[:, others] < found.lo[:, [i]])
         others = others[~apart.any(axis=0)]
-        if not _are_same(tubes, found, np.full(len(others), i), others, alpha).all():
+        mine, point = np.full(len(others), i), Interval(np.full(len(others), alpha))
+        is_same = tubes[mine].hold(found[:, others], point)
+        if not (is_same | tubes[others].hold(found[:, mine], point)).all():
             return None
         pairs += [(i, int(j)) for j in others]
     return [min(group) for group in connected(range(count), pairs)]
-
-
-def _are_same(tubes: Tubes, found: Interval, one: Indices, other: Indices, alpha: float) -> Signs:
-    """Tell in which pairs of enclosures either lies in the tube of the other."""
-    point = Interval(np.full(len(one), alpha))
-    return tubes[one].hold(found[:, other], point) | tubes[other].hold(found[:, one], point)

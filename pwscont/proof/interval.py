@@ -98,7 +98,8 @@ class Interval:
     __array_ufunc__ = None  # arrays leave operators to intervals
 
     def __init__(self, lo: Any, hi: Any = None) -> None:
-        self.lo, self.hi = lo, lo if hi is None else hi
+        self.lo: Array = lo
+        self.hi: Array = lo if hi is None else hi
 
     @classmethod
     def rounded(cls, lo: Array, hi: Array, ulps: float = 1.0) -> Interval:
@@ -192,28 +193,23 @@ class Interval:
 
     def excludes_zero(self) -> Signs:
         """Tell which intervals certainly do not hold zero."""
-        excluded: Signs = (self.lo > 0.0) | (self.hi < 0.0)
-        return excluded
+        return (self.lo > 0.0) | (self.hi < 0.0)
 
     def is_within(self, other: Interval) -> Signs:
         """Tell which intervals lie strictly inside other ones."""
-        inside: Signs = (self.lo > other.lo) & (self.hi < other.hi)
-        return inside
+        return (self.lo > other.lo) & (self.hi < other.hi)
 
     def reach(self) -> Array:
         """Return the largest magnitude in each interval; not a number where nothing is known."""
-        reach: Array = np.maximum(-self.lo, self.hi)
-        return reach
+        return np.maximum(-self.lo, self.hi)
 
     def middle(self) -> Array:
         """Return a number in each interval, near the middle."""
-        middle: Array = 0.5 * self.lo + 0.5 * self.hi
-        return middle
+        return 0.5 * self.lo + 0.5 * self.hi
 
     def width(self) -> Array:
         """Return about how wide each interval is."""
-        width: Array = self.hi - self.lo
-        return width
+        return self.hi - self.lo
 
     def total(self, axis: int = 0) -> Interval:
         """Return the sums along an axis."""

@@ -16,6 +16,8 @@ import numpy as np
 from pwscont.proof.interval import INF, Interval, chosen
 
 Known = list[Interval]
+#: Derivatives by which nothing need be multiplied.
+PLUS, MINUS = 1.0, -1.0
 
 
 @final
@@ -23,8 +25,8 @@ Known = list[Interval]
 class Rule:
     """What is known of an operation y of arguments x; a power takes its exponent last.
 
-    ``values``: intervals x -> y; ``slopes``: y, x -> the derivatives by each argument, where 1.0
-    and -1.0 are the only plain numbers; ``inverse``: y, x -> for each argument what holds it.
+    ``values``: intervals x -> y; ``slopes``: y, x -> the derivatives by each argument, PLUS and
+    MINUS for 1 and -1; ``inverse``: y, x -> for each argument what holds it.
     """
 
     values: Callable[..., Interval]
@@ -94,9 +96,9 @@ ELEMENTARY = {
 }
 OPERATIONS = {
     "constant": Rule(lambda number: Interval(np.full(1, number))),
-    "negative": Rule(operator.neg, lambda y, x: (-1.0,), lambda y, x: [-y]),
-    "add": Rule(operator.add, lambda y, a, b: (1.0, 1.0), lambda y, a, b: [y - b, y - a]),
-    "subtract": Rule(operator.sub, lambda y, a, b: (1.0, -1.0), lambda y, a, b: [y + b, a - y]),
+    "negative": Rule(operator.neg, lambda y, x: (MINUS,), lambda y, x: [-y]),
+    "add": Rule(operator.add, lambda y, a, b: (PLUS, PLUS), lambda y, a, b: [y - b, y - a]),
+    "subtract": Rule(operator.sub, lambda y, a, b: (PLUS, MINUS), lambda y, a, b: [y + b, a - y]),
     "multiply": Rule(operator.mul, lambda y, a, b: (b, a), lambda y, a, b: [y / b, y / a]),
     "divide": Rule(
         operator.truediv, lambda y, a, b: (1.0 / b, -(y / b)), lambda y, a, b: [y * b, a / y]

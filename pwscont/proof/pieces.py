@@ -80,7 +80,7 @@ class PiecesProof:
     ) -> None:
         self._graph, self._cells = graph, ExactCells(*rows)
         self._rational_ends = cache(self._ends_of)
-        self._rational_rows = cache(self._rows_of)
+        self._rational_rows = cache(lambda k: [*map(rational, self._cells.of(self._choices[k]))])
         met: dict[int, list[int]] = {}
         for k, piece in enumerate(graph.pieces):
             for node in (piece.start, piece.end):
@@ -245,12 +245,8 @@ class PiecesProof:
     def _holds(self, k: int, x: Point) -> bool:
         """Tell whether a solution of the common rows is a solution of the cell of a piece."""
         equations, sides = self._rational_rows(k)
-        return not any(value(row, x) for row in equations) and all(
-            value(row, x) >= 0 for row in sides
-        )
-
-    def _rows_of(self, k: int) -> Any:
-        return [rational(rows) for rows in self._cells.of(self._choices[k])]
+        on_line = not any(value(row, x) for row in equations)
+        return on_line and all(value(row, x) >= 0 for row in sides)
 
 
 def _allowed(lo: Array, hi: Array) -> tuple[Array, Array]:
