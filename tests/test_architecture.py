@@ -64,7 +64,7 @@ BUDGET = {
     "graph": (10, 3105),
     "search": (11, 2210),
     "continuation": (9, 3350),
-    "proof": (15, 2780),
+    "proof": (15, 2800),
     "scenes": (14, 2660),
     "view": (6, 950),
     "evolution": (21, 3030),

@@ -61,7 +61,9 @@ def with_slopes(tape: Tape, box: Interval) -> tuple[Interval, Interval]:
 def picked(places: Sequence[int], found: Steps, shape: tuple[int, ...]) -> Interval:
     """Return of what is known of all steps what is known at places, each of a shape."""
     rows = [found[place] or Interval(np.zeros(shape)) for place in places]
-    return together(lambda ends: np.stack([np.broadcast_to(x, shape) for x in ends]), *rows)
+    if any(row.lo.shape != shape for row in rows):
+        rows = [together(lambda ends: np.broadcast_to(ends[0], shape), row) for row in rows]
+    return together(np.stack, *rows)
 
 
 # -- derivatives ----------------------------------------------------------------------------------

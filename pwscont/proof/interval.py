@@ -11,6 +11,7 @@ lie in the interval, as far as rounding of the argument can tell.
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Callable
 from functools import reduce
 from typing import Any, final
@@ -38,14 +39,20 @@ Ends = Callable[[Array, Array], Array]
 
 def below(x: Array, ulps: float = 1.0) -> Array:
     """Return numbers that are certainly below the true values of rounded numbers."""
-    lower: Array = x - (np.abs(x) * (ulps * ULP) + ulps * SMALLEST)
-    return lower
+    return x - _error(x, ulps)
 
 
 def above(x: Array, ulps: float = 1.0) -> Array:
     """Return numbers that are certainly above the true values of rounded numbers."""
-    upper: Array = x + (np.abs(x) * (ulps * ULP) + ulps * SMALLEST)
-    return upper
+    return x + _error(x, ulps)
+
+
+def _error(x: Array, ulps: float) -> Array:
+    """Return a bound of the error of rounded numbers, in place: most of the time goes here."""
+    error = np.abs(x)
+    error *= ulps * ULP
+    error += ulps * SMALLEST
+    return error
 
 
 def _increasing(name: str, least: float, most: float, first: float, last: float) -> Map:
@@ -123,12 +130,21 @@ class Interval:
         return Interval.rounded(self.lo - other.hi, self.hi - other.lo)
 
     def __mul__(self, other: Any) -> Interval:
-        return _spanned([x * y for x in _ends(self) for y in _ends(_interval(other))])
+        one, other = self, _interval(other)
+        if one.lo is one.hi:
+            one, other = other, one
+        a, b = one.lo * other.lo, one.hi * other.lo
+        lo, hi = np.minimum(a, b), np.maximum(a, b)
+        if other.lo is not other.hi:  # else these are all products
+            a, b = one.lo * other.hi, one.hi * other.hi
+            lo, hi = np.minimum(lo, np.minimum(a, b)), np.maximum(hi, np.maximum(a, b))
+        return Interval.rounded(lo, hi)
 
     def __truediv__(self, other: Any) -> Interval:
         """Divide; where the divisor may be zero, the quotient says nothing."""
         other = _interval(other)
-        found = _spanned([x / y for x in _ends(self) for y in _ends(other)])
+        ends = [x / y for x in _ends(self) for y in _ends(other)]
+        found = Interval.rounded(reduce(np.minimum, ends), reduce(np.maximum, ends))
         return found.where(other.excludes_zero())
 
     __radd__, __rmul__ = __add__, __mul__
@@ -144,9 +160,11 @@ class Interval:
         k = int(power)
         if k < 0:
             return 1.0 / self**-k
-        base = self if k % 2 else abs(self)
-        lo, hi = _repeated(Interval(base.lo), k).lo, _repeated(Interval(base.hi), k).hi
-        return Interval(lo if k % 2 else np.maximum(lo, 0.0), hi)
+        if k % 2:
+            ends = (_repeated(Interval(end), k, operator.mul) for end in (self.lo, self.hi))
+            return Interval(next(ends).lo, next(ends).hi)
+        lo = _repeated(abs(self).lo, k, lambda x, y: np.maximum(below(x * y), 0.0))
+        return Interval(lo, _repeated(abs(self).hi, k, lambda x, y: above(x * y)))
 
     def sqrt(self) -> Interval:
         """Return the roots; where the argument may be negative, the root says nothing."""
@@ -228,16 +246,12 @@ def _ends(x: Interval) -> list[Array]:
     return [x.lo] if x.lo is x.hi else [x.lo, x.hi]
 
 
-def _spanned(ends: list[Array]) -> Interval:
-    return Interval.rounded(reduce(np.minimum, ends), reduce(np.maximum, ends))
-
-
-def _repeated(x: Interval, k: int) -> Interval:
+def _repeated(x: Any, k: int, times: Callable[[Any, Any], Any]) -> Any:
     """Return the product of k factors x; k at least zero."""
     if k <= 1:
-        return x if k else Interval(np.ones_like(x.lo))
-    half = _repeated(x, k // 2)
-    return half * half * x if k % 2 else half * half
+        return x if k else np.ones_like(x)
+    half = _repeated(x, k // 2, times)
+    return times(times(half, half), x) if k % 2 else times(half, half)
 
 
 def chosen(condition: Signs, one: Interval, other: Interval) -> Interval:
