@@ -49,12 +49,12 @@ if TYPE_CHECKING:
     from pwscont.evolution.history import LoadHistory
     from pwscont.evolution.memory import SystemWithMemory
     from pwscont.evolution.scene import EvolutionScene
-    from pwscont.exact.prove import prove
     from pwscont.kit.seams import check_detector, check_search, check_stepper
     from pwscont.kit.system import check_system
     from pwscont.notation.problems import LCP, AbsNormal, Complementarity
     from pwscont.notation.switched import Switched
     from pwscont.proof.everywhere import Everywhere
+    from pwscont.proof.prove import prove
     from pwscont.scenes.panels import Panel, ParameterPath
     from pwscont.scenes.paths import draw_counts
     from pwscont.scenes.plotting import plot
@@ -192,7 +192,7 @@ LATER = {
     "evolve": "pwscont.evolution.evolve",
     "plane": "pwscont.two_parameters.exact_plane",
     "plot": "pwscont.scenes.plotting",
-    "prove": "pwscont.exact.prove",
+    "prove": "pwscont.proof.prove",
 }
 
 

@@ -7,17 +7,16 @@ import pytest
 from proof_families import Mixed, PiecewisePolynomial, cover_of, proved
 from sweeps import swept
 
-import pwscont.proof.clusters
+import pwscont.proof.counts
 import pwscont.proof.cover
-import pwscont.proof.evaluate
-import pwscont.proof.everywhere
-import pwscont.proof.proof
+import pwscont.proof.groups
+import pwscont.proof.operations
 import pwscont.proof.tubes
 from pwscont import (
     Switched,
 )
-from pwscont.intervals.interval import Interval
 from pwscont.proof.cover import MOST_BOXES
+from pwscont.proof.interval import Interval
 
 pytestmark = pytest.mark.sweep(4)  # the others take too long for the README's command
 
@@ -122,8 +121,8 @@ def test_every_certificate_holds_at_exact_numbers(seeds):
 # -- faults of the rules: the tests above must see them -------------------------------------------
 
 
-def single_selection(x, dx, both):
-    return dx[0]
+def single_selection(dx):
+    return dx, dx
 
 
 def accepted_outside(*args):
@@ -142,7 +141,8 @@ def test_a_krawczyk_image_accepted_outside_its_box_is_caught(monkeypatch):
 
 
 def test_a_single_selection_at_kinks_is_caught(monkeypatch):
-    monkeypatch.setitem(pwscont.proof.evaluate._SWITCHES, "abs", single_selection)
+    switches = pwscont.proof.operations.SWITCHES
+    monkeypatch.setitem(switches, "abs", (switches["abs"][0], single_selection))
     assert wrong_polynomials(range(12))[0] + bad_certificates(range(4))[0] > 0
 
 
@@ -150,7 +150,7 @@ def test_a_single_selection_at_kinks_is_caught(monkeypatch):
 def test_tubes_that_are_not_told_apart_are_caught(monkeypatch):
     """Each tube counted for itself: the same solution counts several times."""
     each = lambda tubes, found, alpha: list(range(len(tubes.first)))  # noqa: E731
-    monkeypatch.setattr(pwscont.proof.proof, "_distinct", each)
+    monkeypatch.setattr(pwscont.proof.counts, "_distinct", each)
     with pytest.raises(AssertionError):
         test_counts_of_piecewise_polynomials(range(12))
 
@@ -304,8 +304,8 @@ def test_two_folds_that_are_too_close_are_no_fold(name):
 
 
 def test_second_derivatives_are_needed_to_call_a_fold_a_fold(monkeypatch):
-    always = lambda self, along: np.ones(along.lo.shape[1])  # noqa: E731
-    monkeypatch.setattr(pwscont.proof.clusters._Passage, "_of_folds", always)
+    always = lambda self, way: np.ones(way.lo.shape[1])  # noqa: E731
+    monkeypatch.setattr(pwscont.proof.groups._Passage, "_of_folds", always)
     with pytest.raises(AssertionError):
         test_two_folds_that_are_too_close_are_no_fold("smooth")
 

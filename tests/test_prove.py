@@ -13,7 +13,7 @@ from pwscont_coulomb.scenes import example3, fig7
 from rational import integer_family, number_of_solutions
 from sweeps import swept
 
-import pwscont.exact.cells
+import pwscont.proof.cells
 from pwscont import (
     LCP,
     BranchGraph,
@@ -26,11 +26,11 @@ from pwscont import (
     prove,
     trace,
 )
-from pwscont.exact.cells import proved_cells
-from pwscont.exact.pieces import PiecesProof
-from pwscont.exact.rates import is_positive_definite
 from pwscont.extending import ExactMode
 from pwscont.graph.records import Track
+from pwscont.proof.cells import Balls, ExactCells, ProvedCells, proved_cells
+from pwscont.proof.pieces import PiecesProof
+from pwscont.proof.rates import is_positive_definite
 from pwscont.search.enumeration import Solutions
 
 GAME = LCP([[1, 2], [2, 1]], q=[-1, -1], d=[1, 0])
@@ -58,7 +58,7 @@ def test_integer_problems_agree_with_rational_enumeration(seeds):
         M, q, d, e = integer_family(np.random.default_rng(seed))
         for alpha in (Fraction(-1), Fraction(0), Fraction(1, 2)):
             truth = number_of_solutions(M, q, d, e, alpha, Fraction(0))
-            cells = proved_cells(*LCP(M, q, d).exact_rows(float(alpha)), float(alpha))
+            cells = proved_cells(ExactCells(*LCP(M, q, d).exact_rows(float(alpha))), float(alpha))
             if not cells.open:
                 proved += 1
                 count = len(cells.boxes) + len(cells.points)
@@ -108,8 +108,7 @@ def test_data_moved_by_rounding_across_a_kink_moves_the_count():
 def test_units_of_a_complementarity_problem_do_not_hide_an_inequality(stiffness):
     """z - w rounds to -w: a cell with w = 0 and z < 0 has no solution all the same."""
     spring = Complementarity(lambda z, t: stiffness * z + 1.0 + 0.0 * t, n=1, linear=True)
-    common, parts = spring.exact_rows(0.0)
-    cells = proved_cells(common, parts, 0.0)
+    cells = proved_cells(ExactCells(*spring.exact_rows(0.0)), 0.0)
     assert len(cells.boxes) + len(cells.points) == 1
 
 
@@ -136,10 +135,10 @@ def bad_boxes(count):
         body = random_bodies.random_body(2, seed)
         load = random_bodies.random_vector(body.n, seed)
         system = CoulombLoad(random_bodies.contact_body(body), AffineLoad(load, load), 2.0)
-        common, parts = system.exact_rows(0.0)
-        for choice, (x, r) in proved_cells(common, parts, 0.0).boxes.items():
-            exact = pwscont.exact.cells.ProvedCells()
-            pwscont.exact.cells._in_rationals(common, parts, 0.0, choice, exact)
+        cells = ExactCells(*system.exact_rows(0.0))
+        for choice, (x, r) in proved_cells(cells, 0.0).boxes.items():
+            exact = ProvedCells()
+            exact.decide(cells, choice, 0.0)
             (point,) = exact.points
             pairs = zip(point, x, r, strict=True)
             bad += any(abs(v - Fraction(float(a))) > Fraction(float(b)) for v, a, b in pairs)
@@ -151,14 +150,55 @@ def test_enclosures_hold_the_rational_solutions():
 
 
 def test_enclosures_that_are_too_narrow_are_caught(monkeypatch):
-    solved = pwscont.exact.cells.solved
+    solved = pwscont.proof.cells.solved
 
     def narrow(*args):
-        x, radius = solved(*args)
-        return x, 1e-6 * radius
+        x = solved(*args)
+        return Balls(x.mid, 1e-6 * x.rad)
 
-    monkeypatch.setattr(pwscont.exact.cells, "solved", narrow)
+    monkeypatch.setattr(pwscont.proof.cells, "solved", narrow)
     assert bad_boxes(12) > 0
+
+
+def escaped(found, exact):
+    """Return how many exact numbers are outside of balls."""
+    pairs = zip(found.mid.ravel().tolist(), found.rad.ravel().tolist(), exact, strict=True)
+    return sum(abs(Fraction(mid) - x) > Fraction(rad) for mid, rad, x in pairs)
+
+
+def exact_rows(matrix, x, right):
+    """Return matrix x + right in rational numbers."""
+    A, b, c = ([[Fraction(v) for v in row] for row in each.tolist()] for each in (matrix, x, right))
+    return [
+        sum(row[k] * b[k][j] for k in range(len(b))) + c[i][j]
+        for i, row in enumerate(A)
+        for j in range(len(b[0]))
+    ]
+
+
+@pytest.mark.parametrize("is_exact", [True, False])
+def test_balls_hold_exact_products(is_exact):
+    """Of all magnitudes, with and without cancellation; balls without a radius lose results."""
+    lost = 0
+    for seed in range(40):
+        rng = np.random.default_rng(seed)
+        matrix = rng.normal(size=(6, 5)) * 2.0 ** rng.integers(-60, 60, size=(6, 5))
+        x = rng.normal(size=(5, 2)) * 2.0 ** rng.integers(-60, 60, size=(5, 2))
+        right = -(matrix @ x) if seed % 2 else rng.normal(size=(6, 2))
+        near = matrix * (1.0 + 1e-12 * rng.uniform(-1.0, 1.0, matrix.shape))
+        balls = Balls(matrix) if is_exact else Balls(near, 1.1e-12 * np.abs(matrix))
+        truth = exact_rows(matrix, x, right)
+        found = pwscont.proof.cells._residual(balls, x, Balls(right))
+        assert escaped(found, truth) == 0
+        lost += escaped(Balls(found.mid, 1e-3 * found.rad), truth)
+    assert lost > 0
+
+
+def test_exact_residuals_have_twice_the_digits():
+    rng = np.random.default_rng(2)
+    matrix, x = rng.normal(size=(30, 30)), rng.normal(size=(30, 2))
+    found = pwscont.proof.cells._residual(Balls(matrix), x, Balls(-(matrix @ x)))
+    assert found.rad.max() < 1e-19
 
 
 # -- pieces and transitions ------------------------------------------------------------------------
@@ -241,6 +281,18 @@ def moved(graph, index, part):
     return BranchGraph(graph.special_points(), pieces, graph.interval, system=graph.system)
 
 
+@pytest.mark.parametrize("name", ["fig7", "two ways", "vertical pieces"])
+def test_a_curve_that_jumped_is_not_proved(name):
+    """The right cells and the right alphas, but other solutions there."""
+    system = fig7().system if name == "fig7" else CORNERS[name][0]
+    graph = explore(system, (-1.5, 1.5))
+    for k, piece in enumerate(graph.pieces):
+        points = piece.points.copy()
+        points[:, 0] += 1e-4 * (1.0 + np.abs(points[:, 0]))
+        pieces = [*graph.pieces[:k], replace(piece, track=Track.of(points)), *graph.pieces[k + 1 :]]
+        assert not prove(BranchGraph(graph.nodes, pieces, graph.interval, system=system)).holds
+
+
 def test_a_piece_that_ends_at_a_wrong_place_is_not_proved():
     graph = explore(fig7().system, (-2.0, 2.0))
     for part in (-1e-4, 1e-4):
@@ -249,13 +301,37 @@ def test_a_piece_that_ends_at_a_wrong_place_is_not_proved():
         assert proof.open
 
 
-def test_a_corner_and_a_vertical_piece_are_not_proved():
+FLAT = Switched(
+    1, lambda z, t, sw: sw.clip(z, -1, 1) - sw.max(z - 2, 0) - 2 * sw.min(z + 2, 0) - t, linear=True
+)
+CORNERS = {
+    "two ways": (LCP(np.eye(2), np.zeros(2), [-1.0, -1.0]), "2 pieces and 1 transition"),
+    "four ways": (LCP([[1, 2], [2, 1]], np.zeros(2), [-1, -1]), "4 pieces and 1 transition"),
+    "vertical pieces": (FLAT, "5 pieces and 4 transitions"),
+}
+
+
+@pytest.mark.parametrize("name", CORNERS)
+def test_corners_and_vertical_pieces_are_proved_in_rational_numbers(name):
+    system, words = CORNERS[name]
+    graph = explore(system, (-1.5, 1.5))
+    assert prove(graph).statements[0] == f"complete, proved: {words}"
+    for k in range(len(graph.pieces)):
+        assert not prove(moved(graph, k, 1e-4)).holds
+
+
+def test_a_corner_with_a_way_dropped_is_not_complete():
+    graph = explore(CORNERS["four ways"][0], (-1.5, 1.5))
+    for k in range(4):
+        pieces = [p for p in graph.pieces if p.id != k]
+        proof = prove(BranchGraph(graph.nodes, pieces, graph.interval, system=graph.system))
+        assert not proof.is_complete
+
+
+def test_a_piece_without_end_is_not_proved():
     flat = Switched(1, lambda z, t, sw: sw.relu(z) - t, linear=True)
-    assert not prove(explore(flat, (-1.0, 1.0))).holds
-    corner = LCP(np.eye(2), np.zeros(2), [-1.0, -1.0])
-    proof = prove(explore(corner, (-1.0, 1.0)))
-    assert not proof.holds
-    assert "special point" in proof.open[0]
+    proof = prove(explore(flat, (-1.0, 1.0)))
+    assert proof.open == ["special point 0"]
 
 
 def test_transitions_that_only_look_alike_are_not_joined(monkeypatch):

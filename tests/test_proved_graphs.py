@@ -7,12 +7,7 @@ import numpy as np
 import pytest
 from pages import blocks, check_answers
 
-import pwscont.proof.clusters
-import pwscont.proof.cover
-import pwscont.proof.evaluate
 import pwscont.proof.everywhere
-import pwscont.proof.proof
-import pwscont.proof.tubes
 from pwscont import (
     LCP,
     BranchGraph,

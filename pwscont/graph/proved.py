@@ -5,7 +5,7 @@ The theorem stands on the page "Proofs" of the manual; the room ``proof`` makes 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -110,20 +110,22 @@ class BoxProof:
         """
         before = {each.hi: each.count for each in self.stretches}
         after = {each.lo: each.count for each in self.stretches}
-        return [
-            (lo, hi)
-            for lo, hi, turn in self.turns
-            if _are_explained(before.get(lo), after.get(hi), turn)
-        ]
+        folds = []
+        for lo, hi, turn in self.turns:
+            first, last = before.get(lo), after.get(hi)
+            if first is not None and last is not None and np.sign(last - first) in (0.0, turn):
+                folds += [(lo, hi)] if not np.isnan(turn) else []
+        return folds
 
     @cached_property
     def windows(self) -> list[Range]:
         """Ranges (lo, hi) of alpha, off folds and open boxes, in which the count is not said."""
-        others = [(lo, hi) for lo, hi, _ in self.turns if (lo, hi) not in self.folds]
-        return [(lo, hi) for lo, hi in others if not self._is_open(lo, hi)]
-
-    def _is_open(self, lo: float, hi: float) -> bool:
-        return any(least[-1] <= hi and largest[-1] >= lo for least, largest in self.open)
+        return [
+            (lo, hi)
+            for lo, hi, _ in self.turns
+            if (lo, hi) not in self.folds
+            and not any(least[-1] <= hi and largest[-1] >= lo for least, largest in self.open)
+        ]
 
     def count(self, alpha: float) -> int | None:
         """Return the proved number of solutions in the box; None where undecided, and at folds.
@@ -210,41 +212,38 @@ class BoxProof:
         Solutions are compared where the solutions were counted, and numbers between special points.
         """
         known = {each.alpha: each.solutions for each in self.stretches}
-        between = [pair for pair in pairwise(graph.breaks()) if not _holds_one(pair, known)]
-        middles = [0.5 * (lo + hi) for lo, hi in between]
-        for alpha in [*known, *middles]:
+        between = [
+            0.5 * (lo + hi)
+            for lo, hi in pairwise(graph.breaks())
+            if not any(lo < alpha < hi for alpha in known)
+        ]
+        for alpha in [*known, *between]:
             count = self.count(alpha)
-            if count is None:
-                continue
-            found = self._inside(graph, alpha)
-            proved = known.get(alpha) or ()
-            if len(found) != count or not all(_is_found(each, found) for each in proved):
-                yield alpha, count, len(found)
+            if count is not None:
+                found = list(self._inside(graph, alpha))
+                proved = known.get(alpha) or ()
+                if len(found) != count or not all(_is_found(each, found) for each in proved):
+                    yield alpha, count, len(found)
 
-    def _inside(self, graph: Structure, alpha: float) -> list[Corners]:
-        """Return the solutions of a graph in the box, with their errors."""
+    def _inside(self, graph: Structure, alpha: float) -> Iterator[Corners]:
+        """Yield the solutions of a graph in the box, with their errors."""
         lower, upper = self.box
         own = Box.of(graph.system) if graph.system is not None else None
-        found = []
         for solution in solutions_at(graph, alpha):
             z, error = solution.z, solution.error[: len(solution.z)]
             if own is not None and own.is_periodic:
                 z = own.wrapped(np.append(z, np.zeros(len(own.period) - len(z))))[: len(z)]
             if ((z >= lower) & (z <= upper)).all():
-                found.append((z, error if len(error) else np.zeros_like(z)))
-        return found
+                yield z, error if len(error) else np.zeros_like(z)
 
     # -- file ----------------------------------------------------------------------------------
 
     def plain(self) -> dict[str, Any]:
         """Return the proof as lists and numbers, for a file."""
-        stretches = [
-            [each.lo, each.hi, each.alpha, _lists(each.solutions)] for each in self.stretches
-        ]
         return {
             "box": _lists([self.box])[0],
             "interval": self.interval,
-            "stretches": stretches,
+            "stretches": [[s.lo, s.hi, s.alpha, _lists(s.solutions)] for s in self.stretches],
             "turns": [[lo, hi, None if np.isnan(turn) else turn] for lo, hi, turn in self.turns],
             "open": _lists(self.open),
             "boxes": self.boxes,
@@ -261,17 +260,21 @@ class BoxProof:
             If the entries make no sense.
         """
         lo, hi = (float(end) for end in plain["interval"])
-        stretches = [
-            CountedStretch(float(a), float(b), float(at), _corners(found))
-            for a, b, at, found in plain["stretches"]
-        ]
-        turns = [
-            (float(a), float(b), np.nan if turn is None else float(turn))
-            for a, b, turn in plain["turns"]
-        ]
-        box, left = _corners([plain["box"]]) or [], _corners(plain["open"]) or []
-        boxes, assumed = int(plain["boxes"]), str(plain["assumed"])
-        return cls(box[0], (lo, hi), stretches, turns, left, boxes, assumed)
+        return cls(
+            _corners([plain["box"]])[0],
+            (lo, hi),
+            [
+                CountedStretch(float(a), float(b), float(at), None if s is None else _corners(s))
+                for a, b, at, s in plain["stretches"]
+            ],
+            [
+                (float(a), float(b), np.nan if turn is None else float(turn))
+                for a, b, turn in plain["turns"]
+            ],
+            _corners(plain["open"]),
+            int(plain["boxes"]),
+            str(plain["assumed"]),
+        )
 
 
 def several(number: int, noun: str) -> str:
@@ -283,32 +286,21 @@ def _widest(ranges: list[Range]) -> float:
     return max(hi - lo for lo, hi in ranges)
 
 
-def _are_explained(before: int | None, after: int | None, turn: float) -> bool:
-    """Tell whether counts before and after folds are those of folds that turn one way."""
-    if before is None or after is None or np.isnan(turn):
-        return False
-    return bool(np.sign(after - before) in (0.0, turn))
-
-
-def _holds_one(ends: Range, alphas: Iterable[float]) -> bool:
-    return any(ends[0] < alpha < ends[1] for alpha in alphas)
-
-
 def _is_found(proved: Corners, found: list[Corners]) -> bool:
     """Tell whether a solution between two corners may be one of the solutions found."""
     lo, hi = proved
-    for z, error in found:
-        slack = (hi - lo) + CONFIDENCE * error + CLOSE * (1.0 + np.abs(z))
-        if (np.abs(z - 0.5 * (lo + hi)) <= slack).all():
-            return True
-    return False
+    return any(
+        (
+            np.abs(z - 0.5 * (lo + hi))
+            <= (hi - lo) + CONFIDENCE * error + CLOSE * (1.0 + np.abs(z))
+        ).all()
+        for z, error in found
+    )
 
 
 def _lists(pairs: list[Corners] | None) -> Any:
     return None if pairs is None else [[lo.tolist(), hi.tolist()] for lo, hi in pairs]
 
 
-def _corners(lists: Any) -> list[Corners] | None:
-    if lists is None:
-        return None
+def _corners(lists: Any) -> list[Corners]:
     return [(finite_array("least", lo), finite_array("largest", hi)) for lo, hi in lists]

@@ -1,4 +1,4 @@
-"""All solutions of a formula in a box, proved by interval arithmetic; imported when asked for.
+"""Proofs: all solutions of a formula in a box; counts and pieces of systems with exact data.
 
-The theorem and its premises stand on the page "Proofs" of the manual.
+Imported when asked for. Theorems and premises stand on the page "Proofs" of the manual.
 """

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import partial
 from typing import Any, final
@@ -16,11 +17,11 @@ from pwscont.basics.outcome import Failure, Guarantee, SearchScope
 from pwscont.curve.error_samples import Found
 from pwscont.curve.metric import Metric
 from pwscont.curve.semismooth import semismooth_newton
-from pwscont.graph.proved import BoxProof, CountedStretch
-from pwscont.intervals.interval import Interval
+from pwscont.graph.proved import BoxProof
+from pwscont.proof.counts import counted_proof
 from pwscont.proof.cover import covered
 from pwscont.proof.formulas import check_tape, tape_of
-from pwscont.proof.proof import counted_proof
+from pwscont.proof.interval import Interval
 from pwscont.search.default_search import default_search
 from pwscont.search.search import KnownBranches, NothingKnown, Search, scope_of, starts_of
 from pwscont.system.abilities import completed, formula_of, shown_size
@@ -86,7 +87,9 @@ class Everywhere(Search):
         if not 0.0 < finite_array("seconds", self.seconds, ()) < np.inf:
             raise InvalidInputError(f"seconds must be positive, got {self.seconds}")
         if self.box is not None:
-            object.__setattr__(self, "box", _checked_box(self.box))
+            ends = [end.tolist() for end in _checked_box(self.box)]  # numbers or lists
+            box = tuple(tuple(end) if isinstance(end, list) else end for end in ends)
+            object.__setattr__(self, "box", box)
 
     def starts(
         self, system: PiecewiseSystem, metric: Metric, interval: tuple[float, float]
@@ -103,7 +106,7 @@ class Everywhere(Search):
     ) -> Iterator[Found]:
         """Yield the proved solutions, then what the default search finds if something is open."""
         proof = self.prove(system, metric, interval, known=known)
-        yield from proved_starts(proof, system, metric, known)
+        yield from _proved_starts(proof, system, metric, known)
         if not proof.holds:
             search = default_search(system, interval)
             yield from starts_of(search, system, metric, interval, known)
@@ -123,7 +126,7 @@ class Everywhere(Search):
         """
         tape = tape_of(system)
         size = tape.size
-        lower, upper = self._limits(system, metric.scale[:size], size, known)
+        lower, upper = self._limits(system, metric.scale[:size], known or NothingKnown())
         box = Interval(np.append(lower, interval[0]), np.append(upper, interval[1]))
         scale = np.append(metric.scale[:size], interval[1] - interval[0])
         key = [each.tobytes() for each in (box.lo, box.hi, scale)], tape.steps, tape.outputs
@@ -134,36 +137,35 @@ class Everywhere(Search):
         with np.errstate(all="ignore"):
             cover = covered(tape, box, scale, self.seconds, most)
             proof = counted_proof(tape, box, scale, cover)
-        formula = formula_of(system) or system
-        self._last.update(formula=formula, interval=interval, key=key, proof=proof)
+        self._last.update(formula=_formula(system), interval=interval, key=key, proof=proof)
         return proof
 
     def _limits(
-        self, system: PiecewiseSystem, scale: Array, size: int, known: KnownBranches | None
+        self, system: PiecewiseSystem, scale: Array, known: KnownBranches
     ) -> tuple[Array, Array]:
         """Return the least and largest unknowns."""
+        size = len(scale)
         if self.box is not None:
-            lower, upper = (finite_array("box", end) for end in self.box)
+            lower, upper = _checked_box(self.box)
             if any(end.shape not in ((), (1,), (size,)) for end in (lower, upper)):
                 raise InvalidInputError(f"box must broadcast to {size} unknowns, got {self.box}")
             return np.broadcast_to(lower, (size,)), np.broadcast_to(upper, (size,))
         own = Box.of(system)
-        reach = np.minimum(FAR * scale, 0.5 * own.period[:size])
-        least, most = -reach, reach
-        if known is not None and not np.isfinite(own.period[:size]).any():
-            around = np.array([np.zeros(size), *(x[:size] for x in known.extremes())])
-            least, most = (_beyond(side * around, reach) * side for side in (-1.0, 1.0))
-        lower, upper = own.lower[:size], own.upper[:size]
-        return (
-            np.where(np.isfinite(lower), lower, least),
-            np.where(np.isfinite(upper), upper, most),
+        lower, upper, period = (end[:size] for end in (own.lower, own.upper, own.period))
+        is_periodic = np.isfinite(period).any()
+        around = np.array(
+            [np.zeros(size), *(x[:size] for x in known.extremes() if not is_periodic)]
         )
+        reach = np.minimum(FAR * scale, 0.5 * period)
+        least, most = (_beyond(side * around, reach) * side for side in (-1.0, 1.0))
+        lower = np.where(np.isfinite(lower), lower, least)
+        return lower, np.where(np.isfinite(upper), upper, most)
 
     def proved(self, system: PiecewiseSystem, interval: tuple[float, float]) -> BoxProof | None:
         """Return the proof of the last run, if the run was of this formula and interval."""
-        formula = formula_of(system) or system
-        is_last = self._last.get("formula") is formula and self._last.get("interval") == interval
-        return self._last["proof"] if is_last else None
+        last = self._last
+        is_last = last.get("formula") is _formula(system) and last.get("interval") == interval
+        return last["proof"] if is_last else None
 
     def searched(self, system: PiecewiseSystem) -> SearchScope:
         """Promise nothing here: what is proved, the graph says by its proof."""
@@ -186,8 +188,12 @@ def _beyond(points: Array, reach: Array) -> Array:
     return (far + 1.0) * reach
 
 
-def _checked_box(box: Any) -> tuple[Any, Any]:
-    """Return the ends of a box as tuples or numbers."""
+def _formula(system: PiecewiseSystem) -> Any:
+    return formula_of(system) or system
+
+
+def _checked_box(box: Any) -> tuple[Array, Array]:
+    """Return the ends of a box as arrays."""
     if not isinstance(box, tuple | list) or len(box) != 2:
         raise InvalidInputError(f"box must be a pair (least, largest), got {box!r}")
     lower, upper = (finite_array("box", end) for end in box)
@@ -197,35 +203,31 @@ def _checked_box(box: Any) -> tuple[Any, Any]:
         raise InvalidInputError(f"the two ends of box do not fit: {error}") from error
     if not is_ordered:
         raise InvalidInputError(f"box needs least < largest, got {box!r}")
-    return _plain(lower), _plain(upper)
+    return lower, upper
 
 
-def _plain(end: Array) -> Any:
-    return tuple(end.tolist()) if end.ndim else end.item()
-
-
-def proved_starts(
+def _proved_starts(
     proof: BoxProof, system: PiecewiseSystem, metric: Metric, known: KnownBranches
 ) -> Iterator[Found]:
     """Yield the proved solutions as Newton leaves them, of each stretch that is not known."""
     for stretch in proof.stretches:
-        for least, largest in () if _is_known(proof, stretch, known) else stretch.solutions or ():
-            guess = completed(system, 0.5 * (least + largest), stretch.alpha)
+        middles = [0.5 * (least + largest) for least, largest in stretch.solutions or ()]
+        for z in () if _are_known(proof, stretch.alpha, middles, known) else middles:
+            guess = completed(system, z, stretch.alpha)
             found = semismooth_newton(system, metric, guess, stretch.alpha)
             on_curve = None if isinstance(found, Failure) else settled(system, metric, found)
             if on_curve:
                 yield on_curve
 
 
-def _is_known(proof: BoxProof, stretch: CountedStretch, known: KnownBranches) -> bool:
-    """Tell whether each proved solution of a stretch has a known point nearest of its own."""
+def _are_known(proof: BoxProof, alpha: float, solutions: list[Array], known: KnownBranches) -> bool:
+    """Tell whether each proved solution at alpha has a known point nearest of its own."""
     size, (lower, upper) = len(proof.box[0]), proof.box
-    points = [x[:size] for x in known.at(stretch.alpha)]
+    points = [x[:size] for x in known.at(alpha)]
     points = [z for z in points if ((z >= lower) & (z <= upper)).all()]
-    if stretch.solutions is None or len(points) != len(stretch.solutions):
+    if len(points) != len(solutions):
         return False
-    middles = [0.5 * (least + largest) for least, largest in stretch.solutions]
-    nearest = {int(np.argmin([np.abs(z - x).max() for z in points])) for x in middles}
+    nearest = {int(np.argmin([np.abs(z - x).max() for z in points])) for x in solutions}
     return len(nearest) == len(points)
 
 
@@ -261,10 +263,6 @@ class AlsoProved(Search):
     A search that asks whether all branches are proved need not look any further.
     Nothing is proved in a run with limits. If anything stays open, the answer is that of the other
     search, and mentions no proof.
-
-    Attributes
-    ----------
-    search : Search
     """
 
     search: Search
@@ -287,7 +285,7 @@ class AlsoProved(Search):
         prove = partial(self._proof, system, metric, interval, known)
         yield from starts_of(self.search, system, metric, interval, _Provable(known, prove))
         if proof := prove():
-            yield from proved_starts(proof, system, metric, known)
+            yield from _proved_starts(proof, system, metric, known)
 
     def _proof(
         self,
@@ -299,13 +297,11 @@ class AlsoProved(Search):
         """Return the proof of all solutions, or nothing where anything stays open."""
         if shown_size(system) > MANY_UNKNOWNS or current_budget().is_limited:
             return None
-        try:
+        with suppress(InvalidInputError):  # no formula that can be traced
             tape = tape_of(system)
             most = MOST_WORK // ((len(tape.steps) + BESIDES) * (tape.size + 2))
-            proof = self._everywhere.prove(system, metric, interval, most, known)
-        except InvalidInputError:  # no formula that can be traced
-            return None
-        return proof if proof.holds else None
+            self._everywhere.prove(system, metric, interval, most, known)
+        return self.proved(system, interval)
 
     def searched(self, system: PiecewiseSystem) -> SearchScope:
         """Return the scope of the search."""

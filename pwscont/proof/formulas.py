@@ -10,18 +10,15 @@ import numpy as np
 from pwscont.basics.arrays import Array, generic
 from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidInputError
-from pwscont.intervals.interval import Interval
 from pwscont.notation.curved import SwitchedSystem
-from pwscont.proof.evaluate import values_of
-from pwscont.proof.newton import formula
+from pwscont.proof.contraction import formula, picked, values_of
+from pwscont.proof.interval import Interval
 from pwscont.proof.tape import NotTracedError, Tape, TracedSwitches, traced
 from pwscont.system.system import PiecewiseSystem, SlicewiseLinearSystem
 
 #: At how many points the tape is compared with the formula, and how much they may differ, relative
 #: to the values and to the bound on rounding.
 COMPARED, ALIKE, ROUNDINGS = 40, 1e-9, 100.0
-
-
 #: Most tests of a class, whose selections are written down one by one.
 MOST_TESTS = 8
 #: How often an interface is looked for, and by how many bisections.
@@ -29,13 +26,7 @@ LOOKS, BISECTIONS = 200, 60
 
 
 def tape_of(system: PiecewiseSystem) -> Tape:
-    """Return the tape of a system.
-
-    Raises
-    ------
-    InvalidInputError
-        If the system is piecewise linear, has too many tests, or cannot be traced.
-    """
+    """Return the tape of a system, or refuse a system that is linear, or cannot be traced."""
     if isinstance(system, SwitchedSystem):
         return traced(system.formula, system.shown)
     if isinstance(system, SlicewiseLinearSystem):
@@ -61,17 +52,11 @@ def _selected(system: PiecewiseSystem, z: Any, alpha: Any, sw: TracedSwitches) -
 
 
 def check_tape(tape: Tape, system: Any, box: Interval) -> None:
-    """Refuse a tape that says something else than the system at some point of a box.
-
-    Raises
-    ------
-    InvalidInputError
-    """
-    for i in range(COMPARED):
-        x = _point(box, i)
+    """Refuse a tape that says something else than the system at some point of a box."""
+    for x in _points(box, COMPARED).T:
         with np.errstate(all="ignore"):
             value = _value(system, x[:-1], float(x[-1]))
-            known = formula(tape, Interval.point(x[:, np.newaxis]))[:, 0]
+            known = formula(tape, Interval(x[:, np.newaxis]))[:, 0]
             slack = ALIKE * np.abs(value) + ROUNDINGS * known.width()
             differs = (value < known.lo - slack) | (value > known.hi + slack)
         if differs.any():
@@ -79,15 +64,16 @@ def check_tape(tape: Tape, system: Any, box: Interval) -> None:
                 f"the formula is not what its operations say, at {x}: it decides by something that "
                 "cannot be traced, so that nothing can be proved"
             )
-    if tape.has("select"):
-        _check_interfaces(tape, box)
+    for step in tape.steps:
+        if step.name == "select":
+            _check_interface(tape, step.args, box)
 
 
-def _point(box: Interval, i: int) -> Array:
-    """Return the i-th of some points of a box, more and more of them near the middle."""
-    part = 0.5 + 0.5 * generic(len(box.lo), i) * 2.0 ** -(i % 10)
-    point: Array = box.lo + (box.hi - box.lo) * part
-    return point
+def _points(box: Interval, count: int, first: int = 0) -> Array:
+    """Return points (n + 1, count) of a box, more and more of them near the middle."""
+    parts = [generic(len(box.lo), i) * 2.0 ** -(i % 10) for i in range(first, first + count)]
+    points: Array = box.lo + (box.hi - box.lo) * (0.5 + 0.5 * np.array(parts))
+    return points.T
 
 
 def _value(system: Any, z: Array, alpha: float) -> Array:
@@ -101,25 +87,26 @@ def _value(system: Any, z: Array, alpha: float) -> Array:
         raise InvalidInputError(f"the formula fails at {np.append(z, alpha)}: {error}") from error
 
 
-def _check_interfaces(tape: Tape, box: Interval) -> None:
+def _check_interface(tape: Tape, places: tuple[int, ...], box: Interval) -> None:
     """Refuse a class whose selections differ where a test vanishes, on many segments at once."""
-    one, other = (np.stack([_point(box, i + k) for i in range(LOOKS)], axis=1) for k in (0, LOOKS))
-    for step in tape.steps:
-        if step.name != "select":
-            continue
-        sides = [values_of(tape, Interval.point(x))[step.args[0]].middle() for x in (one, other)]
-        crossed = sides[0] * sides[1] < 0.0
-        a, b = one[:, crossed], other[:, crossed]
-        for _ in range(BISECTIONS):
-            middle = 0.5 * (a + b)
-            value = values_of(tape, Interval.point(middle))[step.args[0]].middle()
-            same = value * sides[0][crossed] > 0.0
-            a, b = np.where(same, middle, a), np.where(same, b, middle)
-        ends = values_of(tape, Interval(np.minimum(a, b), np.maximum(a, b)))
-        first, second = ends[step.args[1]], ends[step.args[2]]
-        slack = ALIKE * (1.0 + first.reach()) + ROUNDINGS * (first.width() + second.width())
-        if (np.abs(first.middle() - second.middle()) > slack).any():
-            raise InvalidInputError(
-                "two selections of the class differ where a test vanishes, so that nothing can be "
-                "proved; check_system says where"
-            )
+    a, b = _points(box, LOOKS), _points(box, LOOKS, LOOKS)
+
+    def test(x: Array) -> Array:
+        return picked(places, values_of(tape, Interval(x)), x.shape[1:])[0].middle()
+
+    first = test(a)
+    crossed = first * test(b) < 0.0
+    a, b, first = a[:, crossed], b[:, crossed], first[crossed]
+    for _ in range(BISECTIONS):
+        middle = 0.5 * (a + b)
+        same = test(middle) * first > 0.0
+        a, b = np.where(same, middle, a), np.where(same, b, middle)
+    ends = values_of(tape, Interval(np.minimum(a, b), np.maximum(a, b)))
+    known = picked(places, ends, a.shape[1:])
+    one, other = known[1], known[2]
+    slack = ALIKE * (1.0 + one.reach()) + ROUNDINGS * (one.width() + other.width())
+    if (np.abs(one.middle() - other.middle()) > slack).any():
+        raise InvalidInputError(
+            "two selections of the class differ where a test vanishes, so that nothing can be "
+            "proved; check_system says where"
+        )

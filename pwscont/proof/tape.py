@@ -5,11 +5,10 @@ array to the nodes, and every node writes the operation on the tape.
 
 Failure modes and answers
 -------------------------
-- The formula decides by a value (a comparison, ``np.floor``, ``float(alpha)``): refused in words.
-- The formula calls what no node knows (a table, a solver, complex numbers): refused in words.
+- The formula decides by a value (a comparison, ``np.floor``, ``float(alpha)``), or calls what no
+  node knows (a table, a solver, complex numbers): refused in words.
 - The formula hides a decision from the nodes: the tape is compared with the formula at many points.
-- A clip with a lower bound above the upper bound, and a jump of ``sw.where``, have no derivative:
-  the tape marks both, and no tube is proved there.
+- A clip whose bounds may not be in order is written as decisions, across which nothing is proved.
 """
 
 from __future__ import annotations
@@ -24,11 +23,15 @@ import numpy as np
 from numpy.lib.mixins import NDArrayOperatorsMixin
 
 from pwscont.basics.errors import InvalidInputError
-from pwscont.intervals.functions import ELEMENTARY
 from pwscont.notation.arithmetic import KINKED
+from pwscont.proof.operations import ELEMENTARY
 
 #: Largest whole number that is taken as a power by repeated multiplication.
 LARGEST_POWER = 64
+PLAIN_NUMBER = (
+    "the formula takes the plain number of, or a decision by, something that depends on "
+    "(z, alpha): write decisions with the switches of sw"
+)
 
 
 class NotTracedError(TypeError):
@@ -38,36 +41,23 @@ class NotTracedError(TypeError):
 @final
 @dataclass(frozen=True, slots=True)
 class Step:
-    """One operation of a tape.
+    """One operation of a tape, with the places of the arguments on the tape.
 
-    Attributes
-    ----------
-    name : str
-    args : tuple of int
-        The places of the arguments on the tape.
-    number : float
-        The value of a constant, the power of a power, the number of a variable.
+    ``numbers`` has the value of a constant, the exponent of a power, the number of a variable.
     """
 
     name: str
     args: tuple[int, ...] = ()
-    number: float = 0.0
+    numbers: tuple[float, ...] = ()
 
 
 @final
 @dataclass(slots=True, eq=False)
 class Tape:
-    """The operations of a formula, arguments first.
+    """The operations of a formula of ``size`` unknowns, arguments first: z, alpha, and so on.
 
-    Attributes
-    ----------
-    size : int
-        The number of unknowns n; the variables are z[0], ..., z[n - 1], alpha.
-    steps : list of Step
-    outputs : list of int
-        The places of the n entries of the formula.
-    refused : list of NotTracedError
-        What the formula asked for in vain, though it may have gone on.
+    ``outputs`` are the places of the entries of the formula, and ``refused`` is what the formula
+    asked for in vain, though it may have gone on.
     """
 
     size: int
@@ -76,35 +66,45 @@ class Tape:
     refused: list[NotTracedError] = field(default_factory=list)
     _places: dict[Step, int] = field(default_factory=dict)
 
-    def place(self, step: Step) -> int:
-        """Return the place of an operation, which is written down once."""
+    def node(self, name: str, *args: Any, numbers: tuple[float, ...] = ()) -> Traced:
+        """Write an operation down, unless it stands there, and return the node of the result."""
+        step = Step(name, tuple(self.place_of(each) for each in args), numbers)
         if step not in self._places:
             self._places[step] = len(self.steps)
             self.steps.append(step)
-        return self._places[step]
+        return Traced(self, self._places[step])
 
-    def node(self, name: str, *args: Any, number: float = 0.0) -> Traced:
-        """Write an operation down and return the node of the result."""
-        places = tuple(self.place_of(each) for each in args)
-        return Traced(self, self.place(Step(name, places, number)))
+    def variable(self, number: int) -> Traced:
+        """Return the node of a variable."""
+        return self.node("variable", numbers=(float(number),))
 
-    def place_of_variable(self, number: int) -> int:
-        """Return the place of a variable."""
-        return next(
-            i
-            for i, step in enumerate(self.steps)
-            if step.name == "variable" and step.number == number
-        )
+    def place_of(self, thing: Any) -> int:
+        """Return the place of a node or of a constant."""
+        if not isinstance(thing, Traced):
+            thing = self.node("constant", numbers=(_exact(thing),))
+        place: int = thing.place
+        return place
+
+    def parted(self, thing: Any) -> tuple[Any, float]:
+        """Return a number, with a sign, and a constant: their sum is a node, exactly."""
+        place = self.place_of(thing)
+        step = self.steps[place]
+        if step.name == "constant":
+            return None, step.numbers[0]
+        if step.name == "negative":
+            return (step.args[0], -1.0), 0.0
+        if step.name in ("add", "subtract"):
+            sign = 1.0 if step.name == "add" else -1.0
+            (first, one), (second, other) = ((arg, self.steps[arg]) for arg in step.args)
+            if one.name == "constant":
+                return (second, sign), one.numbers[0]
+            if other.name == "constant":
+                return (first, 1.0), sign * other.numbers[0]
+        return (place, 1.0), 0.0
 
     def has(self, name: str) -> bool:
         """Tell whether an operation stands on the tape."""
         return any(step.name == name for step in self.steps)
-
-    def place_of(self, thing: Any) -> int:
-        """Return the place of a node or of a constant."""
-        if isinstance(thing, Traced):
-            return thing.place
-        return self.place(Step("constant", (), _exact(thing)))
 
 
 def _exact(thing: Any) -> float:
@@ -129,7 +129,8 @@ class Traced(NDArrayOperatorsMixin):
             raise NotTracedError(f"the formula calls {ufunc.__name__}.{method} with options")
         if any(isinstance(each, np.ndarray) and each.ndim for each in args):
             return ufunc(*(_as_array(each) for each in args))
-        return self._of(ufunc.__name__, *(_as_entry(each) for each in args))
+        numbers = (each.item() if isinstance(each, np.ndarray) else each for each in args)
+        return self._of(ufunc.__name__, *numbers)
 
     def __getattr__(self, name: str) -> Any:
         """Return a function by its name, as numpy asks the entries of arrays."""
@@ -141,9 +142,10 @@ class Traced(NDArrayOperatorsMixin):
         """Write an operation on this number and others down, or refuse the operation in words."""
         if name in DERIVED:
             return DERIVED[name](*args)
-        simple = SIMPLER[name](*args) if name in SIMPLER and _are_known(args) else None
-        if simple is not None:
-            return simple
+        if name in ("add", "subtract", "multiply") and all(map(_is_known, args)):
+            simple = _simpler(name, *args)
+            if simple is not None:
+                return simple
         if name in ELEMENTARY or name in ("negative", "add", "subtract", "multiply", "divide"):
             return self.tape.node(name, *args)
         if name == "power":
@@ -158,10 +160,9 @@ class Traced(NDArrayOperatorsMixin):
 
     def _power(self, base: Any, power: Any) -> Any:
         if not _is_number(power):
-            log = self.tape.node("log", base)
-            return self.tape.node("exp", power * log)
+            return self.tape.node("exp", power * self.tape.node("log", base))
         if float(power).is_integer() and abs(power) <= LARGEST_POWER:
-            return self.tape.node("power", base, number=float(power))
+            return self.tape.node("power", base, numbers=(float(power),))
         return base.sqrt() if power == 0.5 else (_exact(power) * base.log()).exp()
 
     def copy(self) -> Traced:
@@ -169,12 +170,7 @@ class Traced(NDArrayOperatorsMixin):
         return self
 
     def _refuse(self, *args: Any) -> Any:
-        self.tape.refused += [
-            NotTracedError(
-                "the formula takes the plain number of, or a decision by, something that depends "
-                "on (z, alpha): write decisions with the switches of sw"
-            )
-        ]
+        self.tape.refused += [NotTracedError(PLAIN_NUMBER)]
         raise self.tape.refused[-1]
 
     __hash__ = None  # type: ignore[assignment]
@@ -191,50 +187,26 @@ def _as_array(thing: Any) -> Any:
     return array
 
 
-def _as_entry(thing: Any) -> Any:
-    return thing.item() if isinstance(thing, np.ndarray) else thing
-
-
 def _is_number(thing: Any) -> bool:
     return isinstance(thing, Real)
 
 
-def _are_known(args: tuple[Any, ...]) -> bool:
-    return all(_is_number(each) or isinstance(each, Traced) for each in args)
+def _is_known(thing: Any) -> bool:
+    return isinstance(thing, Real | Traced)
 
 
-def _product(x: Any, y: Any) -> Any:
-    """Return a square, or a product with one or with zero, None for other products."""
+def _simpler(name: str, x: Any, y: Any) -> Any:
+    """Return a sum, difference or product that is simpler than it looks, None for others."""
     number, other = (x, y) if _is_number(x) else (y, x)
     if not _is_number(number):
-        return x.tape.node("power", x, number=2.0) if x.place == y.place else None
-    if number == 0.0 and other.tape.steps[other.place].name == "variable":
-        return 0.0
-    return other if number == 1.0 else None
+        return x**2 if name == "multiply" and x.place == y.place else None
+    if name == "multiply":
+        is_nothing = number == 0.0 and other.tape.steps[other.place].name == "variable"
+        return 0.0 if is_nothing else other if number == 1.0 else None
+    found: Any = number if isinf(number) else other if number == 0.0 else None
+    return -found if name == "subtract" and found is y else found
 
 
-def _sum(x: Any, y: Any) -> Any:
-    """Return a sum with zero or with an infinite number, None for other sums."""
-    number, other = (x, y) if _is_number(x) else (y, x)
-    if not _is_number(number):
-        return None
-    return other if number == 0.0 else number if isinf(number) else None
-
-
-def _difference(x: Any, y: Any) -> Any:
-    if _is_number(y):
-        return _sum(x, -y)
-    if not _is_number(x):
-        return None
-    return -y if x == 0.0 else x if isinf(x) else None
-
-
-#: Operations that need not be written down, or are simpler than they look.
-SIMPLER: dict[str, Callable[..., Any]] = {
-    "add": _sum,
-    "subtract": _difference,
-    "multiply": _product,
-}
 #: Operations that are written down as others.
 DERIVED: dict[str, Callable[..., Any]] = {
     "positive": lambda x: x,
@@ -256,81 +228,62 @@ class TracedSwitches:
     def __init__(self, tape: Tape) -> None:
         self._tape = tape
 
-    def _each(self, function: Callable[..., Any], *arguments: Any) -> Any:
-        return np.frompyfunc(function, len(arguments), 1)(*map(_as_array, arguments))
+    def _each(self, function: Callable[..., Any] | str, *args: Any) -> Any:
+        """Return a function of every entry, or the nodes of an operation."""
+        if isinstance(function, str):
+            name, function = function, lambda *entries: self._tape.node(name, *entries)
+        return np.frompyfunc(function, len(args), 1)(*map(_as_array, args))
 
     def max(self, a: Any, b: Any) -> Any:
         """Return the larger of two quantities."""
-        return self._each(lambda x, y: self._tape.node("max", x, y), a, b)
+        return self._each("max", a, b)
 
     def min(self, a: Any, b: Any) -> Any:
         """Return the smaller of two quantities."""
-        return self._each(lambda x, y: self._tape.node("min", x, y), a, b)
+        return self._each("min", a, b)
 
     def abs(self, a: Any) -> Any:
         """Return the magnitude of a quantity."""
-        return self._each(lambda x: self._tape.node("abs", x), a)
+        return self._each("abs", a)
 
     def relu(self, a: Any) -> Any:
         """Return a quantity where the quantity is positive, and zero elsewhere."""
-        return self.max(a, 0.0)
+        return self._each("max", a, 0.0)
 
     def where(self, s: Any, a: Any, b: Any) -> Any:
         """Return ``a`` where ``s >= 0``, and ``b`` elsewhere; across a kink nothing is proved."""
-        return self._each(lambda x, y, z: self._tape.node("where", x, y, z), s, a, b)
+        return self._each("where", s, a, b)
 
     def select(self, s: Any, a: Any, b: Any) -> Any:
         """Return ``a`` where ``s >= 0``, and ``b`` elsewhere, promised to agree where s is 0."""
-        return self._each(self._select, s, a, b)
 
-    def _select(self, s: Any, a: Any, b: Any) -> Any:
-        is_same = self._tape.place_of(a) == self._tape.place_of(b)
-        return a if is_same else self._tape.node("select", s, a, b)
+        def select(s: Any, a: Any, b: Any) -> Any:
+            is_same = self._tape.place_of(a) == self._tape.place_of(b)
+            return a if is_same else self._tape.node("select", s, a, b)
+
+        return self._each(select, s, a, b)
 
     def clip(self, a: Any, lower: Any, upper: Any) -> Any:
         """Return a quantity between bounds."""
         return self._each(self._clip, a, lower, upper)
 
     def _clip(self, a: Any, lower: Any, upper: Any) -> Any:
-        if _is_number(lower) and lower == -np.inf:
-            return a if _is_number(upper) and upper == np.inf else self._tape.node("min", a, upper)
-        if _is_number(upper) and upper == np.inf:
-            return self._tape.node("max", a, lower)
-        if self._are_ordered(lower, upper):
-            return self._tape.node("max", lower, self._tape.node("min", a, upper))
-        return self._tape.node("clip", a, lower, upper)
-
-    def _are_ordered(self, lower: Any, upper: Any) -> bool:
-        """Tell whether lower <= upper for certain: the same number plus ordered constants."""
-        low, high = (self._but_constant(self._tape.place_of(each)) for each in (lower, upper))
-        return low[:2] == high[:2] and low[2] <= high[2]
-
-    def _but_constant(self, place: int) -> tuple[int, int, float]:
-        """Return k, s and c of a number that is s times number k, plus c, exactly."""
-        step = self._tape.steps[place]
-        if step.name == "constant":
-            return -1, 1, step.number
-        if step.name == "negative":
-            return step.args[0], -1, 0.0
-        if step.name not in ("add", "subtract"):
-            return place, 1, 0.0
-        first, second = (self._tape.steps[each] for each in step.args)
-        sign = 1 if step.name == "add" else -1
-        if first.name == "constant":
-            return step.args[1], sign, first.number
-        if second.name == "constant":
-            return step.args[0], 1, sign * second.number
-        return place, 1, 0.0
+        """Return a clipped number; with bounds in the wrong order, what the notation returns."""
+        node, are_known = self._tape.node, [_is_number(each) for each in (lower, upper)]
+        if are_known[0] and lower == -np.inf:
+            return a if are_known[1] and upper == np.inf else node("min", a, upper)
+        if are_known[1] and upper == np.inf:
+            return node("max", a, lower)
+        clipped = node("max", lower, node("min", a, upper))
+        (low, least), (high, most) = (self._tape.parted(each) for each in (lower, upper))
+        if low == high and least <= most:
+            return clipped
+        crossed = node("where", a - lower, upper, node("where", a - upper, a, lower))
+        return node("where", upper - lower, clipped, crossed)
 
 
 def traced(f: Callable[[Any, Any, Any], Any], size: int) -> Tape:
-    """Return the tape of a formula f(z, alpha, sw) of n unknowns.
-
-    Raises
-    ------
-    InvalidInputError
-        If the formula cannot be traced, with the reason.
-    """
+    """Return the tape of a formula f(z, alpha, sw), or say why the formula cannot be traced."""
     tape, again = Tape(size), Tape(size)
     try:
         for each in (tape, again):
@@ -348,7 +301,7 @@ def traced(f: Callable[[Any, Any, Any], Any], size: int) -> Tape:
 
 def _write(tape: Tape, f: Callable[[Any, Any, Any], Any]) -> None:
     """Write a formula on an empty tape."""
-    nodes = [tape.node("variable", number=float(i)) for i in range(tape.size + 1)]
+    nodes = [tape.variable(i) for i in range(tape.size + 1)]
     z = np.empty(tape.size, dtype=object)
     z[:] = nodes[:-1]
     with np.errstate(all="ignore"):

@@ -10,14 +10,16 @@ needed besides.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
-from typing import final
+from collections.abc import Callable
+from dataclasses import dataclass, fields, replace
+from functools import partial
+from typing import Any, final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Indices, Signs
-from pwscont.intervals.interval import ULP, Interval, above
-from pwscont.proof.newton import formula, inverse, times, total, with_slopes
+from pwscont.basics.arrays import Array, Signs
+from pwscont.proof.contraction import formula, inverse_of, times, with_slopes
+from pwscont.proof.interval import ULP, Interval, above, together
 from pwscont.proof.tape import Tape
 
 #: How much wider than the box a tube is tried, and how many times the residual besides.
@@ -31,14 +33,9 @@ SLACK = 64.0
 @final
 @dataclass(frozen=True, slots=True, eq=False)
 class Tubes:
-    """Tubes, one after the other along the last axis.
+    """Tubes, one after the other along the last axis, shapes (B,) and (n, B).
 
-    Attributes
-    ----------
-    first, middle, last : ndarray, shape (B,)
-    centre, slope, radius : ndarray, shape (n, B)
-    image : ndarray, shape (n, B)
-        The radius of the image of Krawczyk's operator, in which the solutions lie.
+    ``image`` is the radius of the image of Krawczyk's operator, in which the solutions lie.
     """
 
     first: Array
@@ -49,57 +46,50 @@ class Tubes:
     radius: Array
     image: Array
 
-    def __getitem__(self, which: Signs | Indices) -> Tubes:
-        return Tubes(*(getattr(self, each.name)[..., which] for each in fields(self)))
-
     @classmethod
-    def joined(cls, parts: list[Tubes]) -> Tubes:
-        """Return several sets of tubes as one."""
+    def made(cls, function: Callable[[list[Array]], Array], *parts: Tubes) -> Tubes:
+        """Return tubes whose arrays a function makes from the arrays of parts."""
         names = [each.name for each in fields(cls)]
-        return cls(*(np.concatenate([getattr(p, name) for p in parts], axis=-1) for name in names))
+        return cls(*(function([getattr(part, name) for part in parts]) for name in names))
 
-    def at(self, alpha: Interval, radius: Array) -> Interval:
+    def __getitem__(self, which: Any) -> Tubes:
+        return Tubes.made(lambda arrays: arrays[0][..., which], self)
+
+    def at(self, alpha: Interval, radius: Any = 0.0) -> Interval:
         """Return the hull of the tubes of another radius over intervals of alpha, shape (n, B)."""
-        line = Interval.point(self.slope) * (alpha - Interval.point(self.middle))
-        return Interval.point(self.centre) + line + Interval.ball(radius)
+        line = Interval(self.slope) * (alpha - self.middle)
+        return line + self.centre + Interval(-radius, radius)
+
+    def far(self, z: Interval, alpha: Interval) -> Array:
+        """Return how far boxes of z reach from the lines of tubes, at every alpha of intervals."""
+        ends = (alpha.lo, alpha.hi)  # lines: the ends are enough
+        far: Array = np.maximum(*((z - self.at(Interval(end))).reach() for end in ends))
+        return far
 
     def hold(self, z: Interval, alpha: Interval) -> Signs:
         """Tell which tubes hold boxes of z at every alpha of intervals."""
-        ends = [Interval.point(alpha.lo), Interval.point(alpha.hi)]  # lines: the ends are enough
-        held = [(z - self.at(end, np.zeros_like(self.radius))).reach() for end in ends]
-        found: Signs = (np.max(held, axis=0) < self.radius).all(axis=0)
-        return found
+        held: Signs = np.all(self.far(z, alpha) < self.radius, axis=0)
+        return held
 
 
-def whole(z: Interval, alpha: Interval) -> Interval:
-    """Return boxes (n + 1, B) from those of z (n, B) and of alpha (B,)."""
-    return Interval(np.vstack([z.lo, alpha.lo]), np.vstack([z.hi, alpha.hi]))
+joined = partial(Tubes.made, partial(np.concatenate, axis=-1))
 
 
 def around(tape: Tape, box: Interval, slopes: Interval, least: Array) -> tuple[Tubes, Signs]:
-    """Return tubes that hold boxes, and which of the tubes are proved.
+    """Return tubes that hold boxes (n + 1, B), and which of the tubes are proved.
 
-    Parameters
-    ----------
-    tape : Tape
-    box : Interval, shape (n + 1, B)
-    slopes : Interval, shape (n, n + 1, B)
-        The derivatives on the boxes, from which the shape of the tubes is guessed.
-    least : ndarray, shape (n,)
-        A radius that every tube exceeds: a box may have no width at all.
+    From ``slopes``, the derivatives on the boxes, the shape of the tubes is guessed. Every tube
+    exceeds a radius ``least``: a box may have no width at all.
     """
-    guess = slopes.middle()
-    matrix = inverse(guess[:, :-1])
-    middle, alpha = box.middle(), box[-1]
+    guess, middle, alpha = slopes.middle(), box.middle(), box[-1]
+    matrix = inverse_of(guess[:, :-1])
     slope = -np.einsum("ijb,jb->ib", matrix, guess[:, -1])
     centre = polished(tape, middle, matrix)
-    zero = np.zeros_like(centre)
-    tubes = Tubes(alpha.lo, middle[-1], alpha.hi, centre, slope, zero, zero)
-    ends = [Interval.point(alpha.lo), Interval.point(alpha.hi)]
-    needed = np.max([(box[:-1] - tubes.at(end, zero)).reach() for end in ends], axis=0)
-    radius = WIDER * needed + _rough(tape, tubes, matrix) + slack(centre)
-    radius = radius + least[:, np.newaxis]
-    tubes, is_proved = proved(tape, tubes, radius, matrix)
+    tubes = Tubes(alpha.lo, middle[-1], alpha.hi, centre, slope, centre, centre)
+    ends = [np.vstack([tubes.at(Interval(end)).middle(), end]) for end in (alpha.lo, alpha.hi)]
+    rough = np.maximum(*(np.abs(_newton(tape, x, matrix)) for x in ends))
+    radius = WIDER * tubes.far(box[:-1], alpha) + ROOM * rough + slack(centre)
+    tubes, is_proved = proved(tape, tubes, radius + least[:, np.newaxis], matrix)
     return tubes, is_proved & tubes.hold(box[:-1], alpha)
 
 
@@ -108,23 +98,18 @@ def slack(centre: Array) -> Array:
     return SLACK * ULP * np.abs(centre)
 
 
-def _rough(tape: Tape, tubes: Tubes, matrix: Array) -> Array:
-    """Return about how far solutions are from the line of a tube, seen at both ends of alpha."""
-    far = []
-    for alpha in (tubes.first, tubes.last):
-        z = tubes.at(Interval.point(alpha), np.zeros_like(tubes.radius)).middle()
-        value = formula(tape, Interval.point(np.vstack([z, alpha]))).middle()
-        far.append(np.abs(np.einsum("ijb,jb->ib", matrix, value)))
-    rough: Array = ROOM * np.max(far, axis=0)
-    return rough
+def _newton(tape: Tape, x: Array, matrix: Array) -> Array:
+    """Return Newton's step at points (n + 1, B): about how far solutions are."""
+    value = formula(tape, Interval(x)).middle()
+    step: Array = np.einsum("ijb,jb->ib", matrix, value)
+    return step
 
 
 def polished(tape: Tape, middle: Array, matrix: Array) -> Array:
     """Return the centres of boxes, moved towards solutions."""
     x = middle.copy()
     for _ in range(POLISHED):
-        value = formula(tape, Interval.point(x)).middle()
-        step = np.einsum("ijb,jb->ib", matrix, value)
+        step = _newton(tape, x, matrix)
         x[:-1] -= np.where(np.isfinite(step), step, 0.0)
     centre: Array = x[:-1]
     return centre
@@ -133,22 +118,12 @@ def polished(tape: Tape, middle: Array, matrix: Array) -> Array:
 def proved(tape: Tape, tubes: Tubes, radius: Array, matrix: Array) -> tuple[Tubes, Signs]:
     """Return tubes of a radius with the radius of their images, and which tubes are proved."""
     alpha = Interval(tubes.first, tubes.last)
-    slopes = with_slopes(tape, whole(tubes.at(alpha, radius), alpha))[1]
-    start = formula(tape, Interval.point(np.vstack([tubes.centre, tubes.middle])))
-    along = total([slopes[:, j] * Interval.point(tubes.slope[j]) for j in range(tape.size)])
-    away = (slopes[:, -1] + along) * (alpha - Interval.point(tubes.middle))
+    slopes = with_slopes(tape, together(np.vstack, tubes.at(alpha, radius), alpha))[1]
+    start = formula(tape, Interval(np.vstack([tubes.centre, tubes.middle])))
+    along = (slopes[:, :-1] * Interval(tubes.slope)).total(axis=1)
+    away = (slopes[:, -1] + along) * (alpha - Interval(tubes.middle))
     residual = times(matrix, start + away).reach()
-    unit = Interval.point(np.eye(tape.size)[:, :, np.newaxis])
-    off = (unit - times(matrix, slopes[:, :-1])).reach()
-    image = above(residual + above(_product(off, radius)))
+    off = (np.eye(tape.size)[:, :, np.newaxis] - times(matrix, slopes[:, :-1])).reach()
+    image = above(residual + (Interval(off) * Interval(radius)).total(axis=1).hi)
     is_proved: Signs = np.all((image < radius) & np.isfinite(radius), axis=0)
-    names = (tubes.first, tubes.middle, tubes.last, tubes.centre, tubes.slope)
-    return Tubes(*names, radius, image), is_proved
-
-
-def _product(matrix: Array, vector: Array) -> Array:
-    """Return upper bounds of products of matrices and vectors that are not negative."""
-    found = above(matrix[:, 0] * vector[0])
-    for j in range(1, len(vector)):
-        found = above(found + above(matrix[:, j] * vector[j]))
-    return found
+    return replace(tubes, radius=radius, image=image), is_proved

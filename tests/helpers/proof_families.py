@@ -6,8 +6,8 @@ import numpy as np
 
 from pwscont import Everywhere, Switched
 from pwscont.curve.metric import Metric
-from pwscont.intervals.interval import Interval
 from pwscont.proof.cover import covered
+from pwscont.proof.interval import Interval
 from pwscont.proof.tape import traced
 
 

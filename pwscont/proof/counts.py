@@ -10,15 +10,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Indices, Signs
+from pwscont.basics.arrays import Array
 from pwscont.graph.proved import BoxProof, Corners, CountedStretch, Range
 from pwscont.graph.structure import connected
-from pwscont.intervals.interval import FUNCTION_ULPS, Interval
-from pwscont.proof.clusters import Groups
+from pwscont.proof.contraction import formula, inverse_of, with_slopes
 from pwscont.proof.cover import FINEST_ALPHA, Cover
-from pwscont.proof.newton import formula, inverse, with_slopes
+from pwscont.proof.groups import Groups
+from pwscont.proof.interval import FUNCTION_ULPS, Interval, chosen, together
 from pwscont.proof.tape import Tape
-from pwscont.proof.tubes import ROOM, Tubes, polished, proved, slack, whole
+from pwscont.proof.tubes import ROOM, Tubes, polished, proved, slack
 
 #: Places, as parts of a stretch between groups, where solutions are counted one after the other,
 #: until counts are certain.
@@ -37,8 +37,7 @@ AGREEING_SELECTIONS = "; selections of a class that agree where tests vanish"
 def counted_proof(tape: Tape, box: Interval, scale: Array, cover: Cover) -> BoxProof:
     """Return what a cover of a box (n + 1,) proves; ``scale`` are the magnitudes of (z, alpha)."""
     groups = Groups.of(tape, cover.open, box, scale)
-    is_open = ~groups.passed
-    left = zip(groups.hulls.lo[:, is_open].T, groups.hulls.hi[:, is_open].T, strict=True)
+    left = groups.hulls[:, ~groups.passed]
     unsaid = _united(groups.hulls[-1], FINEST_ALPHA * float(scale[-1]))
     interval = float(box.lo[-1]), float(box.hi[-1])
     ends = [interval[0], *(end for each in unsaid for end in each), interval[1]]
@@ -48,51 +47,15 @@ def counted_proof(tape: Tape, box: Interval, scale: Array, cover: Cover) -> BoxP
         interval,
         [_counted(tape, box, cover.tubes, each) for each in pairs],
         [(*each, groups.turn_of(*each)) for each in unsaid],
-        list(left),
+        list(zip(left.lo.T, left.hi.T, strict=True)),
         cover.boxes,
         ASSUMED + (AGREEING_SELECTIONS if tape.has("select") else ""),
     )
 
 
-def _counted(tape: Tape, box: Interval, tubes: Tubes | None, stretch: Range) -> CountedStretch:
-    """Return a stretch with the solutions, whose numbers at several places agree."""
-    lo, hi = stretch
-    known: dict[float, list[Corners]] = {}
-    for part in PLACES:
-        alpha = lo + (hi - lo) * part
-        found = solutions(tape, box, tubes, alpha) if lo < alpha < hi else None
-        if found is not None:
-            known[alpha] = found
-        if len(known) == AGREEING:
-            break
-    if len({len(found) for found in known.values()}) != 1:
-        return CountedStretch(lo, hi, 0.5 * (lo + hi), None)
-    alpha, found = next(iter(known.items()))
-    return CountedStretch(lo, hi, alpha, found)
-
-
-@np.errstate(all="ignore")
-def solutions(tape: Tape, box: Interval, tubes: Tubes | None, alpha: float) -> list[Corners] | None:
-    """Return an enclosure (least, largest) of every solution in the box at alpha, off all groups.
-
-    None where solutions are not told apart for certain.
-    """
-    if tubes is None:
-        return []
-    tubes = tubes[(tubes.first <= alpha) & (alpha <= tubes.last)]
-    found = _enclosed(tape, tubes, alpha)
-    whole_box = box[:-1, np.newaxis]
-    outside: Signs = np.any((found.hi < whole_box.lo) | (found.lo > whole_box.hi), axis=0)
-    tubes, found = tubes[~outside], found[:, ~outside]
-    if not found.is_within(whole_box).all():
-        return None
-    groups = _distinct(tubes, found, alpha)
-    return None if groups is None else [(found.lo[:, i], found.hi[:, i]) for i in groups]
-
-
-def _united(ranges: Interval, apart: float) -> list[tuple[float, float]]:
+def _united(ranges: Interval, apart: float) -> list[Range]:
     """Return the union of ranges; ranges closer together than ``apart`` become one range."""
-    united: list[tuple[float, float]] = []
+    united: list[Range] = []
     for lo, hi in sorted(zip(ranges.lo.tolist(), ranges.hi.tolist(), strict=True)):
         if united and lo <= united[-1][1] + apart:
             united[-1] = (united[-1][0], max(hi, united[-1][1]))
@@ -101,24 +64,53 @@ def _united(ranges: Interval, apart: float) -> list[tuple[float, float]]:
     return united
 
 
+def _counted(tape: Tape, box: Interval, tubes: Tubes | None, stretch: Range) -> CountedStretch:
+    """Return a stretch with the solutions, whose numbers at several places agree."""
+    lo, hi = stretch
+    known: dict[float, list[Corners]] = {}
+    for alpha in (lo + (hi - lo) * part for part in PLACES):
+        found = _solutions(tape, box, tubes, alpha) if lo < alpha < hi else None
+        if found is not None:
+            known[alpha] = found
+        if len(known) == AGREEING:
+            break
+    if len({len(found) for found in known.values()}) != 1:
+        return CountedStretch(lo, hi, 0.5 * (lo + hi), None)
+    return CountedStretch(lo, hi, *next(iter(known.items())))
+
+
+@np.errstate(all="ignore")
+def _solutions(
+    tape: Tape, box: Interval, tubes: Tubes | None, alpha: float
+) -> list[Corners] | None:
+    """Return an enclosure (least, largest) of every solution in the box at alpha, off all groups.
+
+    None where solutions are not told apart for certain.
+    """
+    if tubes is None:
+        return []
+    tubes = tubes[(tubes.first <= alpha) & (alpha <= tubes.last)]
+    found, whole = _enclosed(tape, tubes, alpha), box[:-1, np.newaxis]
+    outside = np.any((found.hi < whole.lo) | (found.lo > whole.hi), axis=0)
+    tubes, found = tubes[~outside], found[:, ~outside]
+    groups = _distinct(tubes, found, alpha) if found.is_within(whole).all() else None
+    return None if groups is None else [(found.lo[:, i], found.hi[:, i]) for i in groups]
+
+
 def _enclosed(tape: Tape, tubes: Tubes, alpha: float) -> Interval:
     """Return narrow enclosures of the solutions in tubes at one alpha, shape (n, k)."""
-    point = Interval.point(np.full(len(tubes.first), alpha))
+    point = Interval(np.full(len(tubes.first), alpha))
     known = tubes.at(point, tubes.image)
-    slopes = with_slopes(tape, whole(known, point))[1]
-    matrix = inverse(slopes.middle()[:, :-1])
+    slopes = with_slopes(tape, together(np.vstack, known, point))[1]
+    matrix = inverse_of(slopes.middle()[:, :-1])
     centre = polished(tape, np.vstack([known.middle(), point.lo]), matrix)
-    value = formula(tape, Interval.point(np.vstack([centre, point.lo])))
+    value = formula(tape, Interval(np.vstack([centre, point.lo])))
     far = np.einsum("ijb,jb->ib", np.abs(matrix), value.reach())
     radius = ROOM * far + slack(centre) + slack(tubes.radius)
-    zero = np.zeros_like(centre)
-    thin = Tubes(point.lo, point.lo, point.lo, centre, zero, radius, radius)
+    thin = Tubes(point.lo, point.lo, point.lo, centre, np.zeros_like(centre), radius, radius)
     thin, is_proved = proved(tape, thin, radius, matrix)
     found = thin.at(point, thin.image)
-    is_proved &= tubes.hold(found, point)
-    return Interval(
-        np.where(is_proved, found.lo, known.lo), np.where(is_proved, found.hi, known.hi)
-    )
+    return chosen(is_proved & tubes.hold(found, point), found, known)
 
 
 def _distinct(tubes: Tubes, found: Interval, alpha: float) -> list[int] | None:
@@ -127,21 +119,14 @@ def _distinct(tubes: Tubes, found: Interval, alpha: float) -> list[int] | None:
     Solutions whose enclosures do not meet are different. Two enclosures that lie in one tube hold
     the same solution.
     """
-    count = len(tubes.first)
-    pairs = []
+    count, pairs = len(tubes.first), []
     for i in range(count):
         others = np.arange(i + 1, count)
         apart = (found.lo[:, others] > found.hi[:, [i]]) | (found.hi[:, others] < found.lo[:, [i]])
         others = others[~apart.any(axis=0)]
-        if not _are_same(tubes, found, i, others, alpha).all():
+        mine, point = np.full(len(others), i), Interval(np.full(len(others), alpha))
+        is_same = tubes[mine].hold(found[:, others], point)
+        if not (is_same | tubes[others].hold(found[:, mine], point)).all():
             return None
         pairs += [(i, int(j)) for j in others]
     return [min(group) for group in connected(range(count), pairs)]
-
-
-def _are_same(tubes: Tubes, found: Interval, i: int, others: Indices, alpha: float) -> Signs:
-    """Tell which of other solutions are the solution of tube i, by either tube."""
-    mine = np.full(len(others), i)
-    point = Interval.point(np.full(len(others), alpha))
-    in_mine = tubes[mine].hold(found[:, others], point)
-    return in_mine | tubes[others].hold(found[:, mine], point)

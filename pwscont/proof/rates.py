@@ -20,7 +20,7 @@ import numpy as np
 
 from pwscont.basics.arrays import Array
 from pwscont.basics.looks import counted
-from pwscont.intervals.interval import ULP
+from pwscont.proof.interval import ULP
 
 #: Most nodes with friction, whose signs are all tried.
 MOST_NODES = 10

@@ -11,11 +11,11 @@ from pwscont.basics.arrays import Array, finite_array
 from pwscont.basics.errors import InvalidInputError
 from pwscont.basics.looks import counted
 from pwscont.basics.rounding import CONFIDENCE
-from pwscont.exact.cells import MOST_CELLS, number_of_cells, proved_cells
-from pwscont.exact.pieces import PiecesProof
-from pwscont.exact.rates import RatesProof
 from pwscont.graph.branch_graph import BranchGraph
 from pwscont.graph.records import Solution
+from pwscont.proof.cells import MOST_CELLS, ExactCells, proved_cells
+from pwscont.proof.pieces import PiecesProof
+from pwscont.proof.rates import RatesProof
 from pwscont.search.enumeration import Solutions
 from pwscont.system.abilities import ExactData, ExactRates, shown_size
 from pwscont.system.system import PiecewiseSystem
@@ -41,19 +41,21 @@ class CountProof:
         The cells that are not decided: for every part of the system, the number of a mode.
     """
 
-    def __init__(
-        self, alpha: float, given: int, centres: Sequence[Array], matched: bool, open_cells: Any
-    ) -> None:
-        self.open = list(open_cells)
+    def __init__(self, cells: ExactCells, alpha: float, known: Sequence[Solution], n: int) -> None:
+        found = proved_cells(cells, alpha)
+        points = (np.array(point, dtype=float) for point in found.points)
+        centres = [x[:n] for x in (*(box[0] for box in found.boxes.values()), *points)]
+        self.open = found.open
         self.count = None if self.open else len(centres)
-        self.holds = self.count is not None and self.count == given and matched
-        self.statements = (self._words(alpha, given), ASSUMED)
-
-    def _words(self, alpha: float, given: int) -> str:
-        if self.count is None:
-            return f"not proved: {counted(len(self.open), 'cell')} undecided at alpha = {alpha:.8g}"
-        exactly = f"exactly {counted(self.count, 'solution')} at alpha = {alpha:.8g}, proved"
-        return exactly if self.holds else f"{exactly}; the {given} given are not these"
+        self.holds = self.count == len(known) and _are_matched(centres, known)
+        words = f"exactly {counted(len(centres), 'solution')} at alpha = {alpha:.8g}, proved"
+        if not self.holds:
+            words += f"; the {len(known)} given are not these"
+        if self.open:
+            words = (
+                f"not proved: {counted(len(self.open), 'cell')} undecided at alpha = {alpha:.8g}"
+            )
+        self.statements = (words, ASSUMED)
 
     def __repr__(self) -> str:
         return f"CountProof({self.statements[0]})"
@@ -116,15 +118,12 @@ def prove(given: Any, alpha: float | None = None) -> CountProof | PiecesProof | 
                 "prove(graph, alpha) needs the alpha at which to count"
             )
         return PiecesProof(given, rows)
-    common, parts = system.exact_rows(alpha)
-    cells = number_of_cells(parts)
-    if cells > MOST_CELLS:
-        raise InvalidInputError(f"{cells} cells are too many: at most {MOST_CELLS} are proved")
-    found = proved_cells(common, parts, alpha)
-    shown = shown_size(cast(PiecewiseSystem, system))
-    centres = [x[:shown] for x, _ in found.boxes.values()]
-    centres += [np.array(point, dtype=float)[:shown] for point in found.points]
-    return CountProof(alpha, len(known), centres, _are_matched(centres, known), found.open)
+    cells = ExactCells(*system.exact_rows(alpha))
+    if cells.number > MOST_CELLS:
+        raise InvalidInputError(
+            f"{cells.number} cells are too many: at most {MOST_CELLS} are proved"
+        )
+    return CountProof(cells, alpha, known, shown_size(cast(PiecewiseSystem, system)))
 
 
 def _given(given: Any, alpha: float | None) -> tuple[Any, float | None, Sequence[Solution]]:
@@ -143,12 +142,10 @@ def _given(given: Any, alpha: float | None) -> tuple[Any, float | None, Sequence
 
 def _are_matched(centres: Sequence[Array], known: Sequence[Solution]) -> bool:
     """Tell whether every proved solution is one of the given solutions, and the reverse."""
-    close = np.array([[_is_close(x, each) for each in known] for x in centres], dtype=bool)
-    close = close.reshape(len(centres), len(known))
+    close = np.zeros((len(centres), len(known)), dtype=bool)
+    for i, x in enumerate(centres):
+        for j, solution in enumerate(known):
+            error = solution.error[: len(x)] if len(solution.error) else 0.0
+            slack = CONFIDENCE * error + CLOSE * np.abs(x).max(initial=0.0)
+            close[i, j] = (np.abs(x - solution.z) <= slack).all()
     return bool(close.any(axis=1).all() and close.any(axis=0).all())
-
-
-def _is_close(x: Array, solution: Solution) -> bool:
-    error = solution.error[: len(x)] if len(solution.error) else 0.0
-    slack = CONFIDENCE * error + CLOSE * np.abs(x).max(initial=0.0)
-    return bool((np.abs(x - solution.z) <= slack).all())

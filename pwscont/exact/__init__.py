@@ -1,1 +1,0 @@
-"""Systems of linear pieces with exact data: counts, pieces and transitions, proved."""

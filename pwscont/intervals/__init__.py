@@ -1,1 +1,0 @@
-"""Arithmetic of intervals with outward rounding, thousands at a time; imported when asked for."""

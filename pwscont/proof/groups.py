@@ -1,0 +1,210 @@
+"""Open boxes that touch, together: around folds, kinks, and whatever cannot be decided.
+
+A group of open boxes is *passed* if all solutions in the hull of the group are proved to lie on one
+curve without branch points; other groups stay open. The *turn* of a group that is passed says how
+the number of solutions can change in the hull when alpha grows: the number only grows (around folds
+that open to larger alpha, or where the curve enters the box), only falls, or stays. The turn is not
+known where several switches are undecided, or a fold is near a kink or a face of the box.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import partial
+from typing import Any, final
+
+import numpy as np
+from scipy.sparse.csgraph import connected_components
+
+from pwscont.basics.arrays import Array, Indices, Signs
+from pwscont.proof.contraction import (
+    along,
+    branched,
+    inverse_of,
+    picked,
+    slopes_of,
+    times,
+    units,
+    values_of,
+)
+from pwscont.proof.interval import Interval, above, below, chosen, together
+from pwscont.proof.operations import SWITCHES
+from pwscont.proof.tape import Tape
+
+#: Most open boxes that are put together.
+MOST_GROUPED = 4000
+#: Into how many parts the weights of two modes are divided.
+WEIGHTS = 8
+FIRST, SECOND = (partial(branched, both=lambda *pair, k=k: pair[k]) for k in (0, 1))
+
+
+def hulls(boxes: Interval) -> Interval:
+    """Return the hulls of groups of boxes (n + 1, k) that touch, in the order of alpha."""
+    boxes = boxes[:, np.argsort(boxes.lo[-1])]
+    touch = np.ones((boxes.lo.shape[1],) * 2, dtype=bool)
+    for lo, hi in zip(boxes.lo, boxes.hi, strict=True):
+        touch &= lo <= hi[:, np.newaxis]
+    count, group = connected_components(touch & touch.T, directed=False)
+    lo, hi = (np.full((count, len(boxes.lo)), far) for far in (np.inf, -np.inf))
+    np.minimum.at(lo, group, boxes.lo.T)
+    np.maximum.at(hi, group, boxes.hi.T)
+    return Interval(lo.T, hi.T)
+
+
+@final
+@dataclass(frozen=True, slots=True, eq=False)
+class Groups:
+    """Groups of open boxes: the hulls (n + 1, k), which groups are passed, and their turns.
+
+    A turn says whether the number of solutions only grows with alpha (1), only falls (-1), or stays
+    (0); a turn that is not known is not a number.
+    """
+
+    hulls: Interval
+    passed: Signs
+    turns: Array
+
+    @classmethod
+    def of(cls, tape: Tape, boxes: Interval, whole: Interval, scale: Array) -> Groups:
+        """Return the groups of open boxes of a whole box (n + 1,); boxes if these are too many.
+
+        ``scale`` are the magnitudes of coordinates.
+        """
+        if not 0 < (count := boxes.lo.shape[1]) <= MOST_GROUPED:
+            return cls(boxes, np.zeros(count, dtype=bool), np.full(count, np.nan))
+        passage = _Passage(tape, hulls(boxes), scale)
+        passed = passage.is_passed()
+        return cls(passage.hulls, passed, np.where(passed, passage.turns(whole), np.nan))
+
+    def turn_of(self, lo: float, hi: float) -> float:
+        """Return the turn of all groups within a range of alpha together."""
+        turns = self.turns[(self.hulls.lo[-1] >= lo) & (self.hulls.hi[-1] <= hi)]
+        least, largest = float(turns.min()), float(turns.max())
+        return float(np.sign(least + largest)) if least * largest >= 0.0 else np.nan
+
+
+@final
+class _Passage:
+    """What the derivatives in hulls of groups say of the solutions there.
+
+    The curve is proved if the derivatives of H and of one linear function make a regular matrix,
+    whatever the derivatives in the hull: then H and the function together are injective. If one
+    switch may be in two modes, the derivatives are averages of both modes with any weight; if
+    several switches may be, the derivatives are anything in the hull.
+    """
+
+    def __init__(self, tape: Tape, hulls: Interval, scale: Array) -> None:
+        self._tape, self.hulls, self._scale = tape, hulls, Interval(scale[:, np.newaxis])
+        values = values_of(tape, hulls)
+        both, *modes = (
+            slopes_of(tape, values, units(hulls), each) for each in (branched, FIRST, SECOND)
+        )
+        self._undecided, test = _undecided(tape, hulls, values, both)
+        self._test, shape = test * self._scale, hulls.lo.shape
+        hull = picked(tape.outputs, both, shape)
+        self._modes = [
+            chosen(self._undecided > 1, hull, picked(tape.outputs, each, shape)) * self._scale
+            for each in modes
+        ]
+        self._along = np.sum([_tangent(each.middle()) for each in self._modes], axis=0)
+
+    def is_passed(self) -> Signs:
+        """Tell in which hulls all solutions lie on one curve without branch points."""
+        one, other = self._modes
+        passed = np.ones(len(self._undecided), dtype=bool)
+        for k in range(WEIGHTS):
+            weight = Interval(np.full(1, k / WEIGHTS), np.full(1, (k + 1) / WEIGHTS))
+            mixed = chosen(self._undecided == 1, other + weight * (one - other), one)
+            passed &= _contraction(mixed, self._along)[1].max(axis=0) < 1.0
+        return passed
+
+    def turns(self, whole: Interval) -> Array:
+        """Return the turns of groups that are passed."""
+        unit = np.zeros_like(self._along)
+        unit[-1] = 1.0  # tangents t, with K t = (0, ..., 0, 1)
+        ways = [_solved(each, self._along, Interval(unit)) for each in self._modes]
+        slope, other = (_sign(each[-1]) for each in ways)
+        inside = self.hulls[:-1].is_within(whole[:-1, np.newaxis]).all(axis=0)
+        opens = np.where(self._undecided == 0, self._of_folds(ways[0]), self._of_kinks(ways))
+        turning = np.where(inside, opens, np.nan)
+        return np.where(slope == other, self._of_faces(whole, ways), turning)
+
+    def _of_folds(self, way: Interval) -> Array:
+        """Return the signs of the second derivative of alpha along smooth curves."""
+        way, tape = way * self._scale, along(self._tape)
+        values = values_of(tape, together(np.vstack, self.hulls, way))
+        seeds = [*(way[i] for i in range(len(way.lo))), *[None] * len(way.lo)]
+        bent = picked(tape.outputs, slopes_of(tape, values, seeds, FIRST), way.lo.shape[1:])
+        right = together(np.vstack, bent, Interval(np.zeros(way.lo.shape[1])))
+        return -_sign(_solved(self._modes[0], self._along, right)[-1])
+
+    def _of_kinks(self, ways: list[Interval]) -> Array:
+        """Return the signs of the change of the slope of alpha at kinks that are crossed once."""
+        test, other = (_sign((self._test * each).total()) for each in ways)
+        slope, before = (_sign(each[-1]) for each in ways)
+        is_one = (self._undecided == 1) & (test == other) & (slope == -before)
+        return np.where(is_one, test * slope, np.nan)
+
+    def _of_faces(self, whole: Interval, ways: list[Interval]) -> Array:
+        """Return the turns of hulls in which the curve goes on in alpha, by the faces touched."""
+        touched, turns = np.zeros(len(self._undecided)), np.zeros(len(self._undecided))
+        for i in range(self._tape.size):
+            one, other = (_sign(each[i]) * _sign(each[-1]) for each in ways)
+            speed = np.where(one == other, one, np.nan)
+            at_least, at_most = self.hulls.lo[i] <= whole.lo[i], self.hulls.hi[i] >= whole.hi[i]
+            touched += 1.0 * at_least + at_most
+            turns = np.where(at_least, speed, np.where(at_most, -speed, turns))
+        return np.where(touched > 1.0, np.nan, turns)
+
+
+def _undecided(
+    tape: Tape, boxes: Interval, values: list[Interval], slopes: list[Any]
+) -> tuple[Indices, Interval]:
+    """Return how many switches may be in either mode, and the slope of the test of such a switch.
+
+    The test is positive where the first branch holds. Shapes (B,) and (n + 1, B).
+    """
+    zero = Interval(np.zeros(boxes.lo.shape))
+    count, slope = np.zeros(boxes.lo.shape[1], dtype=np.intp), zero
+    for step in tape.steps:
+        if step.name in SWITCHES:
+            of = SWITCHES[step.name][0]
+            test = of(*(values[place] for place in step.args))
+            either = ~((test.lo >= 0.0) | (test.hi < 0.0))
+            count += either
+            slope = chosen(either, of(*(slopes[place] or zero for place in step.args)), slope)
+    return count, slope
+
+
+def _sign(x: Interval) -> Array:
+    """Return the signs of intervals, not a number where an interval may hold zero."""
+    return np.where(x.lo > 0.0, 1.0, np.where(x.hi < 0.0, -1.0, np.nan))
+
+
+def _tangent(slopes: Array) -> Array:
+    """Return about the unit tangents of curves, oriented by determinants, shape (n + 1, k)."""
+    rows = np.where(np.isfinite(slopes), slopes, 0.0).transpose(2, 0, 1)
+    tangent = np.linalg.svd(rows)[2][:, -1:]
+    sign = np.linalg.slogdet(np.concatenate([rows, tangent], axis=1))[0]
+    oriented: Array = (sign[:, np.newaxis] * tangent[:, 0]).T
+    return oriented
+
+
+def _contraction(slopes: Interval, along: Array) -> tuple[Array, Array]:
+    """Return R, about the inverse of K, and the row sums of |I - R K|.
+
+    K are the derivatives with the row ``along``, shape (n + 1, n + 1, k).
+    """
+    square = together(np.concatenate, slopes, Interval(along[np.newaxis]))
+    about = inverse_of(square.middle())
+    off = (np.eye(len(along))[:, :, np.newaxis] - times(about, square)).reach()
+    return about, above(off.sum(axis=1), 2.0 * len(off))
+
+
+def _solved(slopes: Interval, along: Array, right: Interval) -> Interval:
+    """Return what holds all x with K x = right: with R about the inverse, x = R b + (I - R K) x."""
+    about, rows = _contraction(slopes, along)
+    start, left = times(about, right), below(1.0 - rows.max(axis=0))
+    largest = above(start.reach().max(axis=0) / np.where(left > 0.0, left, np.nan))
+    far = above(rows * largest)
+    return start + Interval(-far, far)

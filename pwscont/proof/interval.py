@@ -1,0 +1,264 @@
+"""Intervals of real numbers, thousands at a time, with outward rounding.
+
+An end that is not a number says nothing: every comparison with such an end is false, so that no
+rule excludes, contracts or proves anything by the end (NaN is everything).
+
+The bounds on rounding are those of docs/theory, F21: IEEE arithmetic to nearest errs by at most
+half a unit in the last place. Elementary functions are assumed to err by at most FUNCTION_ULPS
+units. Increasing functions take ends to ends; sine and cosine take the value 1 wherever a crest may
+lie in the interval, as far as rounding of the argument can tell.
+"""
+
+from __future__ import annotations
+
+import operator
+from collections.abc import Callable
+from functools import reduce
+from typing import Any, final
+
+import numpy as np
+
+from pwscont.basics.arrays import Array, Signs
+
+#: Twice the unit roundoff: a bound of the relative error of + - * / sqrt with room for a rounding.
+ULP = 2.0**-52
+#: The smallest positive number: products and quotients may err by half of it near zero.
+SMALLEST = 5e-324
+#: How many units in the last place an elementary function of numpy may err: an assumption, see
+#: docs/theory, F21.
+FUNCTION_ULPS = 4.0
+#: Arguments of sine and cosine from here on say nothing but [-1, 1].
+FAR = 1e6
+#: By how much of a period the place of a crest may be misjudged; rounding of arguments below FAR
+#: makes errors smaller by a factor of a thousand.
+BLUR = 1e-6
+INF = np.inf
+Map = Callable[["Interval"], "Interval"]
+Ends = Callable[[Array, Array], Array]
+
+
+def below(x: Array, ulps: float = 1.0) -> Array:
+    """Return numbers that are certainly below the true values of rounded numbers."""
+    return x - _error(x, ulps)
+
+
+def above(x: Array, ulps: float = 1.0) -> Array:
+    """Return numbers that are certainly above the true values of rounded numbers."""
+    return x + _error(x, ulps)
+
+
+def _error(x: Array, ulps: float) -> Array:
+    """Return a bound of the error of rounded numbers, in place: most of the time goes here."""
+    error = np.abs(x)
+    error *= ulps * ULP
+    error += ulps * SMALLEST
+    return error
+
+
+def _increasing(name: str, least: float, most: float, first: float, last: float) -> Map:
+    """Return an increasing function with values from least to most for numbers first to last."""
+    function = getattr(np, name)
+
+    def values(x: Interval) -> Interval:
+        found = Interval.rounded(function(x.lo), function(x.hi), FUNCTION_ULPS)
+        found = Interval(np.maximum(found.lo, least), np.minimum(found.hi, most))
+        return found.where((x.lo >= first) & (x.hi <= last))
+
+    return values
+
+
+def _has_crest(x: Interval, place: float) -> Signs:
+    """Tell where a number place + 2 pi k may lie in the interval."""
+    first, last = (x.lo - place) / (2.0 * np.pi), (x.hi - place) / (2.0 * np.pi)
+    crest: Signs = np.floor(last + BLUR) >= np.ceil(first - BLUR)
+    return crest
+
+
+def _wave(function: Callable[[Array], Array], top: float) -> Map:
+    """Return sine or cosine, whose crests are at top + 2 pi k."""
+
+    def values(x: Interval) -> Interval:
+        a, b = function(x.lo), function(x.hi)
+        found = Interval.rounded(np.minimum(a, b), np.maximum(a, b), FUNCTION_ULPS)
+        is_far = ~(x.reach() < FAR)
+        lo = np.where(_has_crest(x, top + np.pi) | is_far, -1.0, np.maximum(found.lo, -1.0))
+        hi = np.where(_has_crest(x, top) | is_far, 1.0, np.minimum(found.hi, 1.0))
+        return Interval(lo, hi).where(x.lo <= x.hi)
+
+    return values
+
+
+def _paired(of_lower: Ends, of_upper: Ends) -> Callable[[Interval, Interval], Interval]:
+    """Return a function of two intervals that takes the ends together."""
+    return lambda x, y: Interval(of_lower(x.lo, y.lo), of_upper(x.hi, y.hi))
+
+
+@final
+class Interval:
+    """Arrays of intervals [lo, hi]; operations broadcast, and take numbers as intervals.
+
+    An end may be infinite, and an end that is not a number says nothing. Without ``hi`` the
+    intervals hold one number each.
+    """
+
+    __slots__ = ("hi", "lo")
+    __array_ufunc__ = None  # arrays leave operators to intervals
+
+    def __init__(self, lo: Any, hi: Any = None) -> None:
+        self.lo: Array = lo
+        self.hi: Array = lo if hi is None else hi
+
+    @classmethod
+    def rounded(cls, lo: Array, hi: Array, ulps: float = 1.0) -> Interval:
+        """Return the intervals between rounded ends, with the error of rounding added."""
+        return cls(below(lo, ulps), above(hi, ulps))
+
+    def __getitem__(self, key: Any) -> Interval:
+        return Interval(self.lo[key], self.hi[key])
+
+    # -- arithmetic ----------------------------------------------------------------------------
+
+    def __neg__(self) -> Interval:
+        return Interval(-self.hi, -self.lo)
+
+    def __add__(self, other: Any) -> Interval:
+        other = _interval(other)
+        return Interval.rounded(self.lo + other.lo, self.hi + other.hi)
+
+    def __sub__(self, other: Any) -> Interval:
+        other = _interval(other)
+        return Interval.rounded(self.lo - other.hi, self.hi - other.lo)
+
+    def __mul__(self, other: Any) -> Interval:
+        one, other = self, _interval(other)
+        if one.lo is one.hi:
+            one, other = other, one
+        a, b = one.lo * other.lo, one.hi * other.lo
+        lo, hi = np.minimum(a, b), np.maximum(a, b)
+        if other.lo is not other.hi:  # else these are all products
+            a, b = one.lo * other.hi, one.hi * other.hi
+            lo, hi = np.minimum(lo, np.minimum(a, b)), np.maximum(hi, np.maximum(a, b))
+        return Interval.rounded(lo, hi)
+
+    def __truediv__(self, other: Any) -> Interval:
+        """Divide; where the divisor may be zero, the quotient says nothing."""
+        other = _interval(other)
+        ends = [x / y for x in _ends(self) for y in _ends(other)]
+        found = Interval.rounded(reduce(np.minimum, ends), reduce(np.maximum, ends))
+        return found.where(other.excludes_zero())
+
+    __radd__, __rmul__ = __add__, __mul__
+
+    def __rsub__(self, other: Any) -> Interval:
+        return _interval(other) - self
+
+    def __rtruediv__(self, other: Any) -> Interval:
+        return _interval(other) / self
+
+    def __pow__(self, power: float) -> Interval:
+        """Return the powers, of a whole number."""
+        k = int(power)
+        if k < 0:
+            return 1.0 / self**-k
+        if k % 2:
+            ends = (_repeated(Interval(end), k, operator.mul) for end in (self.lo, self.hi))
+            return Interval(next(ends).lo, next(ends).hi)
+        lo = _repeated(abs(self).lo, k, lambda x, y: np.maximum(below(x * y), 0.0))
+        return Interval(lo, _repeated(abs(self).hi, k, lambda x, y: above(x * y)))
+
+    def sqrt(self) -> Interval:
+        """Return the roots; where the argument may be negative, the root says nothing."""
+        root = Interval.rounded(np.sqrt(self.lo), np.sqrt(self.hi))
+        return Interval(np.maximum(root.lo, 0.0), root.hi).where(self.lo >= 0.0)
+
+    # -- elementary functions, which say nothing where the argument may leave a domain ----------
+
+    exp, expm1 = _increasing("exp", 0.0, INF, -INF, INF), _increasing("expm1", -1.0, INF, -INF, INF)
+    log, log1p = _increasing("log", -INF, INF, 0.0, INF), _increasing("log1p", -INF, INF, -1.0, INF)
+    sin, cos = _wave(np.sin, 0.5 * np.pi), _wave(np.cos, 0.0)
+    arcsin = _increasing("arcsin", -INF, INF, -1.0, 1.0)
+    arctan = _increasing("arctan", -INF, INF, -INF, INF)
+    sinh, arcsinh = (_increasing(name, -INF, INF, -INF, INF) for name in ("sinh", "arcsinh"))
+    tanh = _increasing("tanh", -1.0, 1.0, -INF, INF)
+    arctanh = _increasing("arctanh", -INF, INF, -1.0, 1.0)
+    _rising = _increasing("cosh", 1.0, INF, 0.0, INF)
+    _between_poles = _increasing("tan", -INF, INF, -FAR, FAR)
+
+    def cosh(self) -> Interval:
+        """Return the hyperbolic cosine."""
+        return abs(self)._rising()
+
+    def tan(self) -> Interval:
+        """Return the tangent; where a pole may lie in the interval, the tangent says nothing."""
+        pole = _has_crest(self, 0.5 * np.pi) | _has_crest(self, -0.5 * np.pi)
+        return self._between_poles().where(~pole)
+
+    # -- order ---------------------------------------------------------------------------------
+
+    def __abs__(self) -> Interval:
+        lo = np.maximum(np.maximum(self.lo, -self.hi), 0.0)
+        return Interval(lo, np.maximum(-self.lo, self.hi))
+
+    maximum, minimum = _paired(np.maximum, np.maximum), _paired(np.minimum, np.minimum)
+    #: The smallest intervals that hold both intervals.
+    hull = _paired(np.minimum, np.maximum)
+    #: What both intervals hold; empty where lo > hi. An end without a number is left.
+    meet = _paired(np.fmax, np.fmin)
+
+    def where(self, keeps: Signs) -> Interval:
+        """Return intervals that say nothing where a condition does not hold."""
+        return chosen(keeps, self, Interval(np.nan))
+
+    def excludes_zero(self) -> Signs:
+        """Tell which intervals certainly do not hold zero."""
+        return (self.lo > 0.0) | (self.hi < 0.0)
+
+    def is_within(self, other: Interval) -> Signs:
+        """Tell which intervals lie strictly inside other ones."""
+        return (self.lo > other.lo) & (self.hi < other.hi)
+
+    def reach(self) -> Array:
+        """Return the largest magnitude in each interval; not a number where nothing is known."""
+        return np.maximum(-self.lo, self.hi)
+
+    def middle(self) -> Array:
+        """Return a number in each interval, near the middle."""
+        return 0.5 * self.lo + 0.5 * self.hi
+
+    def width(self) -> Array:
+        """Return about how wide each interval is."""
+        return self.hi - self.lo
+
+    def total(self, axis: int = 0) -> Interval:
+        """Return the sums along an axis."""
+        parts = np.moveaxis(self.lo, axis, 0), np.moveaxis(self.hi, axis, 0)
+        found = Interval(parts[0][0], parts[1][0])
+        for lo, hi in zip(parts[0][1:], parts[1][1:], strict=True):
+            found = found + Interval(lo, hi)
+        return found
+
+
+def _interval(thing: Any) -> Interval:
+    return thing if isinstance(thing, Interval) else Interval(thing)
+
+
+def _ends(x: Interval) -> list[Array]:
+    return [x.lo] if x.lo is x.hi else [x.lo, x.hi]
+
+
+def _repeated(x: Any, k: int, times: Callable[[Any, Any], Any]) -> Any:
+    """Return the product of k factors x; k at least zero."""
+    if k <= 1:
+        return x if k else np.ones_like(x)
+    half = _repeated(x, k // 2, times)
+    return times(times(half, half), x) if k % 2 else times(half, half)
+
+
+def chosen(condition: Signs, one: Interval, other: Interval) -> Interval:
+    """Return the intervals of ``one`` where a condition holds, those of ``other`` elsewhere."""
+    return Interval(np.where(condition, one.lo, other.lo), np.where(condition, one.hi, other.hi))
+
+
+def together(function: Callable[[list[Array]], Array], *parts: Interval) -> Interval:
+    """Return one interval from several, put together by np.stack, np.vstack or the like."""
+    return Interval(function([x.lo for x in parts]), function([x.hi for x in parts]))
