@@ -29,7 +29,7 @@ from pwscont.curve.magnitudes import rough_magnitudes
 from pwscont.curve.metric import Metric
 from pwscont.curve.newton import newton, uncertainty
 from pwscont.curve.semismooth import semismooth_newton
-from pwscont.evolution.ways import Evolver, Moment, Moments, Way, WaysOn
+from pwscont.evolution.memory import Evolver, Moment, Moments, Way, WaysOn
 from pwscont.linear.factorise import last_unit
 from pwscont.search.enumeration import solve_surely
 from pwscont.system.abilities import completed, shown_size

@@ -225,8 +225,11 @@ def _close(a, b):
     return np.abs(a - b).max() < 1e-8
 
 
-def random_problem(seed):
-    """Return a random history of one to three nodes, F from 0 to 8, some with gaps and slip."""
+def random_problem(seed, power=1.0, slips=0.3):
+    """Return a random history of one to three nodes, F from 0 to 8, some with gaps and slip.
+
+    A smaller power makes high friction more frequent; ``slips`` is how often there is initial slip.
+    """
     rng = np.random.default_rng([35, seed])
     p = int(rng.integers(1, 4))
     n = 2 * p + int(rng.integers(0, 2))
@@ -238,8 +241,8 @@ def random_problem(seed):
     loads = 2.0 * (around + rng.uniform(0.3, 1.5) * rng.normal(size=(count, n)))
     if rng.random() < 0.5:
         loads[0] = 0.0
-    F = rng.uniform(0.0, 8.0) * (1.0 if rng.random() < 0.85 else 0.1) * np.ones(p)
+    F = 8.0 * rng.random() ** power * (1.0 if rng.random() < 0.85 else 0.1) * np.ones(p)
     if rng.random() < 0.1:
         F[int(rng.integers(p))] = 0.0
-    slip = rng.normal(size=p) * (rng.random() < 0.3)
+    slip = rng.normal(size=p) * (rng.random() < slips)
     return Problem(A, pick[0 : 2 * p : 2], pick[1 : 2 * p : 2], gap, loads, F, slip)
