@@ -71,7 +71,7 @@ BUDGET = {
     "exact": (5, 820),
     "scenes": (14, 2660),
     "view": (6, 950),
-    "evolution": (14, 3000),
+    "evolution": (14, 2990),
     "two_parameters": (16, 3670),
     "studies": (11, 2280),
     "bench": (15, 1870),

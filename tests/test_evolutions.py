@@ -37,14 +37,14 @@ def springs(seed):
     return PlasticTruss(np.ones((m, 1)), LoadHistory(loads[:, np.newaxis]), k, y, hardening)
 
 
-def stops(truss):
+def stops(truss, plastic=0.0):
     """Return (u, s) at the corners of the load by stop operators, in closed form.
 
     Between two corners the displacement is monotone and each force is a stop of its increment, so
     the displacement solves a monotone piecewise linear equation, whose kinks are tried in turn.
     """
     k, y, H = truss.stiffness, truss.strength, truss.hardening.sum()
-    u, s, states = 0.0, np.zeros(len(k)), []
+    u, s, states = 0.0, -k * plastic, []
     for (f,) in truss.history.loads:
         kinks = np.concatenate([u + (y - s) / k, u + (-y - s) / k])
         known = np.sort(kinks)
@@ -170,6 +170,59 @@ def test_a_law_with_switches_remembers():
         (state,) = evolution.states(t)
         assert state.z[0] == pytest.approx(force, abs=1e-12)
     assert evolution.states(5.0)[0].memory == pytest.approx([0.0], abs=1e-12)
+
+
+class Stops(SystemWithMemory):
+    """The springs of a truss with one displacement, written with switches: z = (u, forces)."""
+
+    def __init__(self, truss, plastic):
+        self.truss, self.plastic, history = truss, plastic, truss.history
+        times, loads = history.times, history.loads[:, 0]
+        self.times, self.slopes = times, np.diff(loads) / np.diff(times)
+
+    def load(self, t, sw):
+        slopes = self.slopes
+        load = self.truss.history.loads[0, 0] + slopes[0] * t
+        for change, corner in zip(np.diff(slopes), self.times[1:-1], strict=True):
+            load += change * sw.relu(t - corner)
+        return load
+
+    def remembering(self, memory):
+        truss, m = self.truss, len(self.plastic)
+
+        def law(z, t, sw):
+            forces = [
+                sw.clip(k * (z[0] - stretch), -y, y)
+                for k, stretch, y in zip(truss.stiffness, memory, truss.strength, strict=True)
+            ]
+            hard = truss.hardening.sum() * z[0]
+            balance = hard + sum(z[1 + i] for i in range(m)) - self.load(t, sw)
+            return [balance, *(z[1 + i] - forces[i] for i in range(m))]
+
+        return Switched(m + 1, law, linear=True)
+
+    def memory(self, z, t):
+        return z[0] - z[1:] / self.truss.stiffness
+
+    def initial_memory(self):
+        return self.plastic
+
+
+@pytest.mark.parametrize("seed", swept(range(8), range(8, 100)))
+def test_equal_stops_in_one_law_follow_the_stop_operators(seed):
+    """Some stops are equal and yield together; some differ by their memory alone, and meet."""
+    rng = np.random.default_rng([9, seed])
+    m, history = int(rng.integers(2, 5)), springs(seed).history
+    kinds = rng.integers(0, 2, m)  # two kinds of springs
+    k, y = rng.uniform(0.5, 2.0, 2)[kinds], rng.uniform(0.2, 1.5, 2)[kinds]
+    plastic = np.where(rng.random(m) < 0.3, rng.uniform(-0.1, 0.1), 0.0)
+    truss = PlasticTruss(np.ones((m, 1)), history, k, y, rng.uniform(0.1, 1.0, m))
+    evolution = evolve(Stops(truss, plastic), history.interval)
+    assert evolution.is_complete
+    assert evolution.paths().number == 1
+    for t, expected in zip(history.times, stops(truss, plastic), strict=True):
+        (state,) = evolution.states(t)
+        assert np.abs(state.z - expected).max() < 1e-11 * max(1.0, np.abs(expected).max())
 
 
 def test_events_of_users_and_recorded_quantities():
@@ -356,13 +409,16 @@ class Forgetful(Pulled):
         return z[1:] + 0.3
 
 
-class Twins(Pulled):
-    """Two calls of sw are one switch as long as the memory is zero."""
+class Growing(Pulled):
+    """The law has more unknowns once there is a memory."""
 
     def remembering(self, memory):
+        if memory[0] == 0.0:
+            return Slider(0.0)
+
         def law(z, t, sw):
-            forces = [sw.clip(t - factor * memory[0], -1.0, 1.0) for factor in (1.0, 2.0)]
-            return [z[0] - forces[0], z[1] - (t - forces[0]) + 0.0 * forces[1]]
+            force = sw.clip(t - memory[0], -1.0, 1.0)
+            return [z[0] - force, z[1] - (t - force)]
 
         return Switched(2, law, linear=True)
 
@@ -394,7 +450,7 @@ class WithoutEvolver(Pulled):
         (Misnamed(), InvalidSystemError, "2 names"),
         (WithoutEvolver(), InvalidInputError, "must be an Evolver"),
         (Forgetful(), InvalidSystemError, "does not hold"),
-        (Twins(), InvalidSystemError, "calls of sw whose arguments are equal"),
+        (Growing(), InvalidSystemError, "3 unknowns now, 2 at first"),
         (Curved(), InvalidInputError, "PiecewiseLinearSystem"),
         (None, InvalidInputError, "SystemWithMemory"),
         (Switched(1, lambda z, t, sw: z - t), InvalidInputError, "SystemWithMemory"),
