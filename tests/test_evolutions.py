@@ -9,7 +9,6 @@ import pytest
 from evolution_truth import random_problem
 from pwscont_coulomb import ContactBody, QuasiStaticCoulomb
 from pwscont_structures import PlasticTruss
-from sweeps import swept
 
 from pwscont import (
     EvolutionGraph,
@@ -25,52 +24,6 @@ from pwscont import (
     SystemWithMemory,
     evolve,
 )
-
-
-def springs(seed):
-    """Return a random model of Prandtl and Ishlinskii, and its load."""
-    rng = np.random.default_rng([7, seed])
-    m = int(rng.integers(1, 6))
-    k, y = rng.uniform(0.5, 2.0, m), rng.uniform(0.2, 1.5, m)
-    hardening, loads = rng.uniform(0.1, 1.0, m), 3.0 * rng.normal(size=int(rng.integers(2, 7)))
-    loads[0] = 0.0
-    return PlasticTruss(np.ones((m, 1)), LoadHistory(loads[:, np.newaxis]), k, y, hardening)
-
-
-def stops(truss, plastic=0.0):
-    """Return (u, s) at the corners of the load by stop operators, in closed form.
-
-    Between two corners the displacement is monotone and each force is a stop of its increment, so
-    the displacement solves a monotone piecewise linear equation, whose kinks are tried in turn.
-    """
-    k, y, H = truss.stiffness, truss.strength, truss.hardening.sum()
-    u, s, states = 0.0, -k * plastic, []
-    for (f,) in truss.history.loads:
-        kinks = np.concatenate([u + (y - s) / k, u + (-y - s) / k])
-        known = np.sort(kinks)
-
-        def force(v, u=u, s=s):
-            return H * v + np.clip(s + k * (v - u), -y, y).sum()
-
-        values = np.array([force(v) for v in known])
-        right = int(np.searchsorted(values, f))
-        left = known[right - 1] if right else known[0] - 1.0 - abs(f - values[0]) / H
-        far = known[right] if right < len(known) else known[-1] + 1.0 + abs(f - values[-1]) / H
-        slope = (force(far) - force(left)) / (far - left)
-        new = left + (f - force(left)) / slope
-        s, u = np.clip(s + k * (new - u), -y, y), new
-        states.append(np.append(u, s))
-    return states
-
-
-@pytest.mark.parametrize("seed", swept(range(25), range(25, 200)))
-def test_springs_follow_the_stop_operators(seed):
-    truss = springs(seed)
-    evolution = evolve(truss, truss.history.interval)
-    assert evolution.is_complete
-    for t, expected in zip(truss.history.times, stops(truss), strict=True):
-        (state,) = evolution.states(t)
-        assert np.abs(state.z - expected).max() < 1e-12 * max(1.0, np.abs(expected).max())
 
 
 def test_a_truss_without_hardening_collapses():
@@ -170,59 +123,6 @@ def test_a_law_with_switches_remembers():
         (state,) = evolution.states(t)
         assert state.z[0] == pytest.approx(force, abs=1e-12)
     assert evolution.states(5.0)[0].memory == pytest.approx([0.0], abs=1e-12)
-
-
-class Stops(SystemWithMemory):
-    """The springs of a truss with one displacement, written with switches: z = (u, forces)."""
-
-    def __init__(self, truss, plastic):
-        self.truss, self.plastic, history = truss, plastic, truss.history
-        times, loads = history.times, history.loads[:, 0]
-        self.times, self.slopes = times, np.diff(loads) / np.diff(times)
-
-    def load(self, t, sw):
-        slopes = self.slopes
-        load = self.truss.history.loads[0, 0] + slopes[0] * t
-        for change, corner in zip(np.diff(slopes), self.times[1:-1], strict=True):
-            load += change * sw.relu(t - corner)
-        return load
-
-    def remembering(self, memory):
-        truss, m = self.truss, len(self.plastic)
-
-        def law(z, t, sw):
-            forces = [
-                sw.clip(k * (z[0] - stretch), -y, y)
-                for k, stretch, y in zip(truss.stiffness, memory, truss.strength, strict=True)
-            ]
-            hard = truss.hardening.sum() * z[0]
-            balance = hard + sum(z[1 + i] for i in range(m)) - self.load(t, sw)
-            return [balance, *(z[1 + i] - forces[i] for i in range(m))]
-
-        return Switched(m + 1, law, linear=True)
-
-    def memory(self, z, t):
-        return z[0] - z[1:] / self.truss.stiffness
-
-    def initial_memory(self):
-        return self.plastic
-
-
-@pytest.mark.parametrize("seed", swept(range(8), range(8, 100)))
-def test_equal_stops_in_one_law_follow_the_stop_operators(seed):
-    """Some stops are equal and yield together; some differ by their memory alone, and meet."""
-    rng = np.random.default_rng([9, seed])
-    m, history = int(rng.integers(2, 5)), springs(seed).history
-    kinds = rng.integers(0, 2, m)  # two kinds of springs
-    k, y = rng.uniform(0.5, 2.0, 2)[kinds], rng.uniform(0.2, 1.5, 2)[kinds]
-    plastic = np.where(rng.random(m) < 0.3, rng.uniform(-0.1, 0.1), 0.0)
-    truss = PlasticTruss(np.ones((m, 1)), history, k, y, rng.uniform(0.1, 1.0, m))
-    evolution = evolve(Stops(truss, plastic), history.interval)
-    assert evolution.is_complete
-    assert evolution.paths().number == 1
-    for t, expected in zip(history.times, stops(truss, plastic), strict=True):
-        (state,) = evolution.states(t)
-        assert np.abs(state.z - expected).max() < 1e-11 * max(1.0, np.abs(expected).max())
 
 
 def test_events_of_users_and_recorded_quantities():
@@ -400,6 +300,16 @@ def test_a_load_that_only_grows_is_no_ratchetting():
 def test_a_period_that_makes_no_sense_is_refused(period):
     with pytest.raises(InvalidInputError, match="period"):
         evolve(Pulled(), (0.0, 3.0)).cycle(period)
+
+
+@pytest.mark.parametrize("t", [np.nan, "a", 1j, None, 10**400])
+def test_a_time_must_be_a_number(t):
+    evolution = evolve(Pulled(), (0.0, 3.0))
+    for ask in (evolution.states, evolution.count, evolution.paths()[0].state):
+        with pytest.raises(InvalidInputError, match="t must be"):
+            ask(t)
+    with pytest.raises(InvalidInputError, match="times must be"):
+        evolution.dissipated(0.0, t)
 
 
 class Forgetful(Pulled):

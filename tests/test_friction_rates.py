@@ -2,11 +2,12 @@
 
 import numpy as np
 import pytest
+from evolution_truth import random_problem, statics
 from pwscont_coulomb import ContactBody, LoadHistory, QuasiStaticCoulomb
 from pwscont_coulomb.quasi_static.rates import RateProblem
 from sweeps import swept
 
-from pwscont import enumerate_solutions
+from pwscont import enumerate_solutions, evolve
 
 
 def rate_problem(seed, most=5.0):
@@ -98,3 +99,18 @@ def test_states_by_rates_are_those_of_the_enumeration(seed):
         u, forces = solution.z[: body.n], solution.z[body.n :]
         y = np.concatenate([forces, body.N @ u, body.T @ u])
         assert min(np.abs(y - state).max() for state in states) < 1e-9 * (1.0 + np.abs(y).max())
+
+
+@pytest.mark.parametrize("seed", [2154, 2770, 7, 2102])
+def test_states_of_an_unloaded_body_are_those_of_brute_force(seed):
+    """Slip at rest may lock forces in; rounding must not double a state without forces."""
+    problem = random_problem(seed, 0.6, 0.5)
+    problem.loads = 0.0 * problem.loads
+    body = ContactBody(problem.A, problem.N, problem.T, problem.gap)
+    history = LoadHistory(problem.loads)
+    evolution = evolve(QuasiStaticCoulomb(body, history, problem.F, problem.slip), history.interval)
+    assert evolution.is_complete
+    expected, found = statics(problem, 0.0), [state.z for state in evolution.states(0.5)]
+    assert len(found) == len(expected)
+    for z in expected:
+        assert min(np.abs(z - other).max() for other in found) < 1e-10

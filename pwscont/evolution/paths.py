@@ -9,7 +9,7 @@ from typing import final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array
+from pwscont.basics.arrays import Array, finite_array
 from pwscont.basics.errors import InvalidInputError, SystemNeededError
 from pwscont.basics.looks import counted, named
 from pwscont.basics.rounding import SAME_STATE
@@ -133,9 +133,9 @@ class EvolutionPath:
         Raises
         ------
         InvalidInputError
-            If the evolution has ended before.
+            If t is no number, or the evolution has ended before.
         """
-        nodes = self._graph.nodes
+        nodes, t = self._graph.nodes, float(finite_array("t", t, ()))
         for piece in self.pieces:
             if nodes[piece.start].t <= t <= nodes[piece.end].t and not piece.is_jump:
                 return self._graph.on(piece, t)
@@ -152,6 +152,7 @@ class EvolutionPath:
             If the times do not grow, or lie outside the interval.
         """
         lo, hi = self._graph.interval
+        t0, t1 = finite_array("times", [t0, t1]).tolist()
         if not lo <= t0 <= t1 <= hi:
             raise InvalidInputError(
                 f"dissipated needs {lo:g} <= t0 <= t1 <= {hi:g}, got t0 = {t0}, t1 = {t1}"

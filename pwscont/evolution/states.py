@@ -11,7 +11,7 @@ from typing import Any, final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array
+from pwscont.basics.arrays import Array, finite_array
 from pwscont.basics.errors import InvalidInputError, SystemNeededError
 from pwscont.basics.looks import card, short
 from pwscont.basics.looks import state as in_words
@@ -184,7 +184,7 @@ class EvolutionStructure:
         Raises
         ------
         InvalidInputError
-            If t lies outside the interval.
+            If t is no number within the interval.
         """
         return [
             self.node(place) if isinstance(place, int) else self.on(place, t)
@@ -193,6 +193,7 @@ class EvolutionStructure:
 
     def _places(self, t: float) -> list[int | EvolutionPiece]:
         """Return the nodes at a time, and the pieces with the time strictly inside."""
+        t = float(finite_array("t", t, ()))
         lo, hi = self.interval
         same = same_time(self.interval)
         if not lo - same <= t <= hi + same:

@@ -138,7 +138,7 @@ def options(problem, z):
 
 
 def rates(problem, z, t):
-    """Return all solutions of the rate problem at a state."""
+    """Return all solutions of the rate problem at a state, each with its modes."""
     leg = min(int(t + 1e-9), len(problem.loads) - 2)
     slope = problem.loads[leg + 1] - problem.loads[leg]
     choices, zero, found = list(options(problem, z)), np.zeros(problem.p), []
@@ -147,9 +147,20 @@ def rates(problem, z, t):
         if rate is None:
             continue
         checks = (_rate(problem, z, rate, i, m, choices[i]) for i, m in enumerate(modes))
-        if all(checks) and not any(np.abs(rate - o).max() < 1e-8 for o in found):
-            found.append(rate)
+        if all(checks) and not any(np.abs(rate - o).max() < 1e-8 for o, _ in found):
+            found.append((rate, modes))
     return found
+
+
+def on_piece(problem, z, t, when, way):
+    """Return the state on a piece that leaves z, solved for anew: errors of many pieces do not add.
+
+    On a steep piece the end is rough, as the time of the end is; the next piece begins afresh.
+    """
+    rate, modes = way
+    held_t = problem.T @ z[: len(problem.A)]
+    state = solved(problem, modes, problem.load(when), problem.gap, held_t)
+    return z + (when - t) * rate if state is None else state
 
 
 def _rate(problem, z, rate, i, mode, choices):
@@ -211,13 +222,13 @@ def evolutions(problem):
         truth.branchings += len(ways) > 1
         if not ways:
             truth.losses.append((t, z))
-        for rate in ways:
-            until = next_event(problem, z, rate, t)
+        for way in ways:
+            until = next_event(problem, z, way[0], t)
             if until - t < SHORTEST:
                 raise TooManyError  # events accumulate, as of seed 8272
-            reached = z + (until - t) * rate
-            truth.segments.append((t, z, until, reached))
-            open_.append((until, reached))
+            ends = [on_piece(problem, z, t, when, way) for when in (t, until)]
+            truth.segments.append((t, ends[0], until, ends[1]))
+            open_.append((until, ends[1]))
     return truth
 
 

@@ -142,30 +142,34 @@ class CoulombEvolver(Evolver):
         return Moment(t, exact, exact[3 * self.p :], _bytes(status))
 
     def _states(self, slip: Array, t: float) -> Moments:
-        """Return all states in which nodes have slipped from some places."""
-        if self.p > MOST_ENUMERATED:
-            return self._found_from_one(slip, t)
-        found = enumerate_solutions(self.problem.restated(slip), t)
-        states = [self._contact(s.z) for s in found]
-        complete = found.guarantee.startswith("complete") and "infinitely" not in found.guarantee
-        if complete:
-            return self._moments(states, t)
-        solved, remark = self._by_rates(slip, t)
-        if not remark:
-            return self._moments(solved, t)
-        different = self._different([*states, *solved, *self._tried(slip, t)])
-        return self._moments(different, t, f"states at t = {t:.10g}: {found.guarantee}")
+        """Return all states in which nodes have slipped from some places, or say what is missing.
 
-    def _found_from_one(self, slip: Array, t: float) -> Moments:
-        """Return the states of many nodes: all, or one where the others cannot be searched."""
+        States by rates are certain for most bodies; of few nodes all states can be enumerated, and
+        of many nodes one state is found by other means.
+        """
         states, remark = self._by_rates(slip, t)
         if not remark:
             return self._moments(states, t)
+        few = self.p <= MOST_ENUMERATED
+        return self._enumerated(slip, t, states) if few else self._from_one(slip, t)
+
+    def _enumerated(self, slip: Array, t: float, states: list[Array]) -> Moments:
+        """Return the states of few nodes, those that are known included."""
+        found = enumerate_solutions(self.problem.restated(slip), t)
+        every = [*(self._contact(s.z) for s in found), *states]
+        if found.guarantee.startswith("complete") and "infinitely" not in found.guarantee:
+            return self._moments(every, t)
+        words = f"states at t = {t:.10g}: {found.guarantee}"
+        return self._moments([*every, *self._tried(slip, t)], t, words)
+
+    def _from_one(self, slip: Array, t: float) -> Moments:
+        """Return the states of many nodes, beginning the search at a state without contact."""
         one = self._one_state(slip, t)
-        if one is not None:
-            states, remark = self._by_rates(slip, t, one)
-        if not remark or one is None:
-            return self._moments(states, t, remark and f"states at t = {t:.10g}: {remark}")
+        if one is None:
+            return self._moments([], t, f"no state at t = {t:.10g} was found")
+        states, remark = self._by_rates(slip, t, one)
+        if not remark:
+            return self._moments(states, t)
         if not one[: 2 * self.p].any():
             found = self._moments([one], t).moments
             return Moments(found, origin="from the state without contact forces")
@@ -173,7 +177,8 @@ class CoulombEvolver(Evolver):
 
     def _moments(self, states: list[Array], t: float, remark: str = "") -> Moments:
         slack = ZERO * self._force, ZERO * self._length
-        return Moments(tuple(self._moment(y, t, slack) for y in states), not remark, remark)
+        different = self._different(states)
+        return Moments(tuple(self._moment(y, t, slack) for y in different), not remark, remark)
 
     def _by_rates(
         self, slip: Array, t: float, guess: Array | None = None
@@ -190,6 +195,7 @@ class CoulombEvolver(Evolver):
         guess : ndarray, shape (4 p,), optional
             A state at which the search begins.
         """
+        self.forget()  # a resumed run repeats every bit
         held = np.concatenate([self._gap, slip])
         g = self._at_loads @ self.problem.history.weights(t)
         problem, which = self._problem(np.full(self.p, node.TOUCHES), g - held)
