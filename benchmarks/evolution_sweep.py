@@ -3,7 +3,8 @@
     python benchmarks/evolution_sweep.py [first] [last]
 
 prints every history whose number of states, states or losses differ, and ends with a summary. There
-must be no such history.
+must be no such history. Histories in which events accumulate are left out. Of the seeds from 0 to
+10,000 one is left out, none is wrong or uncertain, 623 have branchings; the worst error is 1.6e-11.
 """
 
 import sys
@@ -18,7 +19,9 @@ from pwscont import LoadHistory, evolve
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "helpers"))
 from evolution_truth import TooManyError, evolutions, random_problem
 
-PLACES, BESIDE, SAME = 25, 1e-6, 1e-9
+PLACES, BESIDE, SAME = 25, 1e-6, 1e-10
+#: High friction and initial slip are frequent: then evolutions branch more often.
+POWER, SLIPS = 0.5, 0.6
 
 
 def difference(truth, evolution, seed):
@@ -47,7 +50,7 @@ def main(first=0, last=1000):
     counts = dict.fromkeys(("histories", "wrong", "uncertain", "branching", "lost"), 0)
     worst, seconds = 0.0, 0.0
     for seed in range(first, last):
-        problem = random_problem(seed)
+        problem = random_problem(seed, POWER, SLIPS)
         try:
             truth = evolutions(problem)
         except TooManyError:

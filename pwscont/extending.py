@@ -79,9 +79,9 @@ from pwscont.transitions.detector import (
 from pwscont.transitions.rays import Ray
 
 if TYPE_CHECKING:
+    from pwscont.evolution.memory import Evolver, Moment, Moments, Way, WaysOn
     from pwscont.evolution.paths import EvolutionPath
     from pwscont.evolution.states import EvolutionState
-    from pwscont.evolution.ways import Evolver, Moment, Moments, Way, WaysOn
     from pwscont.scenes.answer import DEFAULT_LOOK, Answer, Look, Runnable, values_within
     from pwscont.scenes.graph_answer import GraphAnswer
     from pwscont.scenes.panels import BodyPicture, Shapes, Shown
@@ -230,7 +230,7 @@ LATER = {
     "Shapes": "pwscont.scenes.panels",
     "Shown": "pwscont.scenes.panels",
     "values_within": "pwscont.scenes.answer",
-    **dict.fromkeys(("Evolver", "Moment", "Moments", "Way", "WaysOn"), "pwscont.evolution.ways"),
+    **dict.fromkeys(("Evolver", "Moment", "Moments", "Way", "WaysOn"), "pwscont.evolution.memory"),
 }
 
 

@@ -69,7 +69,7 @@ BUDGET = {
     "proof": (15, 2850),
     "scenes": (14, 2650),
     "view": (6, 940),
-    "evolution": (21, 3030),
+    "evolution": (14, 2990),
     "two_parameters": (16, 3650),
     "studies": (11, 2240),
     "bench": (15, 1840),

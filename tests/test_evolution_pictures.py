@@ -69,6 +69,33 @@ def test_branchings_losses_and_jumps_are_marked(four):
     assert words(figure) == ["evolution 1", "loss", "jump"]
 
 
+def test_a_start_is_seen_within_a_branching(four):
+    axes = four.plot("u_t").axes[0]
+    start, branching = (
+        next(c for c in axes.collections if c.get_label() == kind)
+        for kind in ("start", "branching")
+    )
+    assert start.get_offsets()[0].tolist() in branching.get_offsets().tolist()
+    assert start.get_zorder() > branching.get_zorder()
+    assert 2.0 * start.get_sizes()[0] < branching.get_sizes()[0]
+
+
+def test_arrows_of_a_loop_point_in_the_direction_of_time():
+    """One node at low friction has one evolution; every arrow lies on it and points ahead."""
+    evolution = hysteresis(0.5).run()
+    assert not evolution.plot("u_t").axes[0].texts
+    arrows = evolution.plot("lambda_t", "u_t").axes[0].texts
+    assert len(arrows) >= 2
+    (path,) = evolution.paths()
+    times = np.linspace(0.0, 2.0, 4001)
+    states = [path.state(t) for t in times]
+    points = np.array([[state["u_t"], state["λ_t"]] for state in states])
+    for arrow in arrows:
+        tail, tip = np.array(arrow.xyann), np.array(arrow.xy)
+        near = np.flatnonzero(np.abs(points - tip).max(axis=1) < 2e-3)
+        assert any((points[k + 5] - points[k - 5]) @ (tip - tail) > 0.0 for k in near)
+
+
 def test_many_evolutions_share_the_last_colour():
     """Five nodes apart from each other branch at once: the picture names the first evolutions."""
     body = ContactBody(
@@ -143,6 +170,14 @@ def test_zones_are_the_modes_over_time(round_body):
         assert colors == [to_hex(ZONES[mode]) for mode in modes.tolist()]
         corners = stripe.get_paths()[0].vertices
         assert (corners[:, 0].min(), corners[:, 0].max()) == (begin.t, end.t)
+
+
+def test_the_round_body_is_drawn_with_its_contact(tmp_path):
+    files = cattaneo(20).solve((1.6,), lambda pieces, t: None).write(tmp_path)
+    names = [file.name for file in files]
+    expected = [f"cattaneo{end}" for end in (".png", ".npz", "-contact.png", "-zones.png")]
+    assert names == expected
+    assert all(file.stat().st_size > 1000 for file in files)
 
 
 def test_pressure_and_shear_are_those_of_the_states(round_body):

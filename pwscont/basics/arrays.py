@@ -35,7 +35,7 @@ def finite_array(name: str, values: Any, shape: tuple[int, ...] | None = None) -
         if (what := NO_REALS.get(_kind(given))) is not None:
             raise TypeError(f"got {what}")
         array = np.array(given, dtype=float)
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         raise InvalidInputError(f"{name} must be an array of numbers: {error}") from error
     if shape is not None and array.shape != shape:
         raise InvalidInputError(f"{name} has shape {array.shape}, expected {shape}")

@@ -24,7 +24,7 @@ from pwscont.view.numbers import MOST_NUMBERS, row_of
 from pwscont.view.records import packed, style_record
 
 if TYPE_CHECKING:
-    from pwscont.evolution.structure import EvolutionStructure
+    from pwscont.evolution.states import EvolutionStructure
 
 #: Marker of Bokeh, size in pixels, whether hollow, by kind of node.
 MARKERS = {

@@ -14,14 +14,11 @@ from pwscont.basics.quantities import Function, Quantities, checked_names, check
 from pwscont.continuation.journal import Journal
 from pwscont.continuation.plan import Report, silent
 from pwscont.evolution.graph import EvolutionGraph
-from pwscont.evolution.jumps import Jumps
-from pwscont.evolution.memory import SystemWithMemory
+from pwscont.evolution.memory import Evolver, Moment, Moments, SystemWithMemory, WaysOn
 from pwscont.evolution.rays import ByRays
-from pwscont.evolution.recorded import RecordedWays
-from pwscont.evolution.run import Run
+from pwscont.evolution.rules import Jumps, UserEvents
+from pwscont.evolution.run import RecordedWays, Run
 from pwscont.evolution.states import EvolutionNode, EvolutionPiece
-from pwscont.evolution.user_events import UserEvents
-from pwscont.evolution.ways import Evolver, Moment, Moments, WaysOn
 from pwscont.transitions.user_event import Stop
 
 #: Largest number of uncertain events that the guarantee names.

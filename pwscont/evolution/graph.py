@@ -11,11 +11,9 @@ from pwscont.basics.arrays import finite_array
 from pwscont.basics.errors import InvalidInputError
 from pwscont.basics.looks import card, counted
 from pwscont.basics.quantities import Quantities
-from pwscont.evolution import exports, file
-from pwscont.evolution.cycle import Cycle, cycle_of
-from pwscont.evolution.paths import EvolutionPath, EvolutionPaths
-from pwscont.evolution.states import SAME_TIME
-from pwscont.evolution.structure import EvolutionStructure
+from pwscont.evolution import exports
+from pwscont.evolution.paths import Cycle, EvolutionPath, EvolutionPaths, cycle_of
+from pwscont.evolution.states import SAME_TIME, EvolutionStructure
 
 if TYPE_CHECKING:
     import networkx as nx
@@ -193,7 +191,7 @@ class EvolutionGraph(EvolutionStructure):
         UnknownNameError
             If there is no such quantity.
         """
-        from pwscont.evolution.animation import animate  # noqa: PLC0415  only where asked for
+        from pwscont.evolution.plotting import animate  # noqa: PLC0415  only where asked for
 
         return animate(self, Path(path), (y, x), frames, fps)
 
@@ -205,7 +203,7 @@ class EvolutionGraph(EvolutionStructure):
         GraphFileError
             If the file cannot be written.
         """
-        file.write(path, self)
+        exports.write(path, self)
 
     @classmethod
     def load(cls, path: str | Path, system: SystemWithMemory | None = None) -> EvolutionGraph:
@@ -222,7 +220,7 @@ class EvolutionGraph(EvolutionStructure):
         GraphFileError
             If the file is missing, damaged, or no evolution.
         """
-        parts = file.read(path)
+        parts = exports.read(path)
         quantities = Quantities(parts.reader.names)
         found = parts.nodes, parts.pieces, parts.interval, parts.reader
         return cls(*found, quantities, parts.guarantee, system)

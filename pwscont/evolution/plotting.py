@@ -1,4 +1,4 @@
-"""Pictures of evolutions: a quantity over time, or a loop of one quantity over another.
+"""Pictures of evolutions, still or moving: a quantity over time or over another quantity.
 
 Each evolution has a colour and a line style of its own. A piece that several evolutions share is
 drawn in stripes of all their colours. An evolution that another one hides is still seen: the
@@ -9,11 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import groupby, islice
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, final
 
 import numpy as np
 
 from pwscont.basics.arrays import Array
+from pwscont.basics.errors import InvalidInputError
 from pwscont.basics.looks import counted
 from pwscont.evolution.paths import EvolutionPaths
 from pwscont.evolution.states import EvolutionPiece, EvolutionState
@@ -24,11 +26,16 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from pwscont.evolution.structure import EvolutionStructure
+    from pwscont.evolution.states import EvolutionStructure
 
 #: Look of nodes by kind; other kinds have no mark.
 MARKS = {"start": "o", "branching": "s", "loss": "X", "jump": "^", "undecided": "$?$"}
-MARK_SIZE = 42
+#: A start stands within a branching: both are seen where evolutions branch from the start.
+MARK_SIZE, SMALL_MARK = 64, 20
+#: The length between two arrows in a loop, as a part of the panel.
+ARROWS_APART = 0.4
+#: Arrows closer than this, as a part of the panel, that point the same way are one arrow.
+APART = 0.08
 #: Evolutions that have a colour of their own, and line styles by turns.
 MOST_COLORED = 8
 LINE_STYLES: tuple[Any, ...] = ("-", (0, (5, 1.5)), (0, (5, 1, 1, 1)), (0, (1, 1)))
@@ -105,6 +112,8 @@ def draw_curves(axes: Axes, graph: EvolutionStructure, curves: Curves) -> None:
     owners = owners_of(chosen)
     for number, pieces in enumerate(chosen):
         _draw_evolution(axes, curves, pieces, (number, len(chosen)), owners)
+    if "t" not in curves.shown:
+        _draw_arrows(axes, chosen, curves)
     _draw_nodes(axes, graph, curves)
     for axis, name in zip((axes.xaxis, axes.yaxis), curves.shown, strict=True):
         axis.set_label_text(symbol(name))
@@ -164,12 +173,81 @@ def _draw_nodes(axes: Axes, graph: EvolutionStructure, curves: Curves) -> None:
     for kind, mark in MARKS.items():
         states = graph.branchings() if kind == "branching" else graph.events(kind)
         points: Array = np.array([curves.point(state) for state in states]).reshape(-1, 2)
-        fill = "white" if kind in ("start", "branching") else "black"
         look: dict[str, Any] = {
-            "facecolor": fill,
+            "facecolor": "white" if kind in ("start", "branching") else "black",
             "edgecolor": "black",
-            "zorder": 5,
-            "s": MARK_SIZE,
+            "zorder": 6 if kind == "start" else 5,
+            "s": SMALL_MARK if kind == "start" else MARK_SIZE,
         }
         if len(points):
             axes.scatter(*points.T, marker=mark, label=kind, **look)
+
+
+def _draw_arrows(axes: Axes, chosen: Sequence[Sequence[EvolutionPiece]], curves: Curves) -> None:
+    """Draw the direction of time along evolutions, an arrow once where evolutions agree."""
+    sizes = np.array([np.ptp(axes.get_xlim()), np.ptp(axes.get_ylim())])
+    drawn: list[Array] = []
+    for pieces in chosen:
+        points = curves.pieces([p for p in pieces if not p.is_jump]).T / sizes
+        lengths = np.linalg.norm(np.diff(points, axis=0), axis=1)
+        ends = np.append(0.0, np.cumsum(lengths))
+        for length in np.arange(0.5 * ARROWS_APART, ends[-1], ARROWS_APART):
+            k = int(np.searchsorted(ends, length)) - 1
+            way = (points[k + 1] - points[k]) / lengths[k]
+            tip = points[k] + (length - ends[k]) * way
+            here = np.append(tip, 0.3 * way)
+            if all(np.abs(here - other).max() > APART for other in drawn):
+                drawn.append(here)
+                _draw_arrow(axes, (tip - 0.01 * way) * sizes, tip * sizes)
+
+
+def _draw_arrow(axes: Axes, tail: Array, tip: Array) -> None:
+    look: dict[str, Any] = {"arrowstyle": "-|>", "color": "black", "mutation_scale": 11}
+    look |= {"shrinkA": 0.0, "shrinkB": 0.0}
+    axes.annotate("", (tip[0], tip[1]), (tail[0], tail[1]), arrowprops=look, zorder=4)
+
+
+DPI, STATE_SIZE = 90, 60
+
+
+def animate(
+    graph: EvolutionStructure, path: Path, panel: tuple[Quantity, Quantity], frames: int, fps: int
+) -> Path:
+    """Write an animated GIF, for :meth:`EvolutionGraph.animate`."""
+    from matplotlib.animation import PillowWriter  # noqa: PLC0415  only where asked for
+
+    check_animation(path, frames, fps)
+    figure = draw(graph, [panel])
+    curves, axes = Curves(graph, panel[1], panel[0]), figure.axes[0]
+    dots = axes.scatter([], [], STATE_SIZE, facecolor="black", edgecolor="white")
+    dots.set_zorder(7)
+    writer = PillowWriter(fps=fps)
+    try:
+        with writer.saving(figure, str(path), dpi=DPI):
+            for t in np.linspace(*graph.interval, frames).tolist():
+                states = graph.states(t)
+                points = np.array([curves.point(state) for state in states]).reshape(-1, 2)
+                dots.set_offsets(points)
+                axes.set_title(f"t = {t:.4g}: {counted(len(states), 'state')}")
+                writer.grab_frame()
+                figure.set_layout_engine("none")  # the layout of the first frame: nothing jumps
+    except OSError as error:
+        raise InvalidInputError(f"cannot write {path}: {error.strerror or error}") from error
+    return path
+
+
+def check_animation(path: Path, frames: int, fps: int) -> None:
+    """Refuse a moving picture that cannot be written.
+
+    Raises
+    ------
+    InvalidInputError
+    """
+    if path.suffix.lower() != ".gif":
+        raise InvalidInputError(f"an animation is a file that ends in .gif, got {str(path)!r}")
+    if not path.absolute().parent.is_dir():
+        raise InvalidInputError(f"cannot write {path}: there is no directory {path.parent}")
+    if frames < 2 or fps < 1:
+        raise InvalidInputError(
+            f"an animation needs 2 frames and 1 frame per second, got {frames} and {fps}"
+        )

@@ -7,6 +7,8 @@ Failure modes and answers
   begins there.
 - Solutions fill a cone of dimension two: the extreme rays are ways on, and the answer is called
   incomplete.
+- Parts of a law, such as two stops, are alike at first and not later: they are told apart from the
+  beginning. Parts that are alike whatever the memory is stay one.
 - The law restated with the memory of a state does not hold in the state: the system is refused.
 - Errors of many events add: every state is solved for in the cell of the piece that leads there.
 """
@@ -18,7 +20,7 @@ from typing import TYPE_CHECKING, Any, final
 import numpy as np
 
 from pwscont.basics.arguments import needed_kind
-from pwscont.basics.arrays import Array, finite_array
+from pwscont.basics.arrays import Array, finite_array, generic
 from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidInputError, InvalidSystemError
 from pwscont.basics.outcome import Failure, Kind
@@ -29,10 +31,10 @@ from pwscont.curve.magnitudes import rough_magnitudes
 from pwscont.curve.metric import Metric
 from pwscont.curve.newton import newton, uncertainty
 from pwscont.curve.semismooth import semismooth_newton
-from pwscont.evolution.ways import Evolver, Moment, Moments, Way, WaysOn
+from pwscont.evolution.memory import Evolver, Moment, Moments, Way, WaysOn
 from pwscont.linear.factorise import last_unit
 from pwscont.search.enumeration import solve_surely
-from pwscont.system.abilities import completed, shown_size
+from pwscont.system.abilities import HidesUnknowns, completed, shown_size
 from pwscont.system.selection import Selection
 from pwscont.system.system import PiecewiseLinearSystem
 from pwscont.transitions.corner.cone import TangentCone, tangent_cone
@@ -62,6 +64,8 @@ class ByRays(Evolver):
     def __init__(self, system: SystemWithMemory, interval: tuple[float, float]) -> None:
         self.system, self.interval = system, interval
         self._first = finite_array("initial_memory()", system.initial_memory())
+        self._apart = False
+        self._apart = self._differs_elsewhere()
         law = self._stated(self._first)
         self._size, self._shown_size = law.size, shown_size(law)
         law, guess = law.within(*interval), np.zeros(law.size)
@@ -72,7 +76,22 @@ class ByRays(Evolver):
         law = self.system.remembering(memory)
         what = f"what {type(self.system).__name__}.remembering returns"
         needed_kind(what, law, PiecewiseLinearSystem)
+        if self._apart and isinstance(law, HidesUnknowns):
+            law = law.told_apart()
         return law
+
+    def _differs_elsewhere(self) -> bool:
+        """Tell whether parts of the law that are alike at first are so by chance."""
+        first = self._stated(self._first)
+        if not isinstance(first, HidesUnknowns):
+            return False
+        if first.told_apart() is first:
+            return True
+        try:
+            other = self._stated(self._first + generic(len(self._first)))
+        except Exception:  # this memory may mean nothing to the law
+            return True
+        return other.size != first.size
 
     def law(self, memory: Array) -> PiecewiseLinearSystem:
         """Return the law restated with a memory, for work on the interval."""
@@ -80,8 +99,7 @@ class ByRays(Evolver):
         if law.size != self._size:
             raise InvalidSystemError(
                 f"{type(self.system).__name__}.remembering has {law.size} unknowns now, "
-                f"{self._size} at first: calls of sw whose arguments are equal are one hidden "
-                "unknown, so give each call arguments that never equal those of another call"
+                f"{self._size} at first; the number of unknowns must not change with the memory"
             )
         return law.within(*self.interval, self._magnitudes)
 

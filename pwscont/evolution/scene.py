@@ -16,10 +16,10 @@ from pwscont.basics.looks import counted, named, short, state
 from pwscont.basics.quantities import Function
 from pwscont.continuation.journal import Journal
 from pwscont.continuation.plan import Report, silent
-from pwscont.evolution.cycle import cycle_of
 from pwscont.evolution.evolve import evolve
 from pwscont.evolution.graph import EvolutionGraph
 from pwscont.evolution.memory import SystemWithMemory
+from pwscont.evolution.paths import cycle_of
 from pwscont.evolution.rays import ByRays
 from pwscont.evolution.states import EvolutionState
 from pwscont.graph.exports import DUST

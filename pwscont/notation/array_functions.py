@@ -12,15 +12,7 @@ import scipy.sparse as sp
 
 from pwscont.extending import Indices
 from pwscont.notation.arithmetic import UntraceableError, refuse_kink
-from pwscont.notation.dual import (
-    FUNCTIONS,
-    Dual,
-    as_dual,
-    as_operand,
-    is_traced,
-    joined,
-    spread,
-)
+from pwscont.notation.dual import FUNCTIONS, Dual, as_dual, as_operand, is_traced, joined, spread
 
 #: Functions that move entries around, or put zeros between entries.
 MOVING = tuple(

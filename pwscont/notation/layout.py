@@ -53,10 +53,7 @@ _FIRST, _SECOND = "takes its first argument", "takes its second argument"
 MAX = Operation("max", ("second", "first"), _there_and_back(_FIRST, _SECOND), (1, 1))
 MIN = Operation("min", ("first", "second"), _there_and_back(_SECOND, _FIRST), (-1, -1))
 ABS = Operation(
-    "abs",
-    ("negative", "positive"),
-    _there_and_back("becomes positive", "becomes negative"),
-    (1, 1),
+    "abs", ("negative", "positive"), _there_and_back("becomes positive", "becomes negative"), (1, 1)
 )
 RELU = Operation("relu", ("off", "on"), _there_and_back("turns on", "turns off"), (1, 1))
 WHERE = Operation("where", ABS.modes, ABS.changes, (0, 0))

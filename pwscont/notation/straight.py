@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, final
@@ -181,13 +181,7 @@ def _absorbed(matrix: Matrix, size: int, count: int) -> Indices:
 
 
 def _values(
-    F: Matrix,
-    f: Array,
-    unit: Matrix,
-    hidden: Indices,
-    absorbed: Indices,
-    factor: Array,
-    count: int,
+    F: Matrix, f: Array, unit: Matrix, hidden: Indices, absorbed: Indices, factor: Array, count: int
 ) -> tuple[Matrix, Array]:
     """Return coefficients and constants of the values of all switches at solutions."""
     values, rest = sp.lil_array((count, F.shape[1])), np.zeros(count)
@@ -204,6 +198,9 @@ def _values(
 class SwitchedLinearSystem(Notated, PiecewiseLinearSystem, ExactData):
     """A piecewise-linear system written with switches; made by :func:`pwscont.Switched`."""
 
+    #: Makes the system anew with a switch for each call of sw, if several calls are one switch.
+    again: Callable[[], SwitchedLinearSystem] | None = None
+
     def __init__(
         self, size: int, layout: Layout, rows: SystemRows, given: Given, own: dict[int, int]
     ) -> None:
@@ -215,6 +212,14 @@ class SwitchedLinearSystem(Notated, PiecewiseLinearSystem, ExactData):
         #: The matrices of the last cells.
         self._known: dict[bytes, Matrix] = {}
         self.domain = self._ordered()
+
+    def told_apart(self) -> SwitchedLinearSystem:
+        """Return the system with a switch of its own for each call of sw."""
+        return self.again() if self.again else self
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return the attributes for a pickle, without the function of the user."""
+        return self.__dict__ | {"again": None}
 
     def _ordered(self) -> tuple[float, float]:
         """Return the alphas (lo, hi) at which no lower bound of a clip is above the upper bound.

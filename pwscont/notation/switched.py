@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -104,11 +105,8 @@ def Switched(  # noqa: N802  used like a class
     given = Given(*texts, degree, unique, _pair(bounds), periods, checked_magnitudes(scale, size))
     function = UserFunction(f, size)
     if linear:
-        _, layout = _first_calls(function, list(_points(size, Given())))
-        matrix, rest = coefficients(function, size, layout)
-        own = unknowns_bounded(matrix[:size, :-1], size)
-        rows = assembled(matrix, rest, size, layout)
-        return SwitchedLinearSystem(size, layout, rows, given, own)
+        layout = _first_calls(function, list(_points(size, Given())))[1]
+        return _straight(function, size, given, layout)
     return _curved(function, size, given)
 
 
@@ -131,6 +129,18 @@ def _pair(bounds: Any) -> tuple[Any, Any] | None:
             f"bounds must be a pair (lower, upper) of numbers, got {bounds!r}"
         ) from error
     return lower, upper
+
+
+def _straight(
+    function: UserFunction, size: int, given: Given, layout: Layout
+) -> SwitchedLinearSystem:
+    matrix, rest = coefficients(function, size, layout)
+    own = unknowns_bounded(matrix[:size, :-1], size)
+    system = SwitchedLinearSystem(size, layout, assembled(matrix, rest, size, layout), given, own)
+    if len(layout.calls) < len(layout.numbers):
+        apart = Layout([layout.calls[i] for i in layout.numbers], layout.forms)
+        system.again = partial(_straight, function, size, given, apart)
+    return system
 
 
 def _curved(function: UserFunction, size: int, given: Given) -> SwitchedSystem:

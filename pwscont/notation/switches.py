@@ -10,17 +10,7 @@ import numpy as np
 from pwscont import InvalidSystemError
 from pwscont.notation.array_functions import chosen
 from pwscont.notation.dual import as_operand, joined, spread, value_of
-from pwscont.notation.layout import (
-    ABS,
-    CLIP,
-    LOWER,
-    MAX,
-    MIN,
-    RELU,
-    UPPER,
-    WHERE,
-    Operation,
-)
+from pwscont.notation.layout import ABS, CLIP, LOWER, MAX, MIN, RELU, UPPER, WHERE, Operation
 
 #: Operation, tests and branches, all of one shape -> the value of the switches.
 Choose = Callable[[Operation, Sequence[Any], Sequence[Any]], Any]

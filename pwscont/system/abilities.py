@@ -83,6 +83,14 @@ class HidesUnknowns(ABC):
     def with_hidden(self, z: Array, alpha: float) -> Array:
         """Return all unknowns, shape (size,), from the shown unknowns, shape (shown,)."""
 
+    def told_apart(self) -> Any:
+        """Return the same system without unknowns that stand for several alike parts; default self.
+
+        A law with memory is stated anew at every event, and parts that are alike at first need not
+        stay alike.
+        """
+        return self
+
 
 def shown_size(system: PiecewiseSystem) -> int:
     """Return the number of unknowns that a user knows.

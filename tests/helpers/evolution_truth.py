@@ -138,7 +138,7 @@ def options(problem, z):
 
 
 def rates(problem, z, t):
-    """Return all solutions of the rate problem at a state."""
+    """Return all solutions of the rate problem at a state, each with its modes."""
     leg = min(int(t + 1e-9), len(problem.loads) - 2)
     slope = problem.loads[leg + 1] - problem.loads[leg]
     choices, zero, found = list(options(problem, z)), np.zeros(problem.p), []
@@ -147,9 +147,20 @@ def rates(problem, z, t):
         if rate is None:
             continue
         checks = (_rate(problem, z, rate, i, m, choices[i]) for i, m in enumerate(modes))
-        if all(checks) and not any(np.abs(rate - o).max() < 1e-8 for o in found):
-            found.append(rate)
+        if all(checks) and not any(np.abs(rate - o).max() < 1e-8 for o, _ in found):
+            found.append((rate, modes))
     return found
+
+
+def on_piece(problem, z, t, when, way):
+    """Return the state on a piece that leaves z, solved for anew: errors of many pieces do not add.
+
+    On a steep piece the end is rough, as the time of the end is; the next piece begins afresh.
+    """
+    rate, modes = way
+    held_t = problem.T @ z[: len(problem.A)]
+    state = solved(problem, modes, problem.load(when), problem.gap, held_t)
+    return z + (when - t) * rate if state is None else state
 
 
 def _rate(problem, z, rate, i, mode, choices):
@@ -211,13 +222,13 @@ def evolutions(problem):
         truth.branchings += len(ways) > 1
         if not ways:
             truth.losses.append((t, z))
-        for rate in ways:
-            until = next_event(problem, z, rate, t)
+        for way in ways:
+            until = next_event(problem, z, way[0], t)
             if until - t < SHORTEST:
                 raise TooManyError  # events accumulate, as of seed 8272
-            reached = z + (until - t) * rate
-            truth.segments.append((t, z, until, reached))
-            open_.append((until, reached))
+            ends = [on_piece(problem, z, t, when, way) for when in (t, until)]
+            truth.segments.append((t, ends[0], until, ends[1]))
+            open_.append((until, ends[1]))
     return truth
 
 
@@ -225,8 +236,11 @@ def _close(a, b):
     return np.abs(a - b).max() < 1e-8
 
 
-def random_problem(seed):
-    """Return a random history of one to three nodes, F from 0 to 8, some with gaps and slip."""
+def random_problem(seed, power=1.0, slips=0.3):
+    """Return a random history of one to three nodes, F from 0 to 8, some with gaps and slip.
+
+    A smaller power makes high friction more frequent; ``slips`` is how often there is initial slip.
+    """
     rng = np.random.default_rng([35, seed])
     p = int(rng.integers(1, 4))
     n = 2 * p + int(rng.integers(0, 2))
@@ -238,8 +252,8 @@ def random_problem(seed):
     loads = 2.0 * (around + rng.uniform(0.3, 1.5) * rng.normal(size=(count, n)))
     if rng.random() < 0.5:
         loads[0] = 0.0
-    F = rng.uniform(0.0, 8.0) * (1.0 if rng.random() < 0.85 else 0.1) * np.ones(p)
+    F = 8.0 * rng.random() ** power * (1.0 if rng.random() < 0.85 else 0.1) * np.ones(p)
     if rng.random() < 0.1:
         F[int(rng.integers(p))] = 0.0
-    slip = rng.normal(size=p) * (rng.random() < 0.3)
+    slip = rng.normal(size=p) * (rng.random() < slips)
     return Problem(A, pick[0 : 2 * p : 2], pick[1 : 2 * p : 2], gap, loads, F, slip)

@@ -142,26 +142,73 @@ class CoulombEvolver(Evolver):
         return Moment(t, exact, exact[3 * self.p :], _bytes(status))
 
     def _states(self, slip: Array, t: float) -> Moments:
-        """Return all states in which nodes have slipped from some places."""
-        p, law = self.p, self.problem.restated(slip)
-        slack = ZERO * self._force, ZERO * self._length
-        if p <= MOST_ENUMERATED:
-            found = enumerate_solutions(law, t)
-            states = [self._contact(s.z) for s in found]
-            words = found.guarantee
-            complete = words.startswith("complete") and "infinitely" not in words
-            if not complete:
-                states += self._tried(slip, t)
-            why = "" if complete else f"states at t = {t:.10g}: {found.guarantee}"
-            different = self._different(states)
-            return Moments(tuple(self._moment(y, t, slack) for y in different), complete, why)
+        """Return all states in which nodes have slipped from some places, or say what is missing.
+
+        States by rates are certain for most bodies; of few nodes all states can be enumerated, and
+        of many nodes one state is found by other means.
+        """
+        states, remark = self._by_rates(slip, t)
+        if not remark:
+            return self._moments(states, t)
+        few = self.p <= MOST_ENUMERATED
+        return self._enumerated(slip, t, states) if few else self._from_one(slip, t)
+
+    def _enumerated(self, slip: Array, t: float, states: list[Array]) -> Moments:
+        """Return the states of few nodes, those that are known included."""
+        found = enumerate_solutions(self.problem.restated(slip), t)
+        every = [*(self._contact(s.z) for s in found), *states]
+        if found.guarantee.startswith("complete") and "infinitely" not in found.guarantee:
+            return self._moments(every, t)
+        words = f"states at t = {t:.10g}: {found.guarantee}"
+        return self._moments([*every, *self._tried(slip, t)], t, words)
+
+    def _from_one(self, slip: Array, t: float) -> Moments:
+        """Return the states of many nodes, beginning the search at a state without contact."""
         one = self._one_state(slip, t)
-        moments = () if one is None else (self._moment(one, t, slack),)
-        if self._is_unique():
-            return Moments(moments)
-        if one is not None and not one[: 2 * p].any():
-            return Moments(moments, origin="from the state without contact forces")
-        return Moments(moments, False, f"other states at t = {t:.10g} are not excluded")
+        if one is None:
+            return self._moments([], t, f"no state at t = {t:.10g} was found")
+        states, remark = self._by_rates(slip, t, one)
+        if not remark:
+            return self._moments(states, t)
+        if not one[: 2 * self.p].any():
+            found = self._moments([one], t).moments
+            return Moments(found, origin="from the state without contact forces")
+        return self._moments([one], t, f"other states at t = {t:.10g} are not excluded")
+
+    def _moments(self, states: list[Array], t: float, remark: str = "") -> Moments:
+        slack = ZERO * self._force, ZERO * self._length
+        different = self._different(states)
+        return Moments(tuple(self._moment(y, t, slack) for y in different), not remark, remark)
+
+    def _by_rates(
+        self, slip: Array, t: float, guess: Array | None = None
+    ) -> tuple[list[Array], str]:
+        """Return states, and in words what may be missing.
+
+        The states are the rates of nodes that all touch without force, with displacements that
+        count from gap and slip.
+
+        Parameters
+        ----------
+        slip : ndarray, shape (p,)
+        t : float
+        guess : ndarray, shape (4 p,), optional
+            A state at which the search begins.
+        """
+        self.forget()  # a resumed run repeats every bit
+        held = np.concatenate([self._gap, slip])
+        g = self._at_loads @ self.problem.history.weights(t)
+        problem, which = self._problem(np.full(self.p, node.TOUCHES), g - held)
+        modes = np.where((g - held)[: self.p] > 0.0, STICK, NO_CONTACT)
+        if guess is not None:
+            slack = ZERO * self._force, ZERO * self._length
+            modes = node.KEPT[node.statuses(guess, self._friction, self._gap, slack)]
+        found = problem.all_rates(dict(enumerate(modes[which].tolist())))
+        states = []
+        for rates in found.found:
+            modes[which] = rates.modes
+            states.append(self._clean(self._solved(modes, held, g), modes))
+        return states, found.remark
 
     def _contact(self, z: Array) -> Array:
         """Return y of a state that users see."""
@@ -201,11 +248,6 @@ class CoulombEvolver(Evolver):
         slips = sign * (u_t - slip) >= -length
         fits = (normal <= force) & (u_nu <= self._gap + length) & rests & slips
         return bool(fits.all())
-
-    def _is_unique(self) -> bool:
-        """Tell whether there certainly is one state under every load, with every slip and gap."""
-        status = np.full(self.p, node.TOUCHES)
-        return self._problem(status, np.zeros(2 * self.p))[0].doubt({}) is None
 
     def _one_state(self, slip: Array, t: float) -> Array | None:
         """Return the state without force where this is a state, else one state by pivoting."""

@@ -30,18 +30,22 @@ from scipy.linalg import lapack
 from pwscont.extending import EPS, Array, Indices, check_budget
 from pwscont_coulomb.modes import Mode
 from pwscont_coulomb.quasi_static.rate_law import RateLaw
-from pwscont_coulomb.quasi_static.uniqueness import WEIGHTS, ZERO, Choices, Form
+from pwscont_coulomb.quasi_static.uniqueness import WEIGHTS, ZERO, Choices, Form, Known
 
 #: A matrix in natural units whose inverse is larger than one over this is singular.
 SINGULAR = 2.0**10 * EPS
 #: Most work on one rate problem: the sum of the cubes of the sizes of all problems looked at.
 MOST_WORK = 1e8
+#: Most problems looked at where linear programs can search the modes instead.
+MOST_LOOKS = 100
 #: Most choices of two, with two for each node without force, for a search by linear programs.
 MOST_BITS = 44
 #: Most steps of a search for one solution.
 MOST_PIVOTS = 60
 #: Largest number of changes of all wrong nodes at once after which no fewer nodes are wrong.
 PATIENCE = 8
+#: A ratio of forces with a larger error is not known: the node is decided first.
+HIDDEN = 1e-3
 NO_CONTACT, STICK = int(Mode.NO_CONTACT), int(Mode.STICK)
 SLIP = {1: int(Mode.SLIP_PLUS), -1: int(Mode.SLIP_MINUS)}
 SIGN = {int(Mode.SLIP_PLUS): 1.0, int(Mode.SLIP_MINUS): -1.0}
@@ -104,6 +108,7 @@ class RateProblem:
         self.normal, self.tangent = normal, tangent
         self.size, self.count = K.shape[1], len(friction)
         self.scale = np.abs(np.diag(K))
+        self._choices = Choices(friction, sign, normal, tangent, self.scale)
         self._absolute = np.abs(K)
         #: The rate that the load alone would cause.
         self._usual = float((np.abs(h[: self.size]) / self.scale).max(initial=0.0))
@@ -194,19 +199,21 @@ class RateProblem:
         """Return phi, and the magnitudes of the terms of each."""
         return self.K @ x - self.h, self._absolute @ np.abs(x) + np.abs(self.h)
 
-    def next_modes(self, x: Array, modes: Mapping[int, int]) -> dict[int, int]:
-        """Return for each node the mode that its forces and rates ask for."""
+    def _known(self, x: Array) -> Known:
+        """Return a solution with bounds of the errors of rates and forces."""
         phi, terms = self.forces(x)
         speed = ZERO * (np.abs(x) + float(np.abs(x).max(initial=0.0)) + self._usual)
-        return {
-            node: self._asked(node, mode, x, phi, (speed, ZERO * terms))
-            for node, mode in modes.items()
-        }
+        return Known(x, phi, speed, ZERO * terms)
 
-    def _asked(self, node: int, mode: int, x: Array, phi: Array, slack: tuple[Array, Array]) -> int:
+    def next_modes(self, x: Array, modes: Mapping[int, int]) -> dict[int, int]:
+        """Return for each node the mode that its forces and rates ask for."""
+        known = self._known(x)
+        return {node: self._asked(node, mode, known) for node, mode in modes.items()}
+
+    def _asked(self, node: int, mode: int, known: Known) -> int:
         """Return the same mode where its inequalities hold up to rounding, else another one."""
         n, t, F = int(self.normal[node]), int(self.tangent[node]), self.friction[node]
-        speed, force = slack
+        x, phi, speed, force = known.x, known.phi, known.speed, known.force
         if self.sign[node]:
             s = self.sign[node]
             if mode == STICK:
@@ -271,14 +278,37 @@ class RateProblem:
         phi, columns = self._eliminated(fixed, left)
         if phi is None:
             return left[0]
-        choices = Choices(self.friction, self.sign, self.normal, self.tangent, self.scale)
-        form = Form(choices, phi, columns, left)
+        form = Form(self._choices, phi, columns, left)
         if not len(form.rubbing):
             return None if form.is_positive(form.whole(1.0)) else form.heaviest(form.worst(1.0)[1])
         judged = {weight: form.judged(weight, self._theta[weight]) for weight in self._weights}
         best = max(judged, key=lambda weight: judged[weight][0])
         self._weights, worst = (best,), judged[best][1]
         return None if worst is None else form.heaviest(worst)
+
+    def others(self, fixed: Mapping[int, int], x: Array) -> int | None:
+        """Return the node to decide next, None where x is certainly the only solution.
+
+        Parameters
+        ----------
+        fixed : mapping
+            The modes of some nodes, whose inequalities need not hold.
+        x : ndarray, shape (m,)
+            A solution with the fixed modes.
+        """
+        left = [i for i in range(self.count) if i not in fixed]
+        phi, columns = self._eliminated(fixed, left) if left else (None, np.arange(0))
+        if phi is None:
+            return left[0] if left else None
+        known = self._known(x)
+        for weight in WEIGHTS:
+            used, errors = known.used(self._choices, weight)
+            form = Form(used, phi, columns, left)
+            if form.is_positive(form.whole(weight), weight, form.error(weight, errors)):
+                return None
+        if errors[left].max() > HIDDEN:
+            return left[int(np.argmax(errors[left]))]
+        return form.heaviest(form.worst(weight)[1])
 
     def _eliminated(
         self, fixed: Mapping[int, int], left: list[int]
@@ -308,7 +338,7 @@ class RateProblem:
         try:
             search.look({})
         except _TooManyError:
-            if self._can_be_listed():
+            if self.can_be_listed():
                 return self.listed()
             settled = self.settled({}, guess)
             one = self.checked(*settled) if settled else None
@@ -316,7 +346,7 @@ class RateProblem:
             return RateSolutions(_different(found, self._usual), "one of possibly several ways on")
         return RateSolutions(_different(search.found, self._usual), search.remark)
 
-    def _can_be_listed(self) -> bool:
+    def can_be_listed(self) -> bool:
         """Tell whether the modes are few enough for linear programs, and programs can cut some."""
         if not self.h.any() or (self.tangent < 0).any():  # without load all modes meet at zero
             return False
@@ -341,35 +371,31 @@ class _Search:
 
     def __init__(self, problem: RateProblem, guess: dict[int, int]) -> None:
         self._problem, self._guess, self._work = problem, guess, 0.0
+        self._least = MOST_WORK / MOST_LOOKS if problem.can_be_listed() else 0.0
         self.found: list[Rates] = []
         self.remark = ""
 
     def look(self, fixed: dict[int, int]) -> None:
         """Find all solutions with some modes fixed."""
         problem = self._problem
-        self._work += float(problem.size) ** 3
+        self._work += max(float(problem.size) ** 3, self._least)
         if self._work > MOST_WORK:
             raise _TooManyError
         check_budget()
         if len(fixed) == problem.count:
             self._last(fixed)
             return
-        node = problem.doubt(fixed)
-        if node is None and self._only(fixed):
-            return
-        if node is None:
-            node = next(i for i in range(problem.count) if i not in fixed)
-        for mode in problem.options(node):
-            self.look({**fixed, node: mode})
-
-    def _only(self, fixed: dict[int, int]) -> bool:
-        """Find the only solution; tell whether the search settled."""
-        settled = self._problem.settled(fixed, self._guess)
+        settled = problem.settled(fixed, self._guess)
         if settled is None:
-            return False
-        solution = self._problem.checked(*settled)
-        self.found += [solution] if solution else []
-        return True
+            node: int | None = next(i for i in range(problem.count) if i not in fixed)
+        else:
+            node = problem.others(fixed, settled[1])
+        if settled is not None and node is None:
+            solution = problem.checked(*settled)
+            self.found += [solution] if solution else []
+        elif node is not None:
+            for mode in problem.options(node):
+                self.look({**fixed, node: mode})
 
     def _last(self, modes: dict[int, int]) -> None:
         """Look at the solution in the modes of all nodes."""

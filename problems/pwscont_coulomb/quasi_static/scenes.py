@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 FRAMES = 48
 #: Strips, half of their width, radius, modulus and approach of the round body.
 HALF_WIDTH, RADIUS, MODULUS, APPROACH = 1.25, 20.0, 1.0, 0.275
+#: Times at which the contact of the round body is drawn, where none are asked for.
+DRAWN = (1.6, 2.0, 2.6, 3.0)
 
 
 def hysteresis(friction: float = 4.0) -> EvolutionScene:
@@ -51,7 +53,8 @@ def shakedown(slip: float = 1.0, friction: float = 0.5, cycles: int = 4) -> Evol
         QuasiStaticCoulomb(two_nodes(), history, friction, [slip, 0.0]),
         history.interval,
         at=(2.0 * cycles,),
-        panels=(("u_t,1", "t"), ("u_t,2", "t")),
+        record={"friction used at node 2": partial(_used_friction, friction)},
+        panels=(("u_t,2", "t"), ("friction used at node 2", "t")),
         period=2.0,
     )
 
@@ -73,15 +76,39 @@ def cattaneo(
         "shift": partial(_shift, nodes, history.times, shifts),
         "stick zone": partial(_stick_zone, nodes, friction),
     }
+    system = QuasiStaticCoulomb(body, history, friction)
     return EvolutionScene(
         "cattaneo",
         f"a round body, pressed and sheared to and fro, {nodes} strips, F = {friction:g}",
-        QuasiStaticCoulomb(body, history, friction),
+        system,
         history.interval,
         record=record,
         panels=(("force", "shift"), ("stick zone", "t")),
         period=2.0,
+        pictures=partial(_draw_strips, system),
     )
+
+
+def _draw_strips(
+    system: QuasiStaticCoulomb,
+    graph: EvolutionGraph,
+    at: Sequence[float],
+    directory: Path,
+    look: Look,
+) -> list[Path]:
+    """Write the tractions of the strips at some times, and the zones of the strips over time."""
+    from pwscont_coulomb.quasi_static.pictures import draw_contact, draw_zones  # noqa: PLC0415
+
+    path, p = graph.paths()[0], system.body.p
+    width = 2.0 * HALF_WIDTH / p
+    places = -HALF_WIDTH + width * (np.arange(p) + 0.5)
+    states = [path.state(t) for t in at or DRAWN]
+    forces = draw_contact(system, states, at=places, areas=np.full(p, width))
+    zones = draw_zones(system, path, at=places)
+    return [
+        look.save(forces, directory, "cattaneo-contact"),
+        look.save(zones, directory, "cattaneo-zones"),
+    ]
 
 
 def _force(nodes: int, z: Array, t: float) -> float:
@@ -97,10 +124,17 @@ def _shift(nodes: int, times: Array, shifts: list[float], z: Array, t: float) ->
     return _moved(times, shifts, z, t) - far
 
 
+def _used_friction(friction: float, z: Array, t: float) -> float:
+    """Return the part of the friction bound that the last node uses: 1 where the node may slip."""
+    bound = friction * abs(float(z[-3]))
+    return abs(float(z[-1])) / bound if bound else 0.0
+
+
 def _stick_zone(nodes: int, friction: float, z: Array, t: float) -> float:
     bound = -friction * z[-2 * nodes : -nodes]
     sticks = np.abs(z[-nodes:]) < bound * (1.0 - CONVERGED)
-    return float(sticks.sum() / max(1, np.count_nonzero(bound)))
+    in_contact = np.count_nonzero(bound)
+    return float(sticks.sum() / in_contact) if in_contact else 1.0
 
 
 def block_cycle(

@@ -12,10 +12,17 @@ is positive definite for some weight w and some positive theta, one theta for ea
 force. Without such nodes this is the condition that M + M^T is positive definite, one Cholesky
 factorisation. On blocks a weight of 4 admits 1.7 times as much friction as a weight of 1.
 
+A known solution (x, phi) says more of a node without force. If the node is pressed, every other
+solution has dx_t dphi_t <= q dphi_nu dx_t with q = phi_t / phi_nu, the part of the friction that is
+used. If the node leaves, w dx_nu dphi_nu + dx_t dphi_t <= q dphi_nu dx_t holds with the sign of x_t
+and abs(q) = max(0, F - w abs(x_nu / x_t)). With these q in place of s F no theta is needed, and far
+more friction is certain: a form proves that there is no other solution.
+
 Failure modes and answers
 -------------------------
 - The search for theta stops early: the rates are called uncertain, though they may be unique.
-- Rounding: a form is positive definite only if the form stays so by more than rounding.
+- Rounding: a form is positive definite only if the form stays so by more than rounding, and by more
+  than the errors of all q together. A q that rounding hides lies between -F and F.
 """
 
 from __future__ import annotations
@@ -140,19 +147,73 @@ class Form:
         values, vectors = np.linalg.eigh(unit[:, np.newaxis] * form * unit)
         return float(values[0]), unit * vectors[:, 0]
 
-    def is_positive(self, form: Array, weight: float = 1.0) -> bool:
+    def is_positive(self, form: Array, weight: float = 1.0, more: float = 0.0) -> bool:
         """Tell whether a form is positive definite by more than rounding, in natural units."""
         unit = self._unit(weight)
         scaled = unit[:, np.newaxis] * form * unit
         most = float(self._choices.friction.max(initial=0.0))
-        scaled[np.diag_indices_from(scaled)] -= ZERO * (1.0 + most)
+        scaled[np.diag_indices_from(scaled)] -= ZERO * (1.0 + most) + more
         return bool(lapack.dpotrf(scaled, lower=1)[1] == 0)
+
+    def error(self, weight: float, errors: Array) -> float:
+        """Return a bound of the error of the form, in natural units, from the errors of friction.
+
+        The symmetric part of the product of two vectors has no eigenvalue above their lengths.
+        """
+        unit = self._unit(weight)
+        lengths = np.linalg.norm(self._normal * unit, axis=1)
+        sizes = np.where(self._tangent >= 0, unit[self._tangent], 0.0)
+        return float((errors[self._left] * lengths * sizes).sum())
 
     def heaviest(self, x: Array) -> int:
         """Return the node that contributes most to a negative direction."""
         slip = np.where(self._tangent >= 0, x[self._tangent], 0.0)
         weights = self._friction * np.abs((self._normal @ x) * slip)
         return self._left[int(np.argmax(weights))]
+
+
+@final
+@dataclass(frozen=True, slots=True, eq=False)
+class Known:
+    """A solution of a rate problem.
+
+    Attributes
+    ----------
+    x, phi : ndarray
+        Rates and forces, by unknowns and rows.
+    speed, force : ndarray
+        Bounds of their errors.
+    """
+
+    x: Array
+    phi: Array
+    speed: Array
+    force: Array
+
+    def used(self, choices: Choices, weight: float) -> tuple[Choices, Array]:
+        """Return the nodes with q of this solution in place of their friction, and errors of q."""
+        q, errors = choices.sign * choices.friction, np.zeros(len(choices.friction))
+        for i in np.flatnonzero((choices.sign == 0) & (choices.tangent >= 0)).tolist():
+            q[i], errors[i] = self._used(choices, i, weight)
+        used = Choices(np.abs(q), np.sign(q), choices.normal, choices.tangent, choices.scale)
+        return used, errors
+
+    def _used(self, choices: Choices, i: int, weight: float) -> tuple[float, float]:
+        """Return q of a node without force, and a bound of the error of q."""
+        n, t, F = int(choices.normal[i]), int(choices.tangent[i]), float(choices.friction[i])
+        away, slip = max(-float(self.x[n]), 0.0), float(self.x[t])
+        press, shear = -float(self.phi[n]), float(self.phi[t])
+        if not (away or slip or press or shear):
+            return 0.0, 0.0
+        if press > 2.0 * self.force[n]:
+            error = 2.0 * (self.force[t] + F * self.force[n]) / press
+            return min(max(-shear / press, -F), F), float(error)
+        slack = float(self.speed[n]), float(self.speed[t])
+        most = max(F - weight * max(away - slack[0], 0.0) / (abs(slip) + slack[1]), 0.0)
+        if abs(slip) <= slack[1]:
+            return 0.0, most
+        least = max(F - weight * (away + slack[0]) / (abs(slip) - slack[1]), 0.0)
+        return float(np.sign(slip)) * 0.5 * (most + least), 0.5 * (most - least)
 
 
 def _symmetric(matrix: Array) -> Array:

@@ -1,0 +1,72 @@
+"""Networks of elastic-plastic springs against play and stop operators."""
+
+import numpy as np
+import pytest
+from play_operators import springs, stops
+from pwscont_structures import PlasticTruss
+from sweeps import swept
+
+from pwscont import Switched, SystemWithMemory, evolve
+
+
+@pytest.mark.parametrize("seed", swept(range(25), range(25, 200)))
+def test_springs_follow_the_stop_operators(seed):
+    truss = springs(seed)
+    evolution = evolve(truss, truss.history.interval)
+    assert evolution.is_complete
+    for t, expected in zip(truss.history.times, stops(truss), strict=True):
+        (state,) = evolution.states(t)
+        assert np.abs(state.z - expected).max() < 1e-12 * max(1.0, np.abs(expected).max())
+
+
+class Stops(SystemWithMemory):
+    """The springs of a truss with one displacement, written with switches: z = (u, forces)."""
+
+    def __init__(self, truss, plastic):
+        self.truss, self.plastic, history = truss, plastic, truss.history
+        times, loads = history.times, history.loads[:, 0]
+        self.times, self.slopes = times, np.diff(loads) / np.diff(times)
+
+    def load(self, t, sw):
+        slopes = self.slopes
+        load = self.truss.history.loads[0, 0] + slopes[0] * t
+        for change, corner in zip(np.diff(slopes), self.times[1:-1], strict=True):
+            load += change * sw.relu(t - corner)
+        return load
+
+    def remembering(self, memory):
+        truss, m = self.truss, len(self.plastic)
+
+        def law(z, t, sw):
+            forces = [
+                sw.clip(k * (z[0] - stretch), -y, y)
+                for k, stretch, y in zip(truss.stiffness, memory, truss.strength, strict=True)
+            ]
+            hard = truss.hardening.sum() * z[0]
+            balance = hard + sum(z[1 + i] for i in range(m)) - self.load(t, sw)
+            return [balance, *(z[1 + i] - forces[i] for i in range(m))]
+
+        return Switched(m + 1, law, linear=True)
+
+    def memory(self, z, t):
+        return z[0] - z[1:] / self.truss.stiffness
+
+    def initial_memory(self):
+        return self.plastic
+
+
+@pytest.mark.parametrize("seed", swept(range(8), range(8, 100)))
+def test_equal_stops_in_one_law_follow_the_stop_operators(seed):
+    """Some stops are equal and yield together; some differ by their memory alone, and meet."""
+    rng = np.random.default_rng([9, seed])
+    m, history = int(rng.integers(2, 5)), springs(seed).history
+    kinds = rng.integers(0, 2, m)  # two kinds of springs
+    k, y = rng.uniform(0.5, 2.0, 2)[kinds], rng.uniform(0.2, 1.5, 2)[kinds]
+    plastic = np.where(rng.random(m) < 0.3, rng.uniform(-0.1, 0.1), 0.0)
+    truss = PlasticTruss(np.ones((m, 1)), history, k, y, rng.uniform(0.1, 1.0, m))
+    evolution = evolve(Stops(truss, plastic), history.interval)
+    assert evolution.is_complete
+    assert evolution.paths().number == 1
+    for t, expected in zip(history.times, stops(truss, plastic), strict=True):
+        (state,) = evolution.states(t)
+        assert np.abs(state.z - expected).max() < 1e-11 * max(1.0, np.abs(expected).max())
