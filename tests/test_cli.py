@@ -205,7 +205,9 @@ def test_output_writes_readable_files(capsys, tmp_path, monkeypatch, name):
     bodies = [file for file in directory.iterdir() if file.stem.startswith(f"{name}-")]
     assert sorted(directory.iterdir()) == sorted([picture, data, *bodies])
     kinds = {".png", ".vtu", *([".gif"] if moving else [])} if name in ELASTIC else set()
-    assert {file.suffix for file in bodies} == ({".png"} if name in ("block-cycle", "cattaneo") else kinds)
+    assert {file.suffix for file in bodies} == (
+        {".png"} if name in ("block-cycle", "cattaneo") else kinds
+    )
 
 
 @pytest.mark.parametrize("name", PLANES, scope="module")

@@ -153,7 +153,8 @@ def test_graphs_with_all_they_hold(case, way):
     again = way(graph).solutions(middle)
     assert len(again) == len(found) > 0
     for one, other in zip(again, found, strict=True):
-        np.testing.assert_array_equal(one.z, other.z)
+        # arrays of a copy may lie elsewhere in memory, and BLAS may add in another order
+        np.testing.assert_allclose(one.z, other.z, rtol=1e-14)
         np.testing.assert_array_equal(way(other).z, other.z)
         assert (one.label, one.kind, one.character) == (other.label, other.kind, other.character)
     for piece in graph.pieces[:3]:

@@ -221,7 +221,8 @@ def _to_come(root: Root, error: Array, correction: Array) -> Array:
     Next to a multiple root the corrections of Newton's method shrink by a factor, and all of them
     add up to a multiple of one.
     """
-    if (root.error <= magnitude(root.x, error)).all():
+    rounding = GUARD * EPS * (np.abs(root.x) + root.scale)
+    if (root.error <= np.maximum(rounding, magnitude(root.x, error))).all():
         return error
     return np.vstack([error, SHRINKS / (1.0 - SHRINKS) * correction])
 

@@ -15,7 +15,8 @@ Failure modes and answers
   factor.
 - Magnitudes are far too large: a fold is as sharp as a kink, and may be passed over. The end of the
   path tells.
-- Another path begins far away, as of tan(z) = alpha: distances are from the beginning of each path.
+- Another path begins far away, as of tan(z) = alpha: magnitudes grow by the distances from the
+  beginning of each path alone. Magnitudes shrink only if all paths are close together, too.
 - An unknown that moves by no more than rounding has no magnitude, and is left out.
 - Newton's method by differences needs steps that fit: H is evaluated before Newton is used.
 - H may be flat or singular at a point: H is evaluated for changes of all sizes, and no derivative
@@ -90,13 +91,14 @@ class Gauge:
     def __init__(self, metric: Metric) -> None:
         self._scale, self._width = metric.scale[:-1], metric.width
         self._steps, self._look, self._alpha = 0, FIRST_LOOK, 0.0
-        self._away, self._farthest, self._size = np.zeros((3, len(self._scale)))
+        self._away, self._apart, self._farthest, self._size = np.zeros((4, len(self._scale)))
         self._first: Array | None = None
+        self._begun: Array | None = None
         self._before: tuple[float, float] | None = None  # alpha and distance at the last look
 
     def begin(self) -> None:
         """Take the next step for the first step of another path."""
-        self._first = None
+        self._begun = None
 
     def see(self, x: Array, y: Array) -> None:
         """Add a step from x to y, each of shape (n + 1,).
@@ -106,10 +108,12 @@ class Gauge:
         MisjudgedError
         """
         first = self._first = x if self._first is None else self._first
-        change = float(abs(y[-1] - x[-1]))
-        away = np.abs(0.5 * (x + y) - first)[:-1]
+        begun = self._begun = x if self._begun is None else self._begun
+        change, middle = float(abs(y[-1] - x[-1])), 0.5 * (x + y)
+        away = np.abs(middle - begun)[:-1]
         self._alpha += change
         self._away += change * away
+        self._apart += change * np.abs(middle - first)[:-1]
         self._size = np.maximum(self._size, np.abs(y[:-1]))
         self._farthest = np.maximum(self._farthest, away)
         self._steps += 1
@@ -142,7 +146,8 @@ class Gauge:
     def _judge(self, small: float, large: float) -> None:
         if self._alpha >= MUCH * self._width:
             typical = 2.0 * self._away / self._alpha
-            wrong = (typical > small * self._scale) | (large * typical < self._scale)
+            apart = np.maximum(typical, 2.0 * self._apart / self._alpha)
+            wrong = (typical > small * self._scale) | (large * apart < self._scale)
         else:
             ahead = self._width * self._farthest / max(self._alpha, SHORTEST)
             typical = np.minimum(ahead, FARTHER * self._farthest)
