@@ -10,7 +10,7 @@ from math import ceil, log10
 from pwscont.basics.arrays import Array
 
 #: Most unknowns of a state that are shown.
-MOST_UNKNOWNS = 6
+MOST_UNKNOWNS_SHOWN = 6
 #: Most letters of a text, such as the label of a body with many contact nodes.
 MOST_LETTERS = 72
 #: The first of the default names of unknowns.
@@ -70,8 +70,8 @@ def at(x: Array) -> str:
 
 def state(names: Sequence[str], z: Array) -> str:
     """Return the first unknowns with names, and the number of unknowns."""
-    values = [f"{value:.6g}" for value in z[:MOST_UNKNOWNS]]
-    dots = ["..."] if len(z) > MOST_UNKNOWNS else []
+    values = [f"{value:.6g}" for value in z[:MOST_UNKNOWNS_SHOWN]]
+    dots = ["..."] if len(z) > MOST_UNKNOWNS_SHOWN else []
     rest = f" {len(z)} unknowns" if dots else ""
     if names[:1] == UNNAMED:
         return f"z=[{', '.join([*values, *dots])}]{rest}"

@@ -383,7 +383,7 @@ TERMS, MOST_TURNS = 6, 4
 #: How far 1 / (1 - q) may stray from a straight line, q the ratio of successive differences.
 STRAY = 0.25
 #: Largest slope of that line: 0 for geometric sequences, 1/2 for 1 / k, 1 where the sum diverges.
-STEEPEST = 0.8
+STEEPEST_LINE = 0.8
 #: Periods after which a path is taken to repeat itself, and their longest length in pieces.
 PERIODS, LONGEST = 8, 8
 #: Two shifts are one up to this part of their length.
@@ -451,7 +451,7 @@ def _limit(terms: Array) -> float | None:
         return None
     rests = 1.0 / (1.0 - ratios)
     slope = float(np.median(np.diff(rests)))
-    if slope >= STEEPEST or np.abs(np.diff(rests) - slope).max() > STRAY:
+    if slope >= STEEPEST_LINE or np.abs(np.diff(rests) - slope).max() > STRAY:
         return None
     return float(terms[-1] + steps[-1] * (rests[-1] - 1.0) / (1.0 - slope))
 

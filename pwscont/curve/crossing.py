@@ -38,7 +38,7 @@ from pwscont.linear.factorise import (
 )
 
 #: Most Newton iterations to a branch point.
-MOST_ITERATIONS = 12
+MOST_ITERATIONS_TO_CROSSING = 12
 #: From this iteration on Newton is fast if the branch point is simple: a correction of more than
 #: this part of the correction before tells of a point at which more than two curves meet.
 FAR_OFF, LINEAR = 4, 0.25
@@ -119,7 +119,7 @@ class _Step:
 def crossing(curve: Curve, x: Array) -> Crossing | Failure:
     """Return the branch point near ``x``, by Newton's method on the extended system."""
     equations, borders, before = _equations(curve, x), _generic(len(x) - 1), np.inf
-    for iteration in range(-FIRST_BORDERS, MOST_ITERATIONS):
+    for iteration in range(-FIRST_BORDERS, MOST_ITERATIONS_TO_CROSSING):
         null = _null(curve, x, equations, *borders)
         if null is None:
             return Failure(FailureReason.SINGULAR)

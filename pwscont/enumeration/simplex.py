@@ -16,7 +16,8 @@ Failure modes and answers
 -------------------------
 - Rounding grows from step to step: a proof is checked against the forms themselves. If the check
   fails, the vertex is computed anew from the basis; if the check fails again, the program counts
-  as feasible, which costs time, and no more. So does a program of too many steps: ties may cycle.
+  as feasible, which costs time, and no more. A program of too many steps counts as feasible as
+  well: ties may cycle.
 - A solution lies on a boundary: signs count as wrong from SLACK on only, and a proof holds for
   points with an error of SOLUTION_MARGIN.
 """
@@ -133,7 +134,7 @@ def _bits(asked: Iterable[tuple[int, int]], number: int) -> Asked:
 Flags = npt.NDArray[np.bool_]
 
 #: Largest coefficient that is taken for rounding, as a part of the largest in a row, or of 1.
-NEGLIGIBLE = 1e-9
+ROUNDING_OF_COEFFICIENTS = 1e-9
 #: Largest value of the wrong sign of a unit form at a solution: far above rounding.
 SOLUTION_MARGIN = 1e-9
 #: Largest reduced unknown of a solution; typical reduced unknowns are of the order of 1.
@@ -270,7 +271,9 @@ def _gains(vertices: Vertices, slopes: Array) -> Array:
 
 def _rounding(row: Array) -> Array:
     """Return the size, shape (N, 1), below which coefficients are rounding."""
-    size: Array = NEGLIGIBLE * np.maximum(1.0, np.abs(row).max(axis=1, initial=0.0, keepdims=True))
+    size: Array = ROUNDING_OF_COEFFICIENTS * np.maximum(
+        1.0, np.abs(row).max(axis=1, initial=0.0, keepdims=True)
+    )
     return size
 
 

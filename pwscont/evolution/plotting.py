@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 #: Look of nodes by kind; other kinds have no mark.
 MARKS = {"start": "o", "branching": "s", "loss": "X", "jump": "^", "undecided": "$?$"}
-#: A start stands within a branching: both are seen where evolutions branch from the start.
+#: Sizes of marks: where evolutions branch from the start, the small start stands in the branching.
 MARK_SIZE, SMALL_MARK = 64, 20
 #: The length between two arrows in a loop, as a part of the panel.
 ARROWS_APART = 0.4

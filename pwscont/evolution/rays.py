@@ -7,8 +7,8 @@ Failure modes and answers
   begins there.
 - Solutions fill a cone of dimension two: the extreme rays are ways on, and the answer is called
   incomplete.
-- Parts of a law, such as two stops, are alike at first and not later: they are told apart from the
-  beginning. Parts that are alike whatever the memory is stay one.
+- Parts of a law, such as two stops, are alike at first and not later: such parts are told apart
+  from the beginning. Parts that are alike whatever the memory is stay one part.
 - The law restated with the memory of a state does not hold in the state: the system is refused.
 - Errors of many events add: every state is solved for in the cell of the piece that leads there.
 """

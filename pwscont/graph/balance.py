@@ -176,7 +176,7 @@ TOO_FEW_DIGITS = 2.0
 #: A piece that stops closer than this part of the interval to an end stops because of that end.
 AT_THE_END = 1e-6
 #: At most this many places of a kind are listed; further places are counted.
-MOST_PLACES = 3
+MOST_PLACES_LISTED = 3
 #: What is said of corners at which only some ways on are known.
 IN_PART = "a corner was searched in part (one way on, possibly of several)"
 WORDS = {
@@ -313,7 +313,7 @@ def _places(
     for point in points:
         alphas.setdefault(why(point), {})[f"{graph.clean(point.alpha):.8g}"] = None
     for reason, found in alphas.items():
-        shown, rest = list(found)[:MOST_PLACES], len(found) - MOST_PLACES
+        shown, rest = list(found)[:MOST_PLACES_LISTED], len(found) - MOST_PLACES_LISTED
         more = f" and {rest} more" if rest > 0 else ""
         yield f"{what} at {graph.parameter} = {', '.join(shown)}{more}{reason}"
 

@@ -23,7 +23,7 @@ from pwscont.system.box import Box
 
 #: A solution of the graph is a proved solution if closer than this part of a typical magnitude, or
 #: of the solution, or closer than the errors.
-CLOSE = 1e-6
+NEAR_A_PROVED_SOLUTION = 1e-6
 Range = tuple[float, float]
 Corners = tuple[Array, Array]
 
@@ -292,7 +292,7 @@ def _is_found(proved: Corners, found: list[Corners]) -> bool:
     return any(
         (
             np.abs(z - 0.5 * (lo + hi))
-            <= (hi - lo) + CONFIDENCE * error + CLOSE * (1.0 + np.abs(z))
+            <= (hi - lo) + CONFIDENCE * error + NEAR_A_PROVED_SOLUTION * (1.0 + np.abs(z))
         ).all()
         for z, error in found
     )

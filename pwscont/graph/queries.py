@@ -29,7 +29,7 @@ from pwscont.system.system import PiecewiseSystem
 from pwscont.transitions.detector import locate_zero
 
 #: A step is halved at most this often where the cubic is too far from the curve to tell the sheet.
-MOST_HALVINGS = 8
+MOST_HALVINGS_OF_STEP = 8
 
 
 def _refined(graph: Structure, piece: Piece, alpha: float) -> Solution:
@@ -60,7 +60,7 @@ def solve_between(
     """
     a, b = _around(points, alpha)
     curve = Curve(Selection(system, character), Metric.of(system, interval))
-    for _ in range(MOST_HALVINGS):
+    for _ in range(MOST_HALVINGS_OF_STEP):
         segment, s, found = _located(curve, a, b, alpha)
         if found is not None and _is_sure(segment, s, alpha):
             return found

@@ -54,9 +54,9 @@ from pwscont.system.system import PiecewiseSystem
 FORMAT = "pwscont branch graph"
 VERSION = 2
 #: No number of special points, pieces or signs is larger.
-MOST = 2**31
+MOST_STORED = 2**31
 #: Squares of larger numbers overflow: no run returns numbers above this bound.
-LARGEST = 1e150
+LARGEST_STORED = 1e150
 ARRAYS = ("nodes", "starts", "errors", "points")
 
 
@@ -205,8 +205,8 @@ def _table(name: str, values: Any) -> Array:
     if values.dtype not in (float, np.uint16) or values.ndim != 2:
         raise DamagedError(f"{name} must be rows of numbers, got {values.dtype}{values.shape}")
     numbers = from_first_digits(values) if values.dtype == np.uint16 else np.asarray(values)
-    if not (np.abs(numbers) <= LARGEST).all():
-        raise DamagedError(f"{name} must be finite, and at most {LARGEST:g}")
+    if not (np.abs(numbers) <= LARGEST_STORED).all():
+        raise DamagedError(f"{name} must be finite, and at most {LARGEST_STORED:g}")
     return numbers
 
 
@@ -262,7 +262,7 @@ def _piece(header: Fields, points: Array) -> Piece:
         character=Character.read(signs),
         naming=partial(_name, header.text("label")),
         track=Track.of(points),
-        det_sign=header.integer("det_sign", -MOST),  # any number along an interface
+        det_sign=header.integer("det_sign", -MOST_STORED),  # any number along an interface
     )
 
 

@@ -124,7 +124,7 @@ def _leading(x: Array, axis: int, bits: int) -> Array:
 
 
 def _inverses(matrices: Array) -> Array:
-    """Return about the inverses of matrices, not numbers where one is singular."""
+    """Return the inverses of matrices to rounding, nan for singular matrices."""
     try:
         inverses: Any = np.linalg.inv(matrices)
     except np.linalg.LinAlgError:

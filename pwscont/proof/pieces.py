@@ -176,7 +176,7 @@ class PiecesProof:
                 is_proved = alphas[k, 0] != alphas[k, 1] and known[i].any(axis=0).all()
                 is_proved = is_proved and self._is_near(k, x[i])
                 if k not in first or not (is_proved or self._rational_ends(k)):
-                    left.append(k)  # a cell has one piece: another one is the same piece again
+                    left.append(k)  # a cell has one piece: a second piece repeats the first
                 for far, end in np.argwhere(ended[i] & is_proved):
                     (number,) = np.flatnonzero(outside[i, :, far, end] < 0)
                     row = self._cells.side(self._choices[k], int(number))
