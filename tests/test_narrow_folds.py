@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from pwscont import BranchGraph, PiecewiseSystem, PseudoArclength, StepSize, Switched, trace
-from pwscont.extending import TakesColumns
 
 SHAPES = {
     "gauss": lambda t: np.exp(-(t**2)),
@@ -93,52 +92,11 @@ def test_a_smaller_gap_finds_narrower_bumps_and_the_graph_states_it(tmp_path):
     assert BranchGraph.load(tmp_path / "graph.npz").searched.unseen == graph.searched.unseen
 
 
-class OnALine(PiecewiseSystem, TakesColumns):
-    """A bump in a residual that takes columns of points, or mixes the columns."""
-
-    size = 1
-
-    def __init__(self, mixes):
-        self.bump, self.mixes, self.calls = Bump("gauss", 0.01, np.random.default_rng(3)), mixes, []
-
-    def test_functions(self, z, alpha):
-        return z[:1] + 50.0
-
-    def residual(self, z, alpha, character):
-        return self.bump.alpha(0.0 * z + z.sum() if self.mixes else z) - alpha
-
-    def residual_of_columns(self, z, alpha, character):
-        self.calls.append(z.shape)
-        return self.residual(z, alpha, character)
-
-
-@pytest.mark.parametrize("mixes", [False, True])
-def test_h_is_asked_at_many_places_at_once_only_where_columns_are_not_mixed(mixes):
-    """A sum over all entries is right for a single point, and wrong for columns of points."""
-    system = OnALine(mixes)
-    start = system.bump.c + 0.5
-    graph = trace(system, (np.array([start]), system.bump.alpha(start)), INTERVAL)
-    folds, count = system.bump.truth()
-    assert sorted(p.alpha for p in graph.special_points("fold")) == pytest.approx(folds, abs=1e-5)
-    assert all(
-        graph.count(a) == count(a) for a in [0.37 * a + 0.63 * b for a, b in pairwise(folds)]
-    )
-    assert len(system.calls) == 1 if mixes else len(system.calls) > 1
-
-
-def test_a_formula_takes_columns_of_points():
-    """Values of a formula with nested switches are the same for columns and one by one."""
+def test_a_formula_that_sums_over_all_entries_keeps_both_folds():
+    """alpha = z + 2 w exp(-((z - c) / w)^2), with a sum over all entries of z in the formula."""
+    w, c = 0.01, 1.7137
 
     def f(z, alpha, sw):
-        inner = sw.max(z[0] - alpha, sw.abs(z[1]) - 0.3)
-        return [
-            z[0] ** 3 - sw.relu(inner) + alpha,
-            sw.clip(z[1] + alpha, -0.5, 0.5) - sw.min(z[0], 0.2),
-        ]
+        return z + 2.0 * w * np.exp(-np.sum((z - c) ** 2) / w**2) - alpha + sw.relu(z - 50.0)
 
-    system, rng = Switched(2, f), np.random.default_rng(0)
-    points = rng.normal(size=(system.size + 1, 7))
-    for character in system.cells():
-        together = system.residual_of_columns(points[:-1], points[-1], character)
-        single = [system.residual(x[:-1], x[-1], character) for x in points.T]
-        np.testing.assert_allclose(together.T, single, rtol=1e-13, atol=1e-13)
+    assert trace(Switched(1, f), ([-2.0], -2.0), (-2.0, 2.0)).count(1.73269) == 3

@@ -158,6 +158,9 @@ MOST_NEWTON = 8
 #: Most corrections next to a double root, where each correction is about half of the previous;
 #: after :data:`MOST_NEWTON` corrections, each must be smaller than this part of the previous.
 MOST_HALVING, SHRINKS = 40, 0.75
+#: All corrections to come next to a multiple root, as a multiple of the last correction: P - 1 at
+#: a root of order P.
+CORRECTIONS_TO_COME = 10.0
 
 
 def zero(curve: Curve, border: Border, x: Array) -> Corrected | Failure:
@@ -224,7 +227,7 @@ def _to_come(root: Root, error: Array, correction: Array) -> Array:
     rounding = GUARD * EPS * (np.abs(root.x) + root.scale)
     if (root.error <= np.maximum(rounding, magnitude(root.x, error))).all():
         return error
-    return np.vstack([error, SHRINKS / (1.0 - SHRINKS) * correction])
+    return np.vstack([error, CORRECTIONS_TO_COME * correction])
 
 
 def corrected_again(curve: Curve, state: State) -> State:

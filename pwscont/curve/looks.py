@@ -16,10 +16,8 @@ Failure modes and answers
 - The cubic may be close enough where alpha hardly changes, and alpha turn back all the same: the
   points of the curve next to the places must be in order. Points out of order are corrected before
   the order counts.
-- Looking must cost less than the step: H is called once for all places where H takes columns of
-  points, all places are solved for at once with the factorisation of the end, and there are fewer
-  places where there are many unknowns.
-- H takes columns and mixes them, as a sum over all entries does: H at a place alone tells.
+- Looking must cost less than the step: a residual for each place, all solved for at once with the
+  factorisation of the end; fewer places where there are many unknowns.
 """
 
 from __future__ import annotations
@@ -31,17 +29,13 @@ import numpy as np
 
 from pwscont.basics.arrays import Array, largest
 from pwscont.basics.rounding import CONVERGED
-from pwscont.curve.metric import Metric
 from pwscont.curve.step_size import StepSize
 from pwscont.curve.stepper import CurvedSegment, Stepper
 from pwscont.linear.factorise import Factor
-from pwscont.system.selection import Selection
 from pwscont.system.system import PiecewiseSystem, SlicewiseLinearSystem
 
 #: The largest number of places in a step.
 MOST_PLACES = 256
-#: Fewest places for which H is called once for all places.
-FEWEST_TOGETHER = 4
 #: Most unknowns for which a look costs little beside a step.
 CHEAP_UNKNOWNS = 8
 #: Variation of the distances between places, as a part of the distance.
@@ -146,22 +140,8 @@ def _looked_at(segment: CurvedSegment, factor: Factor, weights: Array) -> tuple[
     points = metric.admitted(segment.combined(weights))
     if not len(points):
         return points, np.empty(0)
-    off = _corrections(segment.curve.selection, metric, factor, points)
+    off = factor.solve_all(segment.curve.selection.residuals(points))
     return off / metric.scale, points[:, -1] - off[:, -1]
-
-
-def _corrections(selection: Selection, metric: Metric, factor: Factor, points: Array) -> Array:
-    """Return the first correction of Newton's method at points, shape (k, n + 1)."""
-    together = selection.residuals_together(points) if len(points) >= FEWEST_TOGETHER else None
-    if together is not None:
-        middle = len(points) // 2
-        alone = selection.residuals(points[middle : middle + 1])
-        off = factor.solve_all(np.vstack([together, alone]))
-        if metric.relative(off[middle] - off[-1], points[middle]) <= CONVERGED:
-            return off[:-1]
-        selection.takes_columns = False
-    corrections: Array = factor.solve_all(selection.residuals(points))
-    return corrections
 
 
 def _close_in(

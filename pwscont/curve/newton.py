@@ -354,7 +354,8 @@ def _aside(curve: Curve, root: Root, place: int) -> Array:
     if product(root.row, step).item() < 0.0:  # the path comes from where the border grows
         step = -step
     step[-1] = math.copysign(metric.width, sum(metric.interval) - 2.0 * x[-1])
-    if (curve.selection.tests(x + CURVATURE_SHOWS * step) < 0.0).any():
+    gradients = curve.selection.test_gradients(x)  # the tests need not be defined beyond the cell
+    if (curve.selection.tests(x) + CURVATURE_SHOWS * product(gradients, step) < 0.0).any():
         step[:-1] *= -1.0
     return step
 

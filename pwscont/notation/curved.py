@@ -14,14 +14,14 @@ import numpy as np
 import scipy.sparse as sp
 
 from pwscont import Character
-from pwscont.extending import Array, GivesFormula, Indices, Matrix, TakesColumns
+from pwscont.extending import Array, GivesFormula, Indices, Matrix
 from pwscont.notation.derivatives import Derivatives
 from pwscont.notation.function import Function, LiftedFunction, Outcome
 from pwscont.notation.notated import Given, Notated
 
 
 @final
-class SwitchedSystem(Notated, GivesFormula, TakesColumns):
+class SwitchedSystem(Notated, GivesFormula):
     """A curved system written with switches; made by :func:`pwscont.Switched`."""
 
     def __init__(
@@ -59,14 +59,7 @@ class SwitchedSystem(Notated, GivesFormula, TakesColumns):
 
     def residual(self, z: Array, alpha: float, character: Character) -> Array:
         """Return the user's equations, then the equations of the hidden unknowns, shape (size,)."""
-        return self._equations(self._outcome(z, alpha, character), z, character)
-
-    def residual_of_columns(self, z: Array, alpha: Array, character: Character) -> Array:
-        """Return the equations at k points, shape (size, k), from one call of the formula."""
-        outcome = self._lifted.outcome(z, alpha, self._layout.modes(character.array))
-        return self._equations(outcome, z, character)
-
-    def _equations(self, outcome: Outcome, z: Array, character: Character) -> Array:
+        outcome = self._outcome(z, alpha, character)
         if not len(self._hidden):
             value: Array = outcome.value.copy()
             return value

@@ -106,22 +106,16 @@ class UserFunction:
                 yield survey
 
     def outcome(self, z: Any, alpha: Any, layout: Layout, pick: Pick | None = None) -> Outcome:
-        """Return the outcome with values of switches from ``pick``, default the true values.
-
-        For k points at once z has shape (n, k) and alpha shape (k,), and so has the outcome.
-        """
-        return self._called(z, alpha, _Replay(layout, pick or _true, columns_of(alpha)))
+        """Return the outcome with values of switches from ``pick``, default the true values."""
+        return self._called(z, alpha, _Replay(layout, pick or _true))
 
     def _called(self, z: Any, alpha: Any, switches: _Survey | _Replay) -> Outcome:
         value = self.f(z.copy(), alpha, Switches(switches.choose, switches.forms_of))
         switches.close()
-        columns = columns_of(alpha)
-        tests, branches = (_stacked(each, columns) for each in (switches.tests, switches.branches))
-        return Outcome(self._checked(value, columns), tests, branches)
+        return Outcome(self._checked(value), joined(switches.tests), joined(switches.branches))
 
-    def _checked(self, value: Any, columns: tuple[int, ...]) -> Any:
-        shape = (self._size, *columns)
-        if type(value) is np.ndarray and value.dtype == float and value.shape == shape:
+    def _checked(self, value: Any) -> Any:
+        if type(value) is np.ndarray and value.dtype == float and value.shape == (self._size,):
             return value  # nearly always
         try:
             found = as_operand(value)
@@ -130,26 +124,12 @@ class UserFunction:
                 f"the function must return {self._size} real numbers, got "
                 f"{type(value).__name__}: {error}"
             ) from error
-        if found.shape != shape and not (self._size == 1 and found.shape == columns):
+        if found.shape != (self._size,) and not (self._size == 1 and found.shape == ()):
             raise InvalidSystemError(
                 f"the function returned an array of shape {found.shape}, where one number for each "
                 f"of the {self._size} unknowns is expected, shape ({self._size},)"
             )
-        return found if found.shape == shape else found.reshape(shape)
-
-
-def columns_of(alpha: Any) -> tuple[int, ...]:
-    """Return (k,) for a call with k points at once, the columns of z, else ()."""
-    return alpha.shape if type(alpha) is np.ndarray else ()
-
-
-def _stacked(parts: Sequence[Any], columns: tuple[int, ...]) -> Any:
-    """Return the entries of operands as one vector, or of k points as an array of k columns."""
-    if not columns:
-        return joined(parts)
-    return np.concatenate(
-        [np.zeros((0, *columns)), *(each.reshape(-1, *columns) for each in parts)]
-    )
+        return found if found.shape else found.reshape(1)
 
 
 def _prints(surveys: Sequence[_Survey]) -> list[Any]:
@@ -180,7 +160,8 @@ class _Survey:
     def choose(self, operation: Operation, tests: Sequence[Any], branches: Sequence[Any]) -> Any:
         """Record the arguments of a call of sw, and return the true values."""
         self.calls.append(Call(operation, tests[0].shape))
-        self.prints.append((operation, *(each.tobytes() for each in (*tests, *branches))))
+        entries = (each.tobytes() for each in (*tests, *branches))
+        self.prints.append((operation, tests[0].shape, *entries))
         self.tests += tests
         self.branches += branches
         return taken(true_modes(tests), branches)
@@ -206,14 +187,11 @@ class _AnyValues(_Survey):
 class _Replay:
     """The switches of a later call of a function, which must be as in the first call."""
 
-    __slots__ = (
-        *("_args", "_calls", "_clips", "_columns", "_layout", "_pick", "_values"),
-        *("branches", "tests"),
-    )
+    __slots__ = ("_args", "_calls", "_clips", "_layout", "_pick", "_values", "branches", "tests")
 
-    def __init__(self, layout: Layout, pick: Pick, columns: tuple[int, ...]) -> None:
+    def __init__(self, layout: Layout, pick: Pick) -> None:
         self._args: list[Any] = []
-        self._layout, self._pick, self._columns = layout, pick, columns
+        self._layout, self._pick = layout, pick
         self._calls = self._clips = 0
         self._values: list[Any] = []
         self.tests: list[Any] = []
@@ -223,7 +201,7 @@ class _Replay:
         """Return the kinds of bounds of a clip at the first call."""
         number, forms = self._clips, self._layout.forms
         self._clips += 1
-        if number >= len(forms) or (*forms[number].shape, *self._columns) != lower.shape:
+        if number >= len(forms) or forms[number].shape != lower.shape:
             self._refuse(f"a clip of shape {lower.shape} is number {number + 1} of its clips")
         return forms[number]
 
@@ -231,8 +209,7 @@ class _Replay:
         """Record the arguments of a call of sw, and return the values that ``pick`` gives."""
         made, layout, shape = self._calls, self._layout, tests[0].shape
         self._calls += 1
-        entries = shape[: len(shape) - len(self._columns)]
-        if not layout.has(made, operation, entries) or shape[len(entries) :] != self._columns:
+        if not layout.has(made, operation, shape):
             self._refuse(f"{Call(operation, shape)} is number {made + 1} of its switches")
         number = layout.numbers[made]
         if number < len(self._values):  # a call with these arguments was made before
@@ -354,13 +331,15 @@ class LiftedFunction:
             shape = self.layout.calls[number].shape
             if self._all_hidden[number]:
                 return chosen(x, self._places[number].reshape(shape))
-            mine, of_points = self.layout.slices[number], (1,) * (np.ndim(tests[0]) - len(shape))
-            frozen = None if modes is None else modes[mine].reshape((*shape, *of_points))
-            value = taken(true_modes(tests) if frozen is None else frozen, branches)
+            mine = self.layout.slices[number]
+            mode = true_modes(tests) if modes is None else modes[mine].reshape(shape)
+            value = taken(mode, branches)
             if self._none_hidden[number]:
                 return value
-            hidden = self._is_hidden[number].reshape((*shape, *of_points))
-            return where(hidden, chosen(x, self._places[number].reshape(shape)), value)
+            hidden = self._is_hidden[number]
+            return where(
+                hidden.reshape(shape), chosen(x, self._places[number].reshape(shape)), value
+            )
 
         return pick
 

@@ -66,7 +66,7 @@ class Groups:
 
     @classmethod
     def of(cls, tape: Tape, boxes: Interval, whole: Interval, scale: Array) -> Groups:
-        """Return the groups of open boxes of a whole box (n + 1,), or the boxes where many are open.
+        """Return the groups of open boxes of a whole box (n + 1,), or boxes where many are open.
 
         ``scale`` are the magnitudes of coordinates.
         """

@@ -239,21 +239,6 @@ class GivesFormula(ABC):
         """The user's function of (z, alpha, sw)."""
 
 
-class TakesColumns(ABC):
-    """A system whose equations can be evaluated at many points in one call.
-
-    H is evaluated at many places inside each step, see :class:`~pwscont.StepSize`. The value of one
-    column is compared with ``residual`` at that point: where both differ, or the call fails, H is
-    evaluated point by point.
-    """
-
-    __slots__ = ()
-
-    @abstractmethod
-    def residual_of_columns(self, z: Array, alpha: Array, character: Character) -> Array:
-        """Return H_chi at k points, shape (n, k); z has shape (n, k), alpha has shape (k,)."""
-
-
 def formula_of(system: PiecewiseSystem) -> Any:
     """Return the formula of a system, None for a system that is a class of its own."""
     return system.formula if isinstance(system, GivesFormula) else None

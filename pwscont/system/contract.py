@@ -39,7 +39,7 @@ from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidInputError, InvalidSystemError
 from pwscont.basics.looks import at, short
 from pwscont.basics.quantities import checked_names
-from pwscont.basics.rounding import EPS
+from pwscont.basics.rounding import EPS, GUARD
 from pwscont.system.abilities import check_abilities, shown_size
 from pwscont.system.system import PiecewiseLinearSystem, PiecewiseSystem, SlicewiseLinearSystem
 from pwscont.system.values import (
@@ -310,9 +310,10 @@ def _refuse_wrong_derivative(
         after, before = function(ahead), function(behind)
         quotients.append((after - before) / (2.0 * step))
         sizes = terms + np.abs(quotients[0])
+        rounding = GUARD * EPS * (np.abs(after) + np.abs(before)) / step
         # a function that oscillates within the step has no slope that the step shows
         wrong &= ~(np.abs(slopes) * step > WITHIN * (np.abs(after) + np.abs(before)))
-        wrong &= ~(np.abs(quotients[-1] - slopes) <= WRONG_SLOPE * sizes)
+        wrong &= ~(np.abs(quotients[-1] - slopes) <= WRONG_SLOPE * sizes + rounding)
         for one, other in pairwise(quotients):
             wrong &= np.abs(one - other) <= EQUAL_QUOTIENTS * sizes
         if not wrong.any():

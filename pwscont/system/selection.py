@@ -13,7 +13,6 @@ import numpy as np
 from pwscont.basics.arrays import Array, Indices, Matrix, Signs, dense, indices, is_anywhere
 from pwscont.basics.character import Character
 from pwscont.basics.looks import named, short
-from pwscont.system.abilities import TakesColumns
 from pwscont.system.contract import jacobian_at, kink_at, lent_jacobian_at, residual_at
 from pwscont.system.system import PiecewiseLinearSystem, PiecewiseSystem
 from pwscont.system.values import checked_array, own_matrix
@@ -57,8 +56,6 @@ class Selection:
             tests, inside = tests[first], inside[first]
         self._cell: bytes | None = None
         self._gradients: Matrix | None = None
-        #: False once the system's values for many points were not those for single points.
-        self.takes_columns = True
         self.bounding: Indices = tests
         #: +1 or -1 for each bounding test, the factor that makes the test positive inside.
         self.side: Array = SIDES.take(inside.view(np.uint8))
@@ -114,20 +111,6 @@ class Selection:
             there = residual(x[:-1], alpha, character)
             value[:-1] = checked_array(system, "residual", there, shape)
         return values
-
-    def residuals_together(self, points: Array) -> Array | None:
-        """Return what :meth:`residuals` returns, from one call; None if H takes no columns."""
-        system = self.system
-        if not (self.takes_columns and isinstance(system, TakesColumns)):
-            return None
-        z, alpha, values = points[:, :-1].T.copy(), points[:, -1].copy(), np.zeros(points.shape)
-        try:
-            there = system.residual_of_columns(z, alpha, self.character)
-            values[:, :-1] = checked_array(system, "residual_of_columns", there, z.shape).T
-        except Exception:  # a formula for a single point may fail in any way
-            self.takes_columns = False
-            return None
-        return values if np.isfinite(values).all() else None
 
     def jacobian(self, x: Array) -> Matrix:
         """Return dH_chi/dx, shape (n, n + 1)."""
