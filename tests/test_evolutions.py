@@ -401,3 +401,15 @@ def test_a_start_that_does_not_hold_is_refused():
         evolve(Pulled(), (0.0, 3.0), [0.5, 0.0])
     with pytest.raises(InvalidInputError, match="start"):
         evolve(Pulled(), (0.0, 3.0), [0.0, inf])
+
+
+def test_where_evolutions_branch_the_words_leave_out_those_that_branch_between_events():
+    """Beyond K_tt / |K_nt| a node that slips may stick at any time: infinitely many evolutions."""
+    body = ContactBody([[10, 4], [4, 6]], N=[[1, 0]], T=[[0, 1]])
+    system = QuasiStaticCoulomb(body, LoadHistory([[0, 0], [1, 2]]), friction=2.75)
+    evolution = evolve(system, (0.0, 1.0))
+    slipping = next(state for state in evolution.states(0.5) if state.label == "slip+")
+    assert evolve(system, (0.5, 1.0), start=slipping.z).count(0.75) > 1  # it may stick from here on
+    assert evolution.guarantee.endswith("that branch at events only, not in between")
+    unique = evolve(QuasiStaticCoulomb(body, LoadHistory([[0, 0], [1, 2]]), 0.2), (0.0, 1.0))
+    assert unique.guarantee == "all evolutions with finitely many events"

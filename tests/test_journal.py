@@ -338,3 +338,12 @@ def test_a_run_that_begins_again_with_other_magnitudes_is_resumed(tmp_path, monk
             break
     same(graph, trace(FarAway(), *asked[1:], journal=Journal(tmp_path / "whole")))
     assert {piece.points[:, 0].min() > 299.0 for piece in graph.pieces} == {True}
+
+
+def test_a_finished_journal_gives_the_same_proof(tmp_path):
+    asked = Switched(1, lambda z, a, sw: z**3 - 2.0 * z + sw.relu(z - 0.5) - a), (-1.5, 1.5)
+    said = []
+    for _ in range(2):
+        with Journal(tmp_path / "journal") as journal:
+            said.append(explore(*asked, journal=journal).guarantee)
+    assert said == 2 * ["complete in the box, proved; balanced"]

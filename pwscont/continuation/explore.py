@@ -430,6 +430,9 @@ def explore(
         def graph_of(plan: Plan, found: Iterator[Found]) -> BranchGraph:
             graph = follow(plan, found, parameter, report, searched, journal, budget, recorded)
             graph.proof = chosen.proved(plan.followed, plan.interval)
+            if graph.proof is None and journal is not None and not budget.spent:
+                asked = plan.followed, plan.metric, plan.interval, plan.branches
+                graph.proof = chosen.prove_again(*asked)  # a journal repeats no finished search
             return graph
 
         graph = followed(plan, guess, lambda plan: _found(plan, given, chosen), graph_of, journal)

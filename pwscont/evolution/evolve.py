@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from math import isfinite
 from typing import Any
@@ -24,6 +25,8 @@ from pwscont.transitions.user_event import Stop
 #: Largest number of uncertain events that the guarantee names.
 MOST_NAMED = 4
 ALL = "all evolutions with finitely many events"
+#: What is not listed where evolutions branch: rates may be several inside a piece as well.
+AT_EVENTS = "that branch at events only, not in between"
 
 
 def evolve(
@@ -170,6 +173,9 @@ def _guarantee(
     if len(uncertain) > MOST_NAMED:
         doubts.append(f"and so at {len(uncertain) - MOST_NAMED} more events")
     words = f"not certain to be all evolutions: {'; '.join(doubts)}" if doubts else ALL
+    leaving = Counter(piece.start for piece in pieces)
+    if not doubts and max(leaving.values(), default=0) > 1:
+        words += f" {AT_EVENTS}"
     words += f" {started.origin}" if started.origin and not doubts else ""
     if budget.spent:
         words = "; ".join([f"{budget.spent}: there may be more evolutions", *doubts])

@@ -35,7 +35,9 @@ class EvolutionGraph(EvolutionStructure):
     guarantee : str
         What is known about completeness, in words. "all evolutions with finitely many events"
         where every way on of every event was found; an evolution that begins with infinitely many
-        events in a finite time is not among these.
+        events in a finite time is not among these. Where evolutions branch, the words add "that
+        branch at events only, not in between": an evolution may then leave a piece at any time, as
+        when a node that slips comes to rest without a reason (docs/theory, F18).
 
     Examples
     --------

@@ -111,6 +111,16 @@ class Everywhere(Search):
             search = default_search(system, interval)
             yield from starts_of(search, system, metric, interval, known)
 
+    def prove_again(
+        self,
+        system: PiecewiseSystem,
+        metric: Metric,
+        interval: tuple[float, float],
+        known: KnownBranches,
+    ) -> BoxProof | None:
+        """Return what the search proves."""
+        return self.prove(system, metric, interval, known=known)
+
     def prove(
         self,
         system: PiecewiseSystem,
@@ -282,12 +292,12 @@ class AlsoProved(Search):
         known: KnownBranches,
     ) -> Iterator[Found]:
         """Yield what the search finds, then what is proved."""
-        prove = partial(self._proof, system, metric, interval, known)
+        prove = partial(self.prove_again, system, metric, interval, known)
         yield from starts_of(self.search, system, metric, interval, _Provable(known, prove))
         if proof := prove():
             yield from _proved_starts(proof, system, metric, known)
 
-    def _proof(
+    def prove_again(
         self,
         system: PiecewiseSystem,
         metric: Metric,

@@ -114,6 +114,16 @@ class Search(ABC):
         """Return what the last run of the search proved of a system; default nothing."""
         return None
 
+    def prove_again(
+        self,
+        system: PiecewiseSystem,
+        metric: Metric,
+        interval: tuple[float, float],
+        known: KnownBranches,
+    ) -> Proof | None:
+        """Return what a run would prove whose search a journal does not repeat; default nothing."""
+        return None
+
     def __add__(self, other: Search) -> Search:
         if not isinstance(other, Search):
             hint = "; call it to make one" if isinstance(other, type) else ""
@@ -152,6 +162,17 @@ class CombinedSearch(Search):
         """Return what either search proved."""
         first = self.first.proved(system, interval)
         return first if first is not None else self.second.proved(system, interval)
+
+    def prove_again(
+        self,
+        system: PiecewiseSystem,
+        metric: Metric,
+        interval: tuple[float, float],
+        known: KnownBranches,
+    ) -> Proof | None:
+        """Return what either search proves."""
+        first = self.first.prove_again(system, metric, interval, known)
+        return first or self.second.prove_again(system, metric, interval, known)
 
     def searched(self, system: PiecewiseSystem) -> SearchScope:
         """Return the two descriptions and the better promise."""
