@@ -5,7 +5,7 @@ import pytest
 
 from pwscont import PiecewiseSystem, PseudoArclength, StepSize, Switched, explore, trace
 
-pytestmark = pytest.mark.sweep(3)  # the others take too long for the README's command
+pytestmark = pytest.mark.sweep(6)  # the others take too long for the README's command
 
 
 class Turned(PiecewiseSystem):

@@ -9,6 +9,8 @@ from sweeps import swept
 
 from pwscont import enumerate_solutions, evolve
 
+pytestmark = pytest.mark.sweep(6)  # the others take too long for the README's command
+
 
 def rate_problem(seed, most=5.0):
     """Return a random rate problem of nodes without force and nodes at the bound, F up to most."""

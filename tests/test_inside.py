@@ -6,6 +6,8 @@ import pytest
 from pwscont import PiecewiseSystem, Switched, explore
 from pwscont.search.throughout import Throughout
 
+pytestmark = pytest.mark.sweep(2)  # the others take too long for the README's command
+
 
 class Curve(PiecewiseSystem):
     """H(z, alpha) = 0 for one unknown, without a kink where it matters."""

@@ -17,6 +17,8 @@ from reference_enumeration import (
 
 from pwscont import ExactLinear, PseudoArclength, explore
 
+pytestmark = pytest.mark.sweep(2)  # the others take too long for the README's command
+
 RUNS = [(name, PseudoArclength) for name in CASES] + [(name, ExactLinear) for name in STRAIGHT]
 EXACT = 1e-9
 PRINTED = 1.1e-7  # the reference rounds z to seven digits, and is off by one in the last
