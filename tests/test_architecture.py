@@ -61,7 +61,7 @@ BUDGET = {
     "notation": (13, 2880),
     "curve": (15, 3130),
     "enumeration": (11, 2630),
-    "transitions": (15, 3960),
+    "transitions": (15, 3970),
     "graph": (10, 2770),
     "search": (9, 1980),
     "continuation": (9, 3370),

@@ -277,6 +277,11 @@ def corner(
 ) -> SpecialPointFound:
     """Return the special point at which several interfaces meet, or the curve is tangent to one."""
     zero = zero | _zero_beyond(curve.selection, x, zero)
+    which = np.array(sorted(zero), dtype=np.intp)
+    gradients = curve.selection.system.some_test_gradients(x[:-1], float(x[-1]), which)
+    if not np.isfinite(abs(gradients) @ np.ones(len(x))).all():  # as of a root of zero
+        why = str(Failure(FailureReason.NOT_FINITE))
+        return SpecialPointFound(Kind.STOPPED, x, why, () if back is None else (back,))
     found = tangent_cone(Corner.at(curve.selection.system, curve.metric, x, error, zero), back)
     for ray in found.rays:
         check_continuity(curve, ray.curve.selection, ray, x, error)
