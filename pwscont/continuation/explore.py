@@ -163,12 +163,13 @@ def followed(
     """
     if plan.system.gives_scale or plan.reduction:
         return graph_of(plan, starts_of(plan))
-    with plan.few_threads():
-        plan, starts = _measured(plan, guess, starts_of)
     revised = None if journal is None else journal.magnitudes
     if revised is not None and len(revised) == plan.followed.size:
         plan = _with(plan, revised)
         starts = starts_of(plan)
+    else:
+        with plan.few_threads():
+            plan, starts = _measured(plan, guess, starts_of)
     found: list[Found] = []
     for _ in range(REVISIONS):
         try:

@@ -25,7 +25,7 @@ from pwscont.basics.errors import InvalidInputError
 from pwscont.basics.outcome import Failure, FailureReason, Kind
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.magnitudes import Gauge
-from pwscont.curve.step_size import step_size_of
+from pwscont.curve.step_size import StepSize, step_size_of
 from pwscont.curve.stepper import CurvedSegment, Segment, Stepper
 from pwscont.curve.steppers import ExactLinear
 from pwscont.system.contract import refuse_wrong_jacobian
@@ -271,7 +271,8 @@ class PieceFollower(Follower):
         if not isinstance(segment, Segment | Failure):
             raise self._broken("step", "a Segment or a Failure", segment)
         if isinstance(segment, CurvedSegment):
-            is_tiny = segment.length < TINY_PART * step_size_of(stepper).largest
+            largest = (step_size_of(stepper) or StepSize()).largest
+            is_tiny = segment.length < TINY_PART * largest
             reached.tiny = reached.tiny + 1 if is_tiny else 0
         return segment
 

@@ -51,6 +51,7 @@ from pwscont.graph.records import Solution, Stretch
 from pwscont.graph.structure import NOT_SEARCHED
 from pwscont.system.box import Box
 from pwscont.system.selection import Selection
+from pwscont.transitions import TransitionDetector
 from pwscont.transitions.departures import Standing
 from pwscont.transitions.detector import SpecialPointFound
 from pwscont.transitions.ends import ended
@@ -58,6 +59,7 @@ from pwscont.transitions.rays import Ray
 from pwscont.transitions.watch import Watch
 
 Interval = tuple[float, float]
+Watched = tuple[TransitionDetector, ...]
 #: How far beyond an end of the interval a path is followed, as a part of the interval.
 PART_BEYOND = 0.25
 #: Fewest pieces over which a path is followed beyond the interval, and most paths.
@@ -112,12 +114,17 @@ def follow(
 
 def _follower(plan: Plan, gauge: Gauge | None) -> PieceFollower:
     """Return what follows pieces, from cell to cell where only straight pieces are watched."""
-    watched = (*plan.detectors, plan.bounds) if plan.box.is_bounded else plan.detectors
+    watched = _with_bounds(plan, plan.detectors)
     straight = None if plan.events else alone(watched)
     watch = Watch(watched, plan.foreign)
     return PieceFollower(
         plan.stepper, watch, plan.interval, plan.bounds, straight, gauge, plan.events
     )
+
+
+def _with_bounds(plan: Plan, detectors: Watched) -> Watched:
+    """Return detectors, and the detector of the bounds of the unknowns, if there are any."""
+    return (*detectors, plan.bounds) if plan.box.is_bounded else detectors
 
 
 def _usable(plan: Plan, starts: Iterable[Found], without_digits: list[Found]) -> Iterator[Found]:
@@ -149,9 +156,6 @@ def _begun(plan: Plan, arrival: SpecialPointFound) -> SpecialPointFound:
     for each in plan.added:
         arrival = each.begun(arrival)
     return ended(arrival)
-
-
-# -- what is said of the graph ---------------------------------------------------------------------
 
 
 def _lowered(searched: SearchScope, lost: int) -> SearchScope:
@@ -232,9 +236,6 @@ def _differ(first: Solution, second: Solution) -> bool:
     return bool((apart > CONFIDENCE * errors).any())
 
 
-# -- paths that come back --------------------------------------------------------------------------
-
-
 def _reentries(discovery: Discovery, plan: Plan) -> Iterator[Found]:
     """Yield the solutions at which paths come back that leave the interval.
 
@@ -264,8 +265,7 @@ def _intervals_beyond(plan: Plan, ray: Ray) -> Iterator[tuple[float, Interval]]:
 
 def _coming_back(plan: Plan, ray: Ray, end: float, beyond: Interval, limits: Limits) -> list[Found]:
     """Return where the path of a ray comes back from an interval to the same end."""
-    watched = default_detectors(plan.stepper, beyond)
-    watch = Watch((*watched, plan.bounds) if plan.box.is_bounded else watched)
+    watch = Watch(_with_bounds(plan, default_detectors(plan.stepper, beyond)))
     follower = PieceFollower(plan.stepper, watch, beyond, plan.bounds)
     with Budget(limits) as budget:
         discovery = Discovery(follower, lambda *_: None, budget)
@@ -282,9 +282,6 @@ def _ray_into(plan: Plan, ray: Ray, interval: Interval) -> Ray:
     there = Selection(system, selection.character, selection.adjacent_cells)
     metric = Metric(scale, interval, Box.of(plan.followed).period)
     return Ray(Curve(there, metric), ray.state, ray.interface_cells, ray.index)
-
-
-# -- journals -------------------------------------------------------------------------------------
 
 
 def _check(journal: Journal, plan: Plan) -> None:

@@ -29,7 +29,7 @@ import numpy as np
 
 from pwscont.basics.arrays import Array, largest
 from pwscont.basics.rounding import CONVERGED
-from pwscont.curve.step_size import StepSize
+from pwscont.curve.step_size import step_size_of
 from pwscont.curve.stepper import CurvedSegment, Stepper
 from pwscont.linear.factorise import Factor
 from pwscont.system.system import PiecewiseSystem, SlicewiseLinearSystem
@@ -65,8 +65,8 @@ def gap_between_looks(system: PiecewiseSystem, gap: float) -> float:
 
 def gap_of(stepper: Stepper, system: PiecewiseSystem) -> float:
     """Return the distance within which a stepper may pass over two folds of a system, or zero."""
-    step_size = getattr(stepper, "step_size", None)
-    gap = gap_between_looks(system, step_size.gap) if isinstance(step_size, StepSize) else inf
+    step_size = step_size_of(stepper)
+    gap = inf if step_size is None else gap_between_looks(system, step_size.gap)
     return gap if gap < inf else 0.0
 
 

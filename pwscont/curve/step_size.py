@@ -99,7 +99,7 @@ class StepSize:
         return float(min(max(length * factor, self.smallest), self.largest))
 
 
-def step_size_of(stepper: object) -> StepSize:
-    """Return the step control of a stepper, the default control of a stepper without any."""
+def step_size_of(stepper: object) -> StepSize | None:
+    """Return the step control of a stepper, None for a stepper without any."""
     found = getattr(stepper, "step_size", None)
-    return found if isinstance(found, StepSize) else StepSize()
+    return found if isinstance(found, StepSize) else None
