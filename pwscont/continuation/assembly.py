@@ -15,26 +15,24 @@ from __future__ import annotations
 
 from collections import defaultdict, deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from functools import partial
-from itertools import count, pairwise
-from typing import NamedTuple, TypeAlias, final
+from itertools import count, islice, pairwise
+from typing import TypeAlias
 
 import numpy as np
 
 from pwscont.basics.arrays import Array
 from pwscont.basics.character import Character
-from pwscont.basics.outcome import Failure, Kind, SearchScope
-from pwscont.basics.quantities import Function
+from pwscont.basics.outcome import Failure, Kind
 from pwscont.basics.rounding import CONVERGED, SAME_ALPHA
-from pwscont.continuation.discovery import CROSSED, Discovery, Node
-from pwscont.continuation.known import Edge
+from pwscont.continuation.discovery import CROSSED, Discovery
+from pwscont.continuation.known import Edge, Node
 from pwscont.curve.corrector import BorderedNewton
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.metric import Metric
 from pwscont.curve.stepper import CurvedSegment, Segment, StraightSegment
-from pwscont.graph import BranchGraph, Piece, SpecialPoint
-from pwscont.graph.records import Messages, Place, Stretch, Track, significant
+from pwscont.graph import Piece, SpecialPoint
+from pwscont.graph.records import Messages, Place, Track, significant
 from pwscont.system.abilities import Ending, HidesUnknowns, Reduction, shown_points
 from pwscont.system.box import Box
 from pwscont.system.system import PiecewiseSystem
@@ -43,6 +41,8 @@ from pwscont.transitions.events import EventMark, Events
 
 #: Puts the unknowns that a user sees into points (..., z, alpha) of the followed system, or errors.
 Show: TypeAlias = Callable[[Array], Array]
+#: An edge in the direction of positive orientation, and the piece made of the edge.
+Directed: TypeAlias = tuple[Edge, Piece]
 
 
 def mark(
@@ -52,21 +52,9 @@ def mark(
     added: Sequence[TransitionDetector | Events],
 ) -> None:
     """Mark what users' detectors see at special points, and divide the pieces at events."""
-    _keep_words(discovery, system, metric, [d for d in added if isinstance(d, TransitionDetector)])
-    for events in added:
-        if isinstance(events, Events):
-            _divide(discovery, system, metric, events)
-
-
-def _keep_words(
-    discovery: Discovery,
-    system: PiecewiseSystem,
-    metric: Metric,
-    detectors: Sequence[TransitionDetector],
-) -> None:
-    """Add to nodes of other kinds the words of the detectors that would have marked them."""
+    detectors = [each for each in added if isinstance(each, TransitionDetector)]
     for edge in discovery.edges if detectors else ():
-        curve, points = edge.followed.curve(system, metric), edge.track.points
+        curve, points = edge.curve(system, metric), edge.track.points
         for number, place, inner in (
             (edge.start, edge.track.start, points[1]),
             (edge.end, edge.track.end, points[-2]),
@@ -75,95 +63,70 @@ def _keep_words(
             for detector in detectors:
                 words = kinds_at(detector, curve, place.x, place.error, inner)
                 node.also += [word for word in words if word not in (str(node.kind), *node.also)]
+    for events in added:
+        if isinstance(events, Events):
+            edges, discovery.edges = discovery.edges, []
+            for edge in edges:
+                discovery.edges += _divided(edge, discovery.nodes, system, metric, events)
 
 
-def _divide(discovery: Discovery, system: PiecewiseSystem, metric: Metric, events: Events) -> None:
-    """Divide the pieces of a discovery at the events, which become nodes."""
-    numbers = count(1 + max(discovery.nodes, default=-1))
-    edges, discovery.edges = discovery.edges, []
-    for edge in edges:
-        kinds = [discovery.nodes[node].kind for node in (edge.start, edge.end)]
-        crossed = kinds[0] == Kind.BRANCH_POINT, kinds[1] == Kind.BRANCH_POINT
-        whole = _EdgeWithEvents.of(edge, crossed, system, metric, events)
-        nodes = {next(numbers): node for node in whole.nodes()}
-        discovery.nodes.update(nodes)
-        discovery.edges.extend(whole.parts(nodes))
+def _divided(
+    edge: Edge, known: dict[int, Node], system: PiecewiseSystem, metric: Metric, events: Events
+) -> list[Edge]:
+    """Return the parts of a piece between its events, which are added to the known nodes."""
+    curve, track = edge.curve(system, metric), edge.track
+    kinds = known[edge.start].kind, known[edge.end].kind
+    crossed = kinds[0] == Kind.BRANCH_POINT, kinds[1] == Kind.BRANCH_POINT
+    points, (start, end) = track.points, (track.start, track.end)
+    segments = list(_segments(curve, track, crossed))
+    along = events.along(curve, start.x, start.error)
+    for after, (segment, (a, b)) in enumerate(zip(segments, pairwise(points), strict=True), 1):
+        along.look(segment, metric.norm(b - a), after)
+    marks = along.before(end.x, end.error)
+    if not marks:
+        return [edge]
+    nodes = [Node(Kind.EVENT, Place(m.state.x, m.state.size), m.names) for m in marks]
+    numbers = [*islice(count(1 + next(reversed(known))), len(nodes))]  # numbers grow
+    known.update(zip(numbers, nodes, strict=True))
+    ends = pairwise([start, *(node.place for node in nodes), end])
+    joints = pairwise([edge.start, *numbers, edge.end])
+    cuts = pairwise([1, *(mark.after for mark in marks), len(points) - 1])
+    begun, parts = _part_begun(edge, curve, segments, marks), []
+    for i, ((a, b), (first, last), (lo, hi)) in enumerate(zip(ends, joints, cuts, strict=True)):
+        inner = points[lo:hi]
+        if len(inner) == 0 < len(track.inner):  # a curved part has at least one inner point
+            ways = crossed[0] and a is start, crossed[1] and b is end
+            inner = _middle(curve, a, b, ways)
+        begun_at = edge.begun_at if i == begun else None
+        parts.append(
+            edge._replace(start=first, end=last, track=Track(a, inner, b), begun_at=begun_at)
+        )
+    return parts
 
 
-@final
-@dataclass(frozen=True, slots=True)
-class _EdgeWithEvents:
-    """A piece, which of its ends are branch points, the curve of the piece, and events in order."""
+def _middle(curve: Curve, start: Place, end: Place, crossed: tuple[bool, bool]) -> Array:
+    """Return a point in the middle of a part of a curved piece, if there is one."""
+    points, errors = np.array([start.x, end.x]), [start.error, end.error]
+    first, last = _states(curve, points, errors, crossed)
+    segment = CurvedSegment.between(curve, first, last, 0.0)
+    middle = segment.point(0.5 * segment.length, None)
+    return points[1:1] if middle is None else middle[np.newaxis]
 
-    edge: Edge
-    crossed: tuple[bool, bool]
-    curve: Curve
-    segments: Sequence[Segment]
-    marks: Sequence[EventMark]
 
-    @classmethod
-    def of(
-        cls,
-        edge: Edge,
-        crossed: tuple[bool, bool],
-        system: PiecewiseSystem,
-        metric: Metric,
-        events: Events,
-    ) -> _EdgeWithEvents:
-        """Return a piece with all events on this piece."""
-        curve = edge.followed.curve(system, metric)
-        segments, points = list(_segments(curve, edge.track, crossed)), edge.track.points
-        start, end = edge.track.start, edge.track.end
-        along = events.along(curve, start.x, start.error)
-        for after, (segment, (a, b)) in enumerate(zip(segments, pairwise(points), strict=True), 1):
-            along.look(segment, metric.norm(b - a), after)
-        return cls(edge, crossed, curve, segments, along.before(end.x, end.error))
-
-    def nodes(self) -> Iterator[Node]:
-        """Yield the nodes that the events make."""
-        for mark in self.marks:
-            yield Node(Kind.EVENT, Place(mark.state.x, mark.state.size), mark.names)
-
-    def parts(self, nodes: Mapping[int, Node]) -> Iterator[Edge]:
-        """Yield the parts of the piece between these nodes."""
-        if not nodes:
-            yield self.edge
-            return
-        track, points = self.edge.track, self.edge.track.points
-        ends = pairwise([track.start, *(node.place for node in nodes.values()), track.end])
-        joints = pairwise([self.edge.start, *nodes, self.edge.end])
-        cuts = pairwise([1, *(mark.after for mark in self.marks), len(points) - 1])
-        begun = self._begun()
-        for i, ((a, b), (start, end), (lo, hi)) in enumerate(zip(ends, joints, cuts, strict=True)):
-            part = Track(a, self._inner(points[lo:hi], a, b), b)
-            begun_at = self.edge.begun_at if i == begun else None
-            yield Edge(start, end, self.edge.followed, part, begun_at)
-
-    def _inner(self, inner: Array, start: Place, end: Place) -> Array:
-        """Return the points inside a part; a curved part has at least one inner point."""
-        if len(inner) or len(self.edge.track.inner) == 0:
-            return inner
-        track = self.edge.track
-        crossed = self.crossed[0] and start is track.start, self.crossed[1] and end is track.end
-        points, errors = np.array([start.x, end.x]), [start.error, end.error]
-        first, last = _states(self.curve, points, errors, crossed)
-        segment = CurvedSegment.between(self.curve, first, last, 0.0)
-        middle = segment.point(0.5 * segment.length, None)
-        return inner if middle is None else middle[np.newaxis]
-
-    def _begun(self) -> int | None:
-        """Return the part in which tracing began, None where tracing began at an event."""
-        begun, metric = self.edge.begun_at, self.curve.metric
-        if begun is None or any(
-            metric.norm(begun.x - mark.state.x) <= metric.slack(begun.x, CONVERGED)
-            for mark in self.marks
-        ):
-            return None
-        apart = [metric.norm(begun.x - x) for x in self.edge.track.points]
-        after = int(np.argmin(apart)) if len(self.edge.track.inner) else 0
-        segment = self.segments[min(after, len(self.segments) - 1)]
-        here = after + 1, segment.position(begun.x)
-        return sum((mark.after, mark.position) < here for mark in self.marks)
+def _part_begun(
+    edge: Edge, curve: Curve, segments: Sequence[Segment], marks: Sequence[EventMark]
+) -> int | None:
+    """Return the part in which tracing began, None where tracing began at an event."""
+    begun, metric = edge.begun_at, curve.metric
+    if begun is None or any(
+        metric.norm(begun.x - mark.state.x) <= metric.slack(begun.x, CONVERGED) for mark in marks
+    ):
+        return None
+    apart = [metric.norm(begun.x - x) for x in edge.track.points]
+    after = int(np.argmin(apart)) if len(edge.track.inner) else 0
+    segment = segments[min(after, len(segments) - 1)]
+    here = after + 1, segment.position(begun.x)
+    return sum((mark.after, mark.position) < here for mark in marks)
 
 
 def _segments(curve: Curve, track: Track, crossed: tuple[bool, bool]) -> Iterator[Segment]:
@@ -215,101 +178,71 @@ def assemble(
     discovery: Discovery,
     system: PiecewiseSystem,
     metric: Metric,
-    parameter: str,
-    searched: SearchScope,
     reduction: Reduction | None,
-    record: Mapping[str, Function] | None = None,
-    events: Events | None = None,
-    infinite: Sequence[Stretch] = (),
-) -> BranchGraph:
-    """Return the branch graph of a finished discovery, in the unknowns that a user sees.
+    events: Events | None,
+) -> tuple[list[SpecialPoint], list[Piece], list[SpecialPoint]]:
+    """Return special points, pieces, and starts inside pieces, in the unknowns that a user sees.
 
     Pieces are directed and numbered along the positive orientation of the component. Unknowns
     and signs that a reduction left out are put back, and unknowns that the system hides are left
     out. Special points get the names of the events there. The metric is that of the system.
     """
-    show = partial(_shown, system, reduction)
-    whole = reduction.character if reduction else _unchanged
-    places = _shown_places(discovery, show, partial(_shown_errors, system, reduction))
+
+    def show(points: Array) -> Array:
+        """Return points (..., z, alpha) of the followed system with the user's unknowns."""
+        whole = reduction.points(points, system.size) if reduction else points
+        return shown_points(system, whole)
+
+    def show_errors(errors: Array) -> Array:
+        whole = reduction.errors(errors, system.size) if reduction else errors
+        return shown_points(system, whole)
+
+    places = _shown_places(discovery, show, show_errors)
     edges = list(_in_order([_directed(edge, places, show) for edge in discovery.edges]))
-    numbers = _numbers(edges, discovery)
-    lo, hi = metric.interval
-    pieces = [_piece(edge, i, numbers, whole, system, hi - lo) for i, edge in enumerate(edges)]
-    shown = _shown_metric(system, metric)
-    meetings: dict[int, _Meeting] = {node: _Meeting([], []) for node in numbers}
+    ends = [node for edge in edges for node in (edge.start, edge.end)]
+    #: A number for each node: first the nodes of the edges in order, then isolated nodes.
+    numbers = {node: i for i, node in enumerate(dict.fromkeys([*ends, *discovery.nodes]))}
+    whole = reduction.character if reduction else None
+    pieces = [_piece(edge, i, numbers, whole, system, metric) for i, edge in enumerate(edges)]
+    if isinstance(system, HidesUnknowns):
+        period = Box.of(system).period[: system.shown]
+        metric = Metric(shown_points(system, metric.scale), metric.interval, period)
+    before: dict[int, list[Directed]] = defaultdict(list)
+    after: dict[int, list[Directed]] = defaultdict(list)
+    starts = []
     for edge, piece in zip(edges, pieces, strict=True):
-        meetings[edge.start].after.append((edge, piece))
-        meetings[edge.end].before.append((edge, piece))
+        after[edge.start].append((edge, piece))
+        before[edge.end].append((edge, piece))
+        if edge.begun_at is not None:
+            starts.append(_inner_start(edge.begun_at, piece, metric))
     points = [
-        _special_point(i, discovery.nodes[node], meetings[node], system, places, shown, events)
-        for node, i in numbers.items()
+        _special_point(i, discovery.nodes[n], before[n], after[n], system, places, metric, events)
+        for n, i in numbers.items()
     ]
-    starts = [
-        _inner_start(edge.begun_at, piece, shown)
-        for edge, piece in zip(edges, pieces, strict=True)
-        if edge.begun_at is not None
-    ]
-    return BranchGraph(
-        points,
-        pieces,
-        metric.interval,
-        starts=starts,
-        system=system,
-        parameter=parameter,
-        searched=searched,
-        record=record,
-        infinite=infinite,
-    )
+    return points, pieces, starts
 
 
-# -- from the followed system to the unknowns that a user sees ------------------------------------
-
-
-def _shown(system: PiecewiseSystem, reduction: Reduction | None, points: Array) -> Array:
-    """Return points (..., z, alpha) of the followed system with the user's unknowns."""
-    whole = points if reduction is None else reduction.points(points, system.size)
-    return shown_points(system, whole)
-
-
-def _shown_errors(system: PiecewiseSystem, reduction: Reduction | None, errors: Array) -> Array:
-    """Return errors of points of the followed system, with the user's unknowns."""
-    whole = errors if reduction is None else reduction.errors(errors, system.size)
-    return shown_points(system, whole)
-
-
-def _unchanged(character: Character) -> Character:
-    return character
-
-
-def _shown_metric(system: PiecewiseSystem, metric: Metric) -> Metric:
-    """Return the metric of the unknowns that a user sees."""
-    if not isinstance(system, HidesUnknowns):
-        return metric
-    period = Box.of(system).period[: system.shown]
-    return Metric(shown_points(system, metric.scale), metric.interval, period)
-
-
-def _shown_places(discovery: Discovery, show: Show, spread: Show) -> dict[Place, Place]:
+def _shown_places(discovery: Discovery, show: Show, show_errors: Show) -> dict[Place, Place]:
     """Return each place of a discovery with the user's unknowns, by the place itself."""
     nodes, edges = discovery.nodes.values(), discovery.edges
     known = [place for edge in edges for place in (edge.track.start, edge.track.end, edge.begun_at)]
-    known += [place for node in nodes for place in (node.place, *(key.place for key in node.keys))]
+    known += [place for node in nodes for place in (node.place, *(ray.place for ray in node.rays))]
     places = list(dict.fromkeys(place for place in known if place is not None))
     if not places or show(places[0].x) is places[0].x:  # no unknown is left out or put back
         return {place: place for place in places}
     points = show(np.array([place.x for place in places]))
-    errors = spread(np.array([place.error for place in places]))
+    errors = show_errors(np.array([place.error for place in places]))
     return dict(zip(places, map(Place, points, errors), strict=True))
 
 
 def _directed(edge: Edge, places: Mapping[Place, Place], show: Show) -> Edge:
     """Return an edge with the user's unknowns, in the direction of the positive orientation."""
-    start, end, followed, track, begun = edge
-    shown = Track(places[track.start], show(track.inner), places[track.end])
-    begun = None if begun is None else places[begun]
-    if followed.orientation > 0:
-        return Edge(start, end, followed, shown, begun)
-    return Edge(end, start, followed, shown.reversed(), begun)
+    track = Track(places[edge.track.start], show(edge.track.inner), places[edge.track.end])
+    begun = None if edge.begun_at is None else places[edge.begun_at]
+    if edge.orientation > 0:
+        return edge._replace(track=track, begun_at=begun)
+    start, end = edge.end, edge.start
+    return edge._replace(start=start, end=end, track=track.reversed(), begun_at=begun)
 
 
 # -- pieces ---------------------------------------------------------------------------------------
@@ -330,84 +263,67 @@ def _in_order(edges: list[Edge]) -> Iterator[Edge]:
             node = edge.end
 
 
-def _numbers(edges: list[Edge], discovery: Discovery) -> dict[int, int]:
-    """Return a number for each node: first the nodes of the edges in order, then isolated nodes."""
-    ends = [node for edge in edges for node in (edge.start, edge.end)]
-    return {node: i for i, node in enumerate(dict.fromkeys([*ends, *discovery.nodes]))}
-
-
 def _piece(
     edge: Edge,
     number: int,
     numbers: Mapping[int, int],
-    whole: Callable[[Character], Character],
+    whole: Callable[[Character], Character] | None,
     system: PiecewiseSystem,
-    width: float,
+    metric: Metric,
 ) -> Piece:
-    """Return the piece of a directed edge; ``width`` is the length of the interval."""
-    track, followed = edge.track, edge.followed
+    """Return the piece of a directed edge; ``whole`` puts back signs that were left out."""
+    track, character = edge.track, edge.cells[0]
     rise = track.end.alpha - track.start.alpha
-    is_level = abs(rise) <= SAME_ALPHA * width
-    is_known = is_level or followed.along_interface
+    is_level = abs(rise) <= SAME_ALPHA * (metric.interval[1] - metric.interval[0])
     # on the positive orientation alpha rises where det(dH/dz) > 0
-    det_sign = followed.det_sign if is_known else 1 if rise > 0.0 else -1
+    det_sign = 1 if rise > 0.0 else -1
+    if is_level or edge.along_interface:
+        det_sign = edge.det_sign
+    if is_level and not det_sign:  # a vertical piece, with ends that differ by rounding only
+        points = track.points
+        points[:, -1] = track.start.alpha
+        track = Track.of(points)
     return Piece(
         id=number,
         start=numbers[edge.start],
         end=numbers[edge.end],
-        character=whole(followed.selection[0]),
+        character=whole(character) if whole else character,
         naming=system.label,
-        track=_vertical(track) if is_level and not det_sign else track,
+        track=track,
         det_sign=det_sign,
     )
-
-
-def _vertical(track: Track) -> Track:
-    """Return the track with one alpha, for a track with ends that differ by rounding only."""
-    points = track.points
-    points[:, -1] = track.start.alpha
-    return Track.of(points)
 
 
 # -- special points -------------------------------------------------------------------------------
 
 
-class _Meeting(NamedTuple):
-    """The directed edges, with their pieces, that end at a node and that begin at the node."""
-
-    before: list[tuple[Edge, Piece]]
-    after: list[tuple[Edge, Piece]]
-
-    @property
-    def is_passed(self) -> bool:
-        """Whether one piece ends and one piece begins."""
-        return len(self.before) == len(self.after) == 1
-
-
 def _special_point(
     number: int,
     node: Node,
-    meeting: _Meeting,
+    before: Sequence[Directed],
+    after: Sequence[Directed],
     system: PiecewiseSystem,
     places: Mapping[Place, Place],
     metric: Metric,
     events: Events | None,
 ) -> SpecialPoint:
-    """Return the special point of a node; the metric is that of the user's unknowns."""
-    ends = [edge.track.end for edge, _ in meeting.before]
-    ends += [edge.track.start for edge, _ in meeting.after]
-    rays = [places[key.place] for key in node.keys]
-    place = _covering(places[node.place], [*ends, *rays], metric)
+    """Return the special point of a node at which some edges end and others begin.
+
+    The metric is that of the user's unknowns.
+    """
+    ends = [edge.track.end for edge, _ in before] + [edge.track.start for edge, _ in after]
+    place = _covering(places[node.place], [*ends, *(places[r.place] for r in node.rays)], metric)
     also = list(node.also)
     if events is not None and node.kind != Kind.EVENT:
-        inside = [_next_to_ends(piece)[1] for _, piece in meeting.before]
-        inside += [_next_to_ends(piece)[0] for _, piece in meeting.after]
+        inside = [_next_to_end(piece, -2) for _, piece in before]
+        inside += [_next_to_end(piece, 1) for _, piece in after]
         also += filter(None, [events.names_at(metric, place.x, place.error, inside)])
+    passed = (before[0], after[0]) if len(before) == len(after) == 1 else None
     return SpecialPoint(
         id=number,
-        kind=_kind(node, meeting),
+        kind=_turning(node, *passed) if passed and node.kind in CROSSED else node.kind,
         place=place,
-        messages=_messages(system, node, meeting),
+        messages=_messages(system, node, passed),
         digits=significant(place.error, place.x, metric.scale),
         lost=node.lost,
         events=", ".join(also),
@@ -425,36 +341,34 @@ def _covering(here: Place, others: Iterable[Place], metric: Metric) -> Place:
     return Place(here.x, np.max([here.error, *errors], axis=0))
 
 
-def _next_to_ends(piece: Piece) -> tuple[Array, Array]:
-    """Return the points of a piece next to its two ends: the middle, twice, for a straight one."""
+def _next_to_end(piece: Piece, place: int) -> Array:
+    """Return the point of a piece at a place next to an end; the middle of a straight piece."""
     points = piece.points
-    if len(points) == 2:
-        middle: Array = 0.5 * (points[0] + points[1])
-        return middle, middle
-    return points[1], points[-2]
+    beside: Array = points[place] if len(points) > 2 else 0.5 * (points[0] + points[1])
+    return beside
 
 
-def _kind(node: Node, meeting: _Meeting) -> Kind | str:
-    """Return the kind of a node; where one cell is left for another, alpha may turn or go on.
+def _turning(node: Node, arriving: Directed, leaving: Directed) -> Kind | str:
+    """Return the kind of a node where one cell is left for another: alpha may turn or go on.
 
     Slopes at the node itself may be zero to rounding: a smooth fold may lie on the interface.
     """
-    if node.kind not in CROSSED or not meeting.is_passed:
-        return node.kind
-    (first, before), (second, after) = meeting.before[0], meeting.after[0]
-    if first.followed.along_interface or second.followed.along_interface:
+    (first, before), (second, after) = arriving, leaving
+    if first.along_interface or second.along_interface:
         return node.kind  # a sign along an interface is that of several solutions close by
     signs = before.det_sign * after.det_sign
     turns = Kind.NONSMOOTH_FOLD if signs < 0 else Kind.TRANSITION
     return turns if signs else node.kind
 
 
-def _messages(system: PiecewiseSystem, node: Node, meeting: _Meeting) -> Messages:
+def _messages(
+    system: PiecewiseSystem, node: Node, passed: tuple[Directed, Directed] | None
+) -> Messages:
     """Return the messages of a node: what changes there, and what else is known."""
-    if not meeting.is_passed:
+    if not passed or (node.kind == Kind.END and isinstance(system, Ending)):
         return Messages((node.message, node.message))
-    before, after = meeting.before[0][1].character, meeting.after[0][1].character
-    if before == after or (node.kind == Kind.END and isinstance(system, Ending)):
+    before, after = (piece.character for _, piece in passed)
+    if before == after:
         return Messages((node.message, node.message))
     note = "" if node.kind in CROSSED else node.message
     return Messages(partial(_change, system, before, after, note))

@@ -35,9 +35,10 @@ from pwscont.basics.outcome import FILL, FILL_CURVES, Guarantee, Kind, SearchSco
 from pwscont.basics.quantities import Function
 from pwscont.basics.rounding import CONFIDENCE, SAME_ALPHA
 from pwscont.continuation.assembly import assemble, mark
-from pwscont.continuation.discovery import CROSSED, Discovery, Node
+from pwscont.continuation.discovery import CROSSED, Discovery
 from pwscont.continuation.follow import Follower, PieceFollower, alone, default_detectors
 from pwscont.continuation.journal import Journal, Recorded
+from pwscont.continuation.known import Node
 from pwscont.continuation.plan import Plan, Report
 from pwscont.curve.curve import Curve
 from pwscont.curve.error_samples import Found, has_digits, is_inside
@@ -198,8 +199,18 @@ def _graph(
         what = f"{searched.what}; at most one solution, by the system's promise"
         searched = replace(searched, what=what, promise=Guarantee.UNIQUE)
     metric = Metric.of(system, plan.interval) if reduction else plan.metric
-    parts = (parameter, searched, reduction, record, plan.events, infinite)
-    graph = assemble(discovery, system, metric, *parts)
+    points, pieces, starts = assemble(discovery, system, metric, reduction, plan.events)
+    graph = BranchGraph(
+        points,
+        pieces,
+        plan.interval,
+        starts=starts,
+        system=system,
+        parameter=parameter,
+        searched=searched,
+        record=record,
+        infinite=infinite,
+    )
     if system.unique:
         _check_unique(graph)
     return graph
