@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import chain, islice
 from typing import Any
@@ -13,10 +13,18 @@ from pwscont.basics.arguments import check_callable, checked_kind
 from pwscont.basics.arrays import Array, finite_array
 from pwscont.basics.budget import Budget, Limits
 from pwscont.basics.errors import InvalidInputError, StartNotFoundError
+from pwscont.basics.looks import counted
 from pwscont.basics.outcome import Failure, SearchScope
 from pwscont.basics.quantities import Function, checked_record
 from pwscont.continuation.journal import Journal
-from pwscont.continuation.plan import Plan, Report, checked_detectors, checked_interval, silent
+from pwscont.continuation.plan import (
+    Plan,
+    Report,
+    check_stepper_fits,
+    checked_detectors,
+    checked_interval,
+    silent,
+)
 from pwscont.continuation.run import follow
 from pwscont.curve.error_samples import Found, is_inside
 from pwscont.curve.magnitudes import (
@@ -70,19 +78,6 @@ def checked_start(
     return completed(system, finite_array(f"z of {name}", z, (shown_size(system),)), alpha), alpha
 
 
-def checked_starts(
-    system: PiecewiseSystem, starts: Any, interval: tuple[float, float]
-) -> tuple[Start, ...]:
-    """Return several starts; a bad start is named by its place, as in ``starts[2]``."""
-    try:
-        listed = list(starts)
-    except TypeError as error:
-        raise InvalidInputError(f"starts must be pairs (z, alpha): {error}") from error
-    return tuple(
-        checked_start(system, start, interval, f"starts[{i}]") for i, start in enumerate(listed)
-    )
-
-
 def corrected(plan: Plan, start: Start, name: str = "the start") -> Found:
     """Return the solution near a start of the full system, by semismooth Newton at its alpha.
 
@@ -120,12 +115,14 @@ REVISIONS = 6
 
 def prepared(
     system: PiecewiseSystem,
-    start: tuple[Array, float],
+    start: Start,
     interval: tuple[float, float],
     stepper: Stepper | None,
-    detectors: tuple[TransitionDetector | Events, ...] = (),
+    added: tuple[TransitionDetector | Events, ...],
+    budget: Budget,
+    *asked: Any,
 ) -> Plan:
-    """Return the plan for a system whose promises hold at a start.
+    """Return the plan for a system whose promises hold at a start; arguments as of ``Plan.of``.
 
     Raises
     ------
@@ -133,10 +130,10 @@ def prepared(
         If a promise is broken there, names do not fit the unknowns, or a method would never be
         called.
     """
-    z, alpha = start
     check_declaration(system)
-    plan = Plan.of(system, interval, stepper, detectors)
-    check_start(plan.system, interval, z, alpha)
+    check_stepper_fits(system, stepper)
+    plan = Plan.of(system, interval, stepper, added, budget, *asked)
+    check_start(plan.system, interval, *start)
     return plan
 
 
@@ -144,10 +141,9 @@ def followed(
     plan: Plan,
     guess: Array,
     starts_of: Callable[[Plan], Iterator[Found]],
-    graph_of: Callable[[Plan, Iterator[Found]], BranchGraph],
-    journal: Journal | None = None,
-) -> BranchGraph:
-    """Return the graph from all starts; the run begins again if the path shows other magnitudes.
+    searched: SearchScope,
+) -> tuple[BranchGraph, Plan]:
+    """Return the graph from all starts, and its plan, which begins again with other magnitudes.
 
     Parameters
     ----------
@@ -156,16 +152,15 @@ def followed(
         The state around which magnitudes are measured if the system gives no typical magnitudes.
     starts_of : callable
         Plan -> starts of the plan; a start is computed when it is taken.
-    graph_of : callable
-        (plan, starts) -> the graph.
-    journal : Journal, optional
-        Knows the magnitudes with which an interrupted run had begun again.
+    searched : SearchScope
+        Where the starts come from.
     """
     if plan.system.gives_scale or plan.reduction:
-        return graph_of(plan, starts_of(plan))
-    revised = None if journal is None else journal.magnitudes
+        return follow(plan, starts_of(plan), searched), plan
+    # with these magnitudes an interrupted run had begun again
+    revised = None if plan.journal is None else plan.journal.magnitudes
     if revised is not None and len(revised) == plan.followed.size:
-        plan = _with(plan, revised)
+        plan = plan.with_magnitudes(revised)
         starts = starts_of(plan)
     else:
         with plan.few_threads():
@@ -173,11 +168,12 @@ def followed(
     found: list[Found] = []
     for _ in range(REVISIONS):
         try:
-            return graph_of(replace(plan, gauge=Gauge(plan.metric)), _kept(starts, found))
+            judged = replace(plan, gauge=Gauge(plan.metric))
+            return follow(judged, _kept(starts, found), searched), plan
         except MisjudgedError as wrong:
-            plan = _with(plan, wrong.magnitudes)
+            plan = plan.with_magnitudes(wrong.magnitudes)
             starts = chain(tuple(found), starts_of(plan))
-    return graph_of(plan, starts)
+    return follow(plan, starts, searched), plan
 
 
 def _kept(starts: Iterator[Found], found: list[Found]) -> Iterator[Found]:
@@ -192,10 +188,12 @@ def _measured(
 ) -> tuple[Plan, Iterator[Found]]:
     """Return a plan with magnitudes from H, then from its first solutions, and its starts."""
     first: list[Found] = []
-    starts: Iterator[Found] = iter(())
     try:
-        plan = _with(plan, rough_magnitudes(plan.system, plan.interval, guess))
-        first, starts = _looked_ahead(starts_of(plan))
+        plan = plan.with_magnitudes(rough_magnitudes(plan.system, plan.interval, guess))
+        starts = starts_of(plan)
+        first += islice(starts, FIRST)
+    except StartNotFoundError as error:  # raised where the start would have been taken
+        return plan, _raising(error)
     except KeyboardInterrupt as why:  # or the budget is spent: the starts found so far are followed
         return plan, chain(first, _raising(why))
     if not first:
@@ -203,24 +201,8 @@ def _measured(
     sizes = rounded_to_one(magnitudes_of(plan.system, plan.metric, first))
     if are_alike(sizes, plan.metric.scale[:-1]):
         return plan, chain(first, starts)
-    plan = _with(plan, sizes)
+    plan = plan.with_magnitudes(sizes)
     return plan, chain(first, starts_of(plan))
-
-
-def _with(plan: Plan, magnitudes: Array) -> Plan:
-    """Return a plan with other magnitudes."""
-    sizes = rounded_to_one(magnitudes)
-    if (sizes == plan.metric.scale[:-1]).all():
-        return plan
-    return Plan.of(plan.system, plan.interval, plan.stepper, plan.added, sizes)
-
-
-def _looked_ahead(starts: Iterator[Found]) -> tuple[list[Found], Iterator[Found]]:
-    """Return the first starts and the others; if no start is found, the others raise the error."""
-    try:
-        return list(islice(starts, FIRST)), starts
-    except StartNotFoundError as error:
-        return [], _raising(error)
 
 
 def _raising(error: BaseException) -> Iterator[Found]:
@@ -298,20 +280,23 @@ def trace(
     [0.3849]
     """
     lo, hi = checked_interval(system, interval)
-    checked_kind("journal", journal, Journal)
-    checked_kind("limits", limits, Limits)
-    check_callable("report", report, "(number of pieces, alpha)")
-    check_parameter(parameter)
+    _check_options(journal, limits, report, parameter)
     rough = checked_start(system, start, (lo, hi))
     watched = checked_detectors(system, detectors, events)
     recorded = checked_record(record, system.names() if record else ())
     with Budget(limits or Limits()) as budget:
-        plan = prepared(system, rough, (lo, hi), stepper, watched)
+        asked = (parameter, recorded, report, journal)
+        plan = prepared(system, rough, (lo, hi), stepper, watched, budget, *asked)
+        graph, _ = followed(plan, rough[0], lambda plan: _corrected(plan, rough), NOT_SEARCHED)
+    return graph
 
-        def graph_of(plan: Plan, found: Iterator[Found]) -> BranchGraph:
-            return follow(plan, found, parameter, report, NOT_SEARCHED, journal, budget, recorded)
 
-        return followed(plan, rough[0], lambda plan: _corrected(plan, rough), graph_of, journal)
+def _check_options(journal: Any, limits: Any, report: Any, parameter: Any) -> None:
+    """Refuse what is no journal, no limits, no function or no name of a parameter."""
+    checked_kind("journal", journal, Journal)
+    checked_kind("limits", limits, Limits)
+    check_callable("report", report, "(number of pieces, alpha)")
+    check_parameter(parameter)
 
 
 def _corrected(plan: Plan, start: Start) -> Iterator[Found]:
@@ -414,29 +399,28 @@ def explore(
     """
     lo, hi = checked_interval(system, interval)
     checked_kind("search", search, Search)
-    checked_kind("journal", journal, Journal)
-    checked_kind("limits", limits, Limits)
-    check_callable("report", report, "(number of pieces, alpha)")
-    check_parameter(parameter)
-    given = checked_starts(system, starts, (lo, hi))
+    _check_options(journal, limits, report, parameter)
+    try:
+        listed = list(starts)
+    except TypeError as error:
+        raise InvalidInputError(f"starts must be pairs (z, alpha): {error}") from error
+    given = [checked_start(system, x, (lo, hi), f"starts[{i}]") for i, x in enumerate(listed)]
     watched = checked_detectors(system, detectors, events)
     recorded = checked_record(record, system.names() if record else ())
     with Budget(limits or Limits()) as budget:
-        guess = np.zeros(system.size)
-        plan = prepared(system, (guess, lo), (lo, hi), stepper, watched)
+        guess, asked = np.zeros(system.size), (parameter, recorded, report, journal)
+        plan = prepared(system, (guess, lo), (lo, hi), stepper, watched, budget, *asked)
         around = [plan.reduced(z)[: shown_size(plan.followed)] for z, _ in given]
         chosen = search or _default_search(plan, around)
-        searched = _searched(given, scope_of(chosen, plan.followed))
-
-        def graph_of(plan: Plan, found: Iterator[Found]) -> BranchGraph:
-            graph = follow(plan, found, parameter, report, searched, journal, budget, recorded)
-            graph.proof = chosen.proved(plan.followed, plan.interval)
-            if graph.proof is None and journal is not None and not budget.spent:
-                asked = plan.followed, plan.metric, plan.interval, plan.branches
-                graph.proof = chosen.prove_again(*asked)  # a journal repeats no finished search
-            return graph
-
-        graph = followed(plan, guess, lambda plan: _found(plan, given, chosen), graph_of, journal)
+        searched = scope_of(chosen, plan.followed)
+        if given:
+            what = f"{counted(len(given), 'given start')}; {searched.what}"
+            searched = SearchScope(what, searched.promise)
+        graph, plan = followed(plan, guess, lambda plan: _found(plan, given, chosen), searched)
+        graph.proof = chosen.proved(plan.followed, plan.interval)
+        if graph.proof is None and journal is not None and not budget.spent:
+            asked_again = plan.followed, plan.metric, plan.interval, plan.branches
+            graph.proof = chosen.prove_again(*asked_again)  # a journal repeats no finished search
     if not graph.pieces and not budget.spent:
         refuse_undefined(plan.system, plan.interval)
     return graph
@@ -452,16 +436,8 @@ def _default_search(plan: Plan, around: list[Array]) -> Search:
     return AlsoProved(search)
 
 
-def _found(plan: Plan, given: tuple[Start, ...], search: Search) -> Iterator[Found]:
+def _found(plan: Plan, given: Sequence[Start], search: Search) -> Iterator[Found]:
     """Yield the given starts, corrected, then the starts of a search, which begins then."""
     for i, start in enumerate(given):
         yield corrected(plan, start, f"starts[{i}]")
     yield from starts_of(search, plan.followed, plan.metric, plan.interval, plan.branches)
-
-
-def _searched(given: tuple[Start, ...], searched: SearchScope) -> SearchScope:
-    """Return what was searched, given starts included."""
-    if not given:
-        return searched
-    starts = f"{len(given)} given start{'s' if len(given) > 1 else ''}"
-    return SearchScope(f"{starts}; {searched.what}", searched.promise)

@@ -1,31 +1,16 @@
 """The journal of a long run.
 
-All arrays of a walk are rows of n + 1 numbers. Many are the same: the end of the piece is also
-where its rays start, and the rays share the samples of its error. Each row is written once.
-
 A run is the same sequence of walks (rays followed to the ends of their pieces) each time, and only
-walks take long. So an interrupted run is repeated, and recorded walks are read from the journal.
+walks take long. So an interrupted run is repeated, and recorded walks are read from the journal,
+and so are the starts of the search, and magnitudes with which the run had begun again.
 
 The file is an SQLite database of numbered records, each written in a transaction of its own, with a
-checksum over its number and content. A journal without the last records is the journal of a run
-that was stopped earlier, and leads to the same graph, to rounding. Every other change is refused.
-
-Failure modes and answers
--------------------------
-- The process is killed: all records stay. The latest are in the log of SQLite beside the file,
-  ``NAME-wal``, until the journal is opened again and closed.
-- The power fails, or the log is lost or damaged: the last records are missing.
-- Bytes of the file change: the journal is refused.
-- The disk is full: the run goes on and is not recorded any more, see ``Journal.trouble``.
-- Two processes work on one journal: the first process locks the journal until that process ends, in
-  whatever way.
-- The journal is of another problem, perhaps of a problem that begins alike: names, interval,
-  stepper, and the values of H and of the tests at generic points are compared before any work, and
-  each walk with the ray from which the walk was recorded.
-- The path shows that typical magnitudes were wrong, and the run begins again: the magnitudes are
-  recorded, and the records before count no more.
-- The search yields starts while pieces are followed: starts are recorded, too, so that in the
-  repeated run each start comes in turn.
+checksum over its number and content. A journal without the last records (after a power failure, or
+without the log of SQLite, ``NAME-wal``) is the journal of a run that was stopped earlier, and leads
+to the same graph, to rounding. Every other change is refused, and so is the journal of another
+problem, perhaps one that begins alike: names, interval, stepper, and the values of H and of the
+tests at generic points are compared before any work, and each walk with the ray where the walk
+began.
 """
 
 from __future__ import annotations
@@ -36,7 +21,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from hashlib import blake2b
 from itertools import count, pairwise
 from pathlib import Path
-from typing import Any, NamedTuple, final
+from typing import Any, final
 
 import numpy as np
 
@@ -50,75 +35,58 @@ from pwscont.continuation.follow import FollowedPiece, Follower
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.error_samples import Found
 from pwscont.curve.magnitudes import Gauge
-from pwscont.curve.metric import Metric
 from pwscont.system.selection import Selection
-from pwscont.system.system import PiecewiseSystem
 from pwscont.transitions.detector import SpecialPointFound
 from pwscont.transitions.rays import Ray
 
 
-class Transcript(NamedTuple):
-    """A walk as a text, which is a JSON object, and rows of doubles."""
+def written(walk: FollowedPiece) -> tuple[str, bytes]:
+    """Return a walk as a text, which is a JSON object, and different rows of n + 1 doubles."""
+    numbers: dict[bytes, int] = {}  # of each row that is different from all rows before
 
-    header: str
-    rows: bytes
+    def add(rows: Iterable[Array]) -> list[int]:
+        """Return the numbers of these rows."""
+        return [numbers.setdefault(row.tobytes(), len(numbers)) for row in rows]
 
+    def told(ray: Ray) -> dict[str, Any]:
+        state, selection = ray.state, ray.curve.selection
+        return {
+            "signs": str(selection.character),
+            "beside": [str(cell) for cell in selection.adjacent_cells],
+            "shared": [str(cell) for cell in ray.interface_cells],
+            "index": int(ray.index),
+            "state": add(np.stack([state.x, state.tangent])),
+            "error": add(state.error),
+            "orientation": int(state.orientation),
+        }
 
-def written(walk: FollowedPiece) -> Transcript:
-    """Return the transcript of a walk."""
-    rows, arrival = _JournalRows(), walk.arrival
+    arrival = walk.arrival
     header = {
         "kind": str(arrival.kind),
         "message": arrival.message,
-        "points": rows.add(walk.points),
-        "x": rows.add(arrival.x[np.newaxis]),
-        "rays": [_ray(ray, rows) for ray in arrival.rays],
+        "points": add(walk.points),
+        "x": add(arrival.x[np.newaxis]),
+        "rays": [told(ray) for ray in arrival.rays],
     }
-    return Transcript(json.dumps(header), b"".join(rows.numbers))
+    return json.dumps(header), b"".join(numbers)
 
 
-def walk_of(transcript: Transcript, ray: Ray) -> FollowedPiece:
-    """Return the walk of a transcript; the first ray, ``ray``, has the system and the metric."""
-    header = json.loads(transcript.header)
-    rows = np.frombuffer(transcript.rows).reshape(-1, len(ray.state.x)).copy()
+def walk_of(record: tuple[str, bytes], ray: Ray) -> FollowedPiece:
+    """Return the walk that was written; the first ray, ``ray``, has the system and the metric."""
+    header = json.loads(record[0])
+    rows = np.frombuffer(record[1]).reshape(-1, len(ray.state.x)).copy()
     system, metric = ray.curve.selection.system, ray.curve.metric
-    rays = tuple(_ray_of(data, rows, system, metric) for data in header["rays"])
-    x = rows[header["x"][0]]
+
+    def read(data: dict[str, Any]) -> Ray:
+        beside = tuple(map(Character.read, data["beside"]))
+        curve = Curve(Selection(system, Character.read(data["signs"]), beside), metric)
+        x, tangent = rows[data["state"]]
+        state = State(x, tangent, rows[data["error"]], data["orientation"])
+        return Ray(curve, state, tuple(map(Character.read, data["shared"])), data["index"])
+
+    rays, x = tuple(map(read, header["rays"])), rows[header["x"][0]]
     arrival = SpecialPointFound(kind_of(header["kind"]), x, header["message"], rays)
     return FollowedPiece(list(rows[header["points"]]), arrival)
-
-
-@final
-class _JournalRows:
-    """The different rows of a transcript, each with a number."""
-
-    def __init__(self) -> None:
-        self.numbers: dict[bytes, int] = {}
-
-    def add(self, rows: Iterable[Array]) -> list[int]:
-        """Return the numbers of these rows."""
-        return [self.numbers.setdefault(row.tobytes(), len(self.numbers)) for row in rows]
-
-
-def _ray(ray: Ray, rows: _JournalRows) -> dict[str, Any]:
-    state, selection = ray.state, ray.curve.selection
-    return {
-        "signs": str(selection.character),
-        "beside": [str(cell) for cell in selection.adjacent_cells],
-        "shared": [str(cell) for cell in ray.interface_cells],
-        "index": int(ray.index),
-        "state": rows.add(np.stack([state.x, state.tangent])),
-        "error": rows.add(state.error),
-        "orientation": int(state.orientation),
-    }
-
-
-def _ray_of(data: dict[str, Any], rows: Array, system: PiecewiseSystem, metric: Metric) -> Ray:
-    beside = tuple(map(Character.read, data["beside"]))
-    curve = Curve(Selection(system, Character.read(data["signs"]), beside), metric)
-    x, tangent = rows[data["state"]]
-    state = State(x, tangent, rows[data["error"]], data["orientation"])
-    return Ray(curve, state, tuple(map(Character.read, data["shared"])), data["index"])
 
 
 #: The lock is kept from one transaction to the next, and ends with the process.
@@ -284,19 +252,11 @@ class Journal:
 
     def recorded(self, kind: str, n: int) -> tuple[str, bytes] | None:
         """Return text and rows of the n-th record of a kind, None if there are not so many."""
-        return self._nth(kind, n)
-
-    def record(self, kind: str, text: str, rows: bytes) -> None:
-        """Write a record of a kind, unless there was trouble."""
-        self._add(kind, text, rows)
-
-    def _nth(self, kind: str, n: int) -> tuple[str, bytes] | None:
-        """Return text and rows of a record of a kind, None if there are not so many."""
         numbers = self._numbers[kind]
         return self._read(numbers[n])[1:] if n < len(numbers) else None
 
-    def _add(self, kind: str, text: str = "", rows: bytes = b"") -> None:
-        """Write a record, unless there was trouble."""
+    def record(self, kind: str, text: str = "", rows: bytes = b"") -> None:
+        """Write a record of a kind, unless there was trouble."""
         if self.trouble is not None:
             return
         number = self._count
@@ -322,9 +282,9 @@ class Journal:
         probes : sequence of float
             Values that tell problems apart, compared to half of the digits.
         """
-        known = self._nth("about", 0)
+        known = self.recorded("about", 0)
         if known is None:
-            self._add("about", json.dumps([dict(facts), list(probes)]))
+            self.record("about", json.dumps([dict(facts), list(probes)]))
             return
         before, values = json.loads(known[0])
         different = [
@@ -332,14 +292,15 @@ class Journal:
             for name, now in facts.items()
             if before.get(name, "") != now
         ]
-        if not different and not _agree(values, probes):
+        agree = len(values) == len(probes) and np.allclose(values, probes, rtol=SAME, atol=0.0)
+        if not different and not agree:
             different = ["the values of its functions have changed"]
         if different:
             raise self._refusal(f"it is of another run: {'; '.join(different)}; {ADVICE}")
 
     def revise(self, magnitudes: Array) -> None:
         """Record the typical magnitudes with which the run begins again."""
-        self._add("magnitudes", rows=np.asarray(magnitudes, dtype=float).tobytes())
+        self.record("magnitudes", rows=np.asarray(magnitudes, dtype=float).tobytes())
 
     def starts(self, searched: Iterable[Found]) -> Iterator[Found]:
         """Yield the starts that are recorded, then further starts, each recorded first.
@@ -349,7 +310,7 @@ class Journal:
         """
         known: set[bytes] = set()
         for number in count():
-            if (found := self._nth("start", number)) is None:
+            if (found := self.recorded("start", number)) is None:
                 break
             columns, data = found
             rows = np.frombuffer(data).reshape(-1, int(columns)).copy()
@@ -361,13 +322,13 @@ class Journal:
             data = np.vstack([x, error]).tobytes()
             if data not in known:
                 known.add(data)
-                self._add("start", str(len(x)), data)
+                self.record("start", str(len(x)), data)
                 yield x, error
-        self._add("searched")
+        self.record("searched")
 
     def find(self, number: int, ray: Ray) -> FollowedPiece | None:
         """Return a recorded walk, None if none is recorded; refuse a walk from another ray."""
-        found = self._nth("walk", number)
+        found = self.recorded("walk", number)
         if found is None:
             return None
         (text, rows), begun = found, _place(ray)
@@ -375,21 +336,17 @@ class Journal:
             raise self._refusal(
                 f"it is of another run: piece {number + 1} began elsewhere; {ADVICE}"
             )
-        return walk_of(Transcript(text.removeprefix(begun), rows), ray)
+        return walk_of((text.removeprefix(begun), rows), ray)
 
     def add(self, ray: Ray, walk: FollowedPiece) -> None:
         """Record the next walk."""
-        transcript = written(walk)
-        self._add("walk", _place(ray) + transcript.header, transcript.rows)
+        text, rows = written(walk)
+        self.record("walk", _place(ray) + text, rows)
 
     def finish(self) -> None:
         """Record that the run is finished."""
         if not self.is_finished:
-            self._add("finished")
-
-
-def _agree(values: Sequence[float], others: Sequence[float]) -> bool:
-    return len(values) == len(others) and np.allclose(values, others, rtol=SAME, atol=0.0)
+            self.record("finished")
 
 
 def _place(ray: Ray) -> str:

@@ -4,18 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import AbstractContextManager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import isfinite
 from typing import Any, final
 
 from pwscont.basics.arguments import checked_kind
 from pwscont.basics.arrays import Array
-from pwscont.basics.budget import INTERRUPTED
+from pwscont.basics.budget import INTERRUPTED, Budget, Limits
 from pwscont.basics.errors import InvalidInputError
 from pwscont.basics.quantities import Function
 from pwscont.continuation.follow import default_detectors
+from pwscont.continuation.journal import Journal
 from pwscont.continuation.known import FollowedBranches
-from pwscont.curve.magnitudes import Gauge
+from pwscont.curve.magnitudes import Gauge, rounded_to_one
 from pwscont.curve.metric import Metric
 from pwscont.curve.pseudo_arclength import PseudoArclength
 from pwscont.curve.stepper import Stepper
@@ -69,20 +70,14 @@ def checked_interval(system: PiecewiseSystem, interval: tuple[float, float]) -> 
     return lo, hi
 
 
-def default_stepper(system: PiecewiseSystem) -> Stepper:
-    """Return the exact stepper where pieces are straight, pseudo-arclength elsewhere."""
-    return ExactLinear() if isinstance(system, PiecewiseLinearSystem) else PseudoArclength()
-
-
-def checked_stepper(system: PiecewiseSystem, stepper: Stepper | None) -> Stepper:
-    """Return the stepper to use."""
+def check_stepper_fits(system: PiecewiseSystem, stepper: Any) -> None:
+    """Refuse what is no stepper, and the exact stepper where pieces are curved."""
     checked_kind("stepper", stepper, Stepper)
     if isinstance(stepper, ExactLinear) and not isinstance(system, PiecewiseLinearSystem):
         raise InvalidInputError(
             f"ExactLinear needs a PiecewiseLinearSystem, and {type(system).__name__} is none; "
             "use PseudoArclength"
         )
-    return stepper if stepper is not None else default_stepper(system)
 
 
 @final
@@ -105,7 +100,10 @@ class Plan:
         The bounds and periods of the unknowns of the followed system.
     stepper : Stepper
     added : tuple of TransitionDetector
-        The detectors that a user gave, beside the default ones.
+        The detectors that a user gave, beside the default ones, that of the events last.
+    budget : Budget
+    parameter, record, report, journal
+        What a user gave to :func:`pwscont.explore` under these names.
     gauge : Gauge, optional
         Judges the typical magnitudes by the path.
     branches : FollowedBranches
@@ -120,6 +118,11 @@ class Plan:
     box: Box
     stepper: Stepper
     added: tuple[TransitionDetector | Events, ...]
+    budget: Budget
+    parameter: str = "alpha"
+    record: Mapping[str, Function] | None = None
+    report: Report = silent
+    journal: Journal | None = None
     gauge: Gauge | None = None
     branches: FollowedBranches = field(default_factory=FollowedBranches)
 
@@ -129,25 +132,38 @@ class Plan:
         system: PiecewiseSystem,
         interval: tuple[float, float],
         stepper: Stepper | None,
-        detectors: tuple[TransitionDetector | Events, ...] = (),
-        magnitudes: Array | None = None,
+        added: tuple[TransitionDetector | Events, ...],
+        budget: Budget,
+        *asked: Any,
     ) -> Plan:
         """Choose the parts for a system on an interval that was checked.
 
-        Detectors are added to the default ones. Typical magnitudes of z are those given here, or
-        those that the system gives.
+        ``asked``: parameter, record, report and journal, as fields.
         """
-        chosen = checked_stepper(system, stepper)
+        if stepper is None:
+            is_straight = isinstance(system, PiecewiseLinearSystem)
+            stepper = ExactLinear() if is_straight else PseudoArclength()
         metric = Metric.of(system, interval)  # refuses magnitudes that cannot be computed with
-        system = system.within(*interval, magnitudes)
+        system = system.within(*interval)
         box = Box.of(system)
         # a reduced system has neither a box nor the states that detectors expect
-        free = not (box.is_bounded or box.is_periodic or detectors)
+        free = not (box.is_bounded or box.is_periodic or added)
         reduction = reduction_of(system, interval) if free else None
-        followed = reduction.system.within(*interval) if reduction else system
-        if reduction or magnitudes is not None:
+        followed = system
+        if reduction:
+            followed = reduction.system.within(*interval)
             metric, box = Metric.of(followed, interval), Box.of(followed)
-        return cls(system, interval, reduction, followed, metric, box, chosen, tuple(detectors))
+        parts = (reduction, followed, metric, box, stepper, added, budget)
+        return cls(system, interval, *parts, *asked)
+
+    def with_magnitudes(self, magnitudes: Array) -> Plan:
+        """Return a plan without a reduction with other typical magnitudes."""
+        sizes = rounded_to_one(magnitudes)
+        if (sizes == self.metric.scale[:-1]).all():
+            return self
+        system = self.system.within(*self.interval, sizes)
+        metric, box, known = Metric.of(system, self.interval), Box.of(system), FollowedBranches()
+        return replace(self, system=system, followed=system, metric=metric, box=box, branches=known)
 
     @property
     def detectors(self) -> tuple[TransitionDetector, ...]:
@@ -168,17 +184,6 @@ class Plan:
     def events(self) -> Events | None:
         """The events that are watched."""
         return next((each for each in self.added if isinstance(each, Events)), None)
-
-    def told(self, search: Search) -> dict[str, str]:
-        """Return the parts of the run in words, all of them."""
-        left_out = self.reduction.reasons if self.reduction else ()
-        unknowns = f"{self.followed.size} of {self.system.size}"
-        return {
-            "steps": repr(self.stepper),
-            "watched": ", ".join(type(detector).__name__ for detector in self.detectors),
-            "starts": scope_of(search, self.followed).what,
-            "unknowns": "; ".join([unknowns, *left_out]),
-        }
 
     def reduced(self, z: Array) -> Array:
         """Return a state of the system as one of the followed system."""
@@ -235,5 +240,13 @@ def plan_in_words(
     """
     lo, hi = checked_interval(system, interval)
     watched = checked_detectors(system, detectors, events)
-    plan = Plan.of(system, (lo, hi), stepper, watched)
-    return plan.told(search or default_search(plan.followed, (lo, hi)))
+    check_stepper_fits(system, stepper)
+    plan = Plan.of(system, (lo, hi), stepper, watched, Budget(Limits()))
+    search = search or default_search(plan.followed, (lo, hi))
+    unknowns = f"{plan.followed.size} of {plan.system.size}"
+    return {
+        "steps": repr(plan.stepper),
+        "watched": ", ".join(type(detector).__name__ for detector in plan.detectors),
+        "starts": scope_of(search, plan.followed).what,
+        "unknowns": "; ".join([unknowns, *(plan.reduction.reasons if plan.reduction else ())]),
+    }

@@ -3,26 +3,18 @@
 A path may leave the interval at one of its ends, turn beyond, and come back. Inside the interval
 such a path is several components, which only the way outside joins. Where the search promises
 nothing, each path that leaves is followed a little further, and where the path comes back is
-another start.
+another start. Beyond the interval H may not make sense: only straight pieces, which make sense
+everywhere, are followed there, within the domain of the system, and whatever goes wrong says
+nothing about the interval.
 
-Failure modes and answers
--------------------------
-- Solutions may fill more than curves. Signs of such sets are: a corner at which solutions fill a
-  cone, a piece that could not be followed, starts without a digit (as from cells that have no
-  corner), or an empty graph (as if solutions fill whole lines). A run without a sign has only
-  curves.
-- Beyond the interval H may not make sense: only straight pieces, which make sense everywhere, are
-  followed there, within the domain of the system. Whatever goes wrong says nothing about the
-  interval.
-- A path beyond goes on for ever: the path is followed over a part of the length of the interval,
-  and over no more pieces than were found inside, or a few.
-- Paths come back for ever: only a number of paths is followed.
+Solutions may fill more than curves. Signs of such sets are: a corner at which solutions fill a
+cone, a piece that could not be followed, starts without a digit (as from cells that have no
+corner), or an empty graph (as if solutions fill whole lines). A run without a sign has only curves.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Iterable, Iterator, Sequence
 from itertools import chain, combinations, islice, pairwise
 
 import numpy as np
@@ -32,23 +24,22 @@ from pwscont.basics.budget import Budget, Limits
 from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidSystemError
 from pwscont.basics.outcome import FILL, FILL_CURVES, Guarantee, Kind, SearchScope
-from pwscont.basics.quantities import Function
 from pwscont.basics.rounding import CONFIDENCE, SAME_ALPHA
 from pwscont.continuation.assembly import assemble, mark
 from pwscont.continuation.discovery import CROSSED, Discovery
 from pwscont.continuation.follow import Follower, PieceFollower, alone, default_detectors
 from pwscont.continuation.journal import Journal, Recorded
 from pwscont.continuation.known import Node
-from pwscont.continuation.plan import Plan, Report
+from pwscont.continuation.plan import Plan, silent
 from pwscont.curve.curve import Curve
 from pwscont.curve.error_samples import Found, has_digits, is_inside
 from pwscont.curve.looks import gap_of
-from pwscont.curve.magnitudes import Gauge, MisjudgedError
+from pwscont.curve.magnitudes import MisjudgedError
 from pwscont.curve.metric import Metric
 from pwscont.enumeration.continua import find_continua
 from pwscont.graph import BranchGraph
 from pwscont.graph.queries import joined
-from pwscont.graph.records import Solution, Stretch
+from pwscont.graph.records import Stretch
 from pwscont.graph.structure import NOT_SEARCHED
 from pwscont.system.box import Box
 from pwscont.system.selection import Selection
@@ -67,35 +58,29 @@ PART_BEYOND = 0.25
 FEW_PIECES, MOST_PATHS = 20, 100
 
 
-def follow(
-    plan: Plan,
-    starts: Iterable[Found],
-    parameter: str,
-    report: Report,
-    searched: SearchScope,
-    journal: Journal | None,
-    budget: Budget,
-    record: Mapping[str, Function] | None = None,
-) -> BranchGraph:
+def follow(plan: Plan, starts: Iterable[Found], searched: SearchScope) -> BranchGraph:
     """Return the graph of everything that is reached from starts of the followed system.
 
     Where the budget is spent, the graph has what was found until then.
     """
-    gauge = plan.gauge
-    follower: Follower = _follower(plan, gauge)
+    gauge, budget, journal = plan.gauge, plan.budget, plan.journal
+    watched = _with_bounds(plan, plan.detectors)
+    # from cell to cell where only straight pieces are watched
+    straight = None if plan.events else alone(watched)
+    parts = (plan.interval, plan.bounds, straight, gauge, plan.events)
+    follower: Follower = PieceFollower(plan.stepper, Watch(watched, plan.foreign), *parts)
     if journal is not None:
         _check(journal, plan)
         follower, starts = Recorded(follower, journal, gauge), journal.starts(starts)
-    discovery = Discovery(follower, report, budget)
+    discovery = Discovery(follower, plan.report, budget)
     plan.branches.edges = discovery.edges
     if searched.promise == Guarantee.NOTHING and searched != NOT_SEARCHED:
         starts = chain(starts, _reentries(discovery, plan))
     without_digits: list[Found] = []
-    usable = _usable(plan, starts, without_digits)
     # trial points may lie where H cannot be computed; values that are not finite are refused
     with plan.few_threads(), np.errstate(all="ignore"):
         try:
-            _follow_from(usable, plan, discovery, budget)
+            _follow_from(_usable(plan, starts, without_digits), plan, discovery)
             if gauge and not budget.spent:
                 gauge.close()
         except KeyboardInterrupt as why:
@@ -109,18 +94,7 @@ def follow(
     if journal is not None and not budget.spent:
         journal.finish()
     infinite = () if budget.spent else _infinite(plan, discovery, bool(without_digits))
-    searched = replace(_lowered(searched, len(without_digits)), spent=budget.spent)
-    return _graph(plan, discovery, parameter, searched, record, infinite)
-
-
-def _follower(plan: Plan, gauge: Gauge | None) -> PieceFollower:
-    """Return what follows pieces, from cell to cell where only straight pieces are watched."""
-    watched = _with_bounds(plan, plan.detectors)
-    straight = None if plan.events else alone(watched)
-    watch = Watch(watched, plan.foreign)
-    return PieceFollower(
-        plan.stepper, watch, plan.interval, plan.bounds, straight, gauge, plan.events
-    )
+    return _graph(plan, discovery, _scope(plan, searched, len(without_digits)), infinite)
 
 
 def _with_bounds(plan: Plan, detectors: Watched) -> Watched:
@@ -139,7 +113,7 @@ def _usable(plan: Plan, starts: Iterable[Found], without_digits: list[Found]) ->
             yield x, error
 
 
-def _follow_from(starts: Iterable[Found], plan: Plan, discovery: Discovery, budget: Budget) -> None:
+def _follow_from(starts: Iterable[Found], plan: Plan, discovery: Discovery) -> None:
     for x, error in starts:
         if discovery.is_beyond(x):
             continue
@@ -147,24 +121,12 @@ def _follow_from(starts: Iterable[Found], plan: Plan, discovery: Discovery, budg
             plan.gauge.begin()
         standing = Standing.of(plan.followed, plan.metric, x, error)
         if not discovery.has(standing):
-            discovery.add(_begun(plan, standing.departures()))
-        if budget.spent or (plan.system.unique and discovery.spans(*plan.interval)):
+            arrival = standing.departures()
+            for each in plan.added:  # a start may be a special point of a detector
+                arrival = each.begun(arrival)
+            discovery.add(ended(arrival))
+        if plan.budget.spent or (plan.system.unique and discovery.spans(*plan.interval)):
             return
-
-
-def _begun(plan: Plan, arrival: SpecialPointFound) -> SpecialPointFound:
-    """Return a start, changed by the system or a detector for which it is a special point."""
-    for each in plan.added:
-        arrival = each.begun(arrival)
-    return ended(arrival)
-
-
-def _lowered(searched: SearchScope, lost: int) -> SearchScope:
-    """Return what was searched, without a promise where starts without a digit were lost."""
-    if not lost:
-        return searched
-    what = f"{lost} of the points found not followed, for no digit of them is certain"
-    return replace(searched, what=f"{searched.what}; {what}", promise=Guarantee.NOTHING)
 
 
 def _infinite(plan: Plan, discovery: Discovery, is_part: bool) -> tuple[Stretch, ...]:
@@ -184,20 +146,24 @@ def _is_sign(node: Node) -> bool:
     return node.kind not in CROSSED and FILL in node.message
 
 
+def _scope(plan: Plan, searched: SearchScope, lost: int) -> SearchScope:
+    """Return what was searched and what that promises; starts without a digit were lost."""
+    what, promise = searched.what, searched.promise
+    if lost:
+        what += f"; {lost} of the points found not followed, for no digit of them is certain"
+        promise = Guarantee.NOTHING
+    if plan.system.unique:
+        what += "; at most one solution, by the system's promise"
+        promise = Guarantee.UNIQUE
+    gap = gap_of(plan.stepper, plan.followed)
+    return SearchScope(what, promise, plan.budget.spent, gap)
+
+
 def _graph(
-    plan: Plan,
-    discovery: Discovery,
-    parameter: str,
-    searched: SearchScope,
-    record: Mapping[str, Function] | None,
-    infinite: Sequence[Stretch],
+    plan: Plan, discovery: Discovery, searched: SearchScope, infinite: Sequence[Stretch]
 ) -> BranchGraph:
     """Return the graph of a discovery, after checking the promise of uniqueness."""
     system, reduction = plan.system, plan.reduction
-    searched = replace(searched, gap=gap_of(plan.stepper, plan.followed))
-    if system.unique:
-        what = f"{searched.what}; at most one solution, by the system's promise"
-        searched = replace(searched, what=what, promise=Guarantee.UNIQUE)
     metric = Metric.of(system, plan.interval) if reduction else plan.metric
     points, pieces, starts = assemble(discovery, system, metric, reduction, plan.events)
     graph = BranchGraph(
@@ -206,9 +172,9 @@ def _graph(
         plan.interval,
         starts=starts,
         system=system,
-        parameter=parameter,
+        parameter=plan.parameter,
         searched=searched,
-        record=record,
+        record=plan.record,
         infinite=infinite,
     )
     if system.unique:
@@ -217,7 +183,7 @@ def _graph(
 
 
 def _check_unique(graph: BranchGraph) -> None:
-    """Refuse a graph with two different solutions at one alpha.
+    """Refuse a graph with two solutions at one alpha that are apart by more than their errors.
 
     Raises
     ------
@@ -226,25 +192,16 @@ def _check_unique(graph: BranchGraph) -> None:
     """
     breaks = graph.breaks()
     for alpha in [*breaks, *(0.5 * (lo + hi) for lo, hi in pairwise(breaks))]:
-        if graph.count(alpha) > 1:
-            _check_at(graph, alpha)
-
-
-def _check_at(graph: BranchGraph, alpha: float) -> None:
-    for first, second in combinations(graph.solutions(alpha), 2):
-        if _differ(first, second):
-            raise InvalidSystemError(
-                f"{type(graph.system).__name__}.unique promises one solution at one "
-                f"{graph.parameter}, but there are two at {graph.parameter} = {alpha:.10g}: "
-                f"{first!r} and {second!r}; set unique = False"
-            )
-
-
-def _differ(first: Solution, second: Solution) -> bool:
-    """Tell whether two solutions are apart by more than their errors."""
-    apart = np.abs(first.z - second.z)
-    errors = (first.error + second.error)[:-1] if len(first.error) else np.zeros_like(apart)
-    return bool((apart > CONFIDENCE * errors).any())
+        solutions = graph.solutions(alpha) if graph.count(alpha) > 1 else ()
+        for first, second in combinations(solutions, 2):
+            apart = np.abs(first.z - second.z)
+            errors = (first.error + second.error)[:-1] if len(first.error) else 0.0 * apart
+            if (apart > CONFIDENCE * errors).any():
+                raise InvalidSystemError(
+                    f"{type(graph.system).__name__}.unique promises one solution at one "
+                    f"{graph.parameter}, but there are two at {graph.parameter} = {alpha:.10g}: "
+                    f"{first!r} and {second!r}; set unique = False"
+                )
 
 
 def _reentries(discovery: Discovery, plan: Plan) -> Iterator[Found]:
@@ -279,7 +236,7 @@ def _coming_back(plan: Plan, ray: Ray, end: float, beyond: Interval, limits: Lim
     watch = Watch(_with_bounds(plan, default_detectors(plan.stepper, beyond)))
     follower = PieceFollower(plan.stepper, watch, beyond, plan.bounds)
     with Budget(limits) as budget:
-        discovery = Discovery(follower, lambda *_: None, budget)
+        discovery = Discovery(follower, silent, budget)
         onwards = (_ray_into(plan, ray, beyond),)
         discovery.add(SpecialPointFound(Kind.END, ray.state.x, "", onwards))
     reached = [node for node in list(discovery.nodes.values())[1:] if node.kind == Kind.END]
