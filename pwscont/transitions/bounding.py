@@ -1,19 +1,11 @@
 """Transitions: the bounding tests of a cell, and the way across each.
 
-Where the slope of a test along the curve is -s, and k the curvature of the test, the curve leads
-s^2 / (2 k) beyond the interface before the curve turns back. Where this depth is within the
-rounding of the test, and the values of the test there do not follow the parabola of s and k, the
-curve has not crossed.
-
-Failure modes and answers
--------------------------
-- A double zero is located to the square root of rounding, so that slopes there differ from zero by
-  more than their own rounding, and no matrix is singular: the depth is what counts. As terms of a
-  test may cancel, values, not estimates, tell whether the test is negative between its zeros.
-- The curvature from differences belongs to another part of the curve: a zero that is farther from
-  the lowest point than a millionth of the interval is a crossing.
-- Another interface is met before the place where the piece would go on, which lies beyond the
-  lowest point, at the distance of the zero from the lowest point: the curve crosses.
+A curve may touch an interface without crossing. Where the slope of a test along the curve is -s,
+and k the curvature of the test, the curve leads s^2 / (2 k) beyond the interface before the curve
+turns back. Where this depth is within the rounding of the test, and the values of the test there
+follow the parabola of s and k, the curve has not crossed. A double zero is located to the square
+root of rounding only, so that slopes there differ from zero by more than their own rounding, and no
+matrix is singular: the depth is what counts.
 """
 
 from __future__ import annotations
@@ -35,7 +27,6 @@ from pwscont.curve.stepper import CurvedSegment, Segment
 from pwscont.linear.vectors import plus
 from pwscont.system.abilities import end_of
 from pwscont.system.selection import Selection
-from pwscont.system.system import PiecewiseSystem
 from pwscont.transitions.corner.cone import TangentCone, opposite, same_piece, tangent_cone
 from pwscont.transitions.detector import Reading, SpecialPointFound, TransitionDetector, locate_zero
 from pwscont.transitions.rays import (
@@ -54,8 +45,9 @@ CLEAR_CROSSING = EPS**0.75
 #: Distance over which the slope changes, in the metric.
 DISTANCE_TO_CURVATURE = 1e-6
 #: Places between both zeros where values of the test are compared with the parabola, as parts of
-#: the distance to the lowest point; and the largest difference allowed, as a part of the depth.
-PARABOLA_PLACES, PARABOLA_DEFECT = (0.5, 1.0, 1.5), 0.25
+#: the distance to the lowest point, and the second zero, beyond which the piece goes on; and the
+#: largest difference allowed, as a part of the depth.
+PARABOLA_PLACES, PARABOLA_DEFECT = (0.5, 1.0, 1.5, 2.0), 0.25
 
 
 def touching(curve: Curve, state: State, test: int) -> SpecialPointFound | None:
@@ -65,8 +57,14 @@ def touching(curve: Curve, state: State, test: int) -> SpecialPointFound | None:
     """
     if curve.metric.norm(state.size) <= CLEAR_CROSSING:
         return None  # nearly always
+
+    def at(s: float) -> State | None:
+        """Return the state of the curve at a distance along the tangent."""
+        found = BorderedNewton().correct(curve, state.x + s * state.tangent, state.tangent)
+        return None if isinstance(found, Failure) else found.state
+
     selection, index = curve.selection, int(np.flatnonzero(curve.selection.bounding == test)[0])
-    row, further = selection.test_gradient(state.x, index), _at(curve, state, DISTANCE_TO_CURVATURE)
+    row, further = selection.test_gradient(state.x, index), at(DISTANCE_TO_CURVATURE)
     slope = -float(row.dot(state.tangent))
     if further is None or not slope > 0.0:
         return None
@@ -75,13 +73,17 @@ def touching(curve: Curve, state: State, test: int) -> SpecialPointFound | None:
     size = magnitude_of_values(row[np.newaxis], state.x, state.error)
     rounding = CONFIDENCE * float((size + EPS * (np.abs(row) @ curve.metric.scale))[0])
     if not (lowest <= DISTANCE_TO_CURVATURE and 0.5 * slope * lowest <= rounding):
+        return None  # a zero farther from the lowest point than that is a crossing
+    places = [place for part in PARABOLA_PLACES if (place := at(part * lowest)) is not None]
+    if len(places) < len(PARABOLA_PLACES):
         return None
-    places = [_at(curve, state, part * lowest) for part in (*PARABOLA_PLACES, 2.0)]
-    *between, rising = (place for place in places if place is not None)
-    if len(between) < len(PARABOLA_PLACES) or _dips(curve, between, index, slope * lowest):
+    parts, rising = np.array(PARABOLA_PLACES[:-1]), places[-1]
+    values = np.array([selection.test(place.x, index) for place in places[:-1]])
+    parabola = slope * lowest * (0.5 * parts**2 - parts)
+    is_parabola = (np.abs(values - parabola) <= 0.5 * PARABOLA_DEFECT * slope * lowest).all()
+    # another interface may lie before the place where the piece would go on
+    if not is_parabola or (np.delete(selection.tests(rising.x), index) < 0.0).any():
         return None
-    if (np.delete(selection.tests(rising.x), index) < 0.0).any():
-        return None  # another interface lies before the place where the piece would go on
     error = np.vstack([state.error, rising.x - state.x])  # covers the beginnings of both rays
     onwards = State(rising.x, rising.tangent, error, state.orientation)
     name = selection.system.test_name(test)
@@ -90,24 +92,14 @@ def touching(curve: Curve, state: State, test: int) -> SpecialPointFound | None:
     return SpecialPointFound(Kind.CORNER, state.x, message, rays)
 
 
-def _dips(curve: Curve, between: list[State], index: int, twice: float) -> bool:
-    """Tell whether a test follows the parabola that begins at zero and is half of twice deep."""
-    values = np.array([curve.selection.test(state.x, index) for state in between])
-    parts = np.array(PARABOLA_PLACES)
-    parabola = twice * (0.5 * parts**2 - parts)
-    return bool((np.abs(values - parabola) <= 0.5 * PARABOLA_DEFECT * twice).all())
-
-
-def _at(curve: Curve, state: State, s: float) -> State | None:
-    """Return the state of the curve at a distance along the tangent, None where there is none."""
-    found = BorderedNewton().correct(curve, state.x + s * state.tangent, state.tangent)
-    return None if isinstance(found, Failure) else found.state
-
-
 #: Tests smaller than this part of their own terms are looked at more closely.
 NEXT_TO_ZERO = 1e-9
 #: Within a step longer than this, in the metric, the tests are looked at in two points.
 LONG_STEP = 0.05
+NO_WAY_ON = (
+    "no way on where {} vanish at the end of {}: do the selections agree on the interface? run "
+    "check_system"
+)
 #: Where perturbation leads nowhere, as where solutions fill a face.
 NO_WAY_FOUND = "{} test functions vanish, too many cells to try all; perturbation found no way on"
 THIRDS = (1.0 / 3.0, 2.0 / 3.0)
@@ -152,7 +144,9 @@ class BoundingTests(TransitionDetector):
             return None
         if smallest(start.values) < 0.0 and _is_outside(segment, start, end):
             return Failure(FailureReason.OUTSIDE_OF_CELL)
-        for x in _looked_at(segment):
+        is_long = segment.length > LONG_STEP
+        places = [segment.near(p * segment.length) for p in THIRDS] if is_long else [segment.inside]
+        for x in filter(segment.curve.metric.admits, places):
             values = selection.tests(x)
             if not smallest(values) < 0.0:
                 continue  # nearly always
@@ -164,11 +158,7 @@ class BoundingTests(TransitionDetector):
     def border(self, curve: Curve, index: int) -> Border:
         """Return kappa_i and its gradient."""
         selection = curve.selection
-
-        def function(x: Array) -> tuple[float, Matrix]:
-            return selection.test(x, index), selection.test_gradient(x, index)
-
-        return function
+        return lambda x: (selection.test(x, index), selection.test_gradient(x, index))
 
     def locate(self, segment: Segment, index: int, bracket: tuple[float, float]) -> State | Failure:
         """Solve {H_chi = 0, kappa_i = 0}."""
@@ -185,14 +175,13 @@ class BoundingTests(TransitionDetector):
         if len(zero) == 1 and (touched := touching(curve, state, test)):
             return touched
         forth = across(curve, state, test) if len(zero) == 1 else None
-        if forth is None:
-            met = corner(curve, x, state.error, zero, back)
-            # without a ray back the piece lies between interfaces, and meets one after another
-            is_apart = met.kind == Kind.STOPPED and len(zero) > 1
-            forth = across(curve, state, test) if is_apart else None
-            if forth is None:
-                return met
-        return crossed(x, back, forth)
+        if forth is not None:
+            return crossed(x, back, forth)
+        met = corner(curve, x, state.error, zero, back)
+        # without a ray back the piece lies between interfaces, and meets one after another
+        is_apart = met.kind == Kind.STOPPED and len(zero) > 1
+        forth = across(curve, state, test) if is_apart else None
+        return met if forth is None else crossed(x, back, forth)
 
 
 def _next_to_zero(values: Array, terms: Array) -> Indices:
@@ -215,15 +204,6 @@ def crossed(x: Array, back: Ray, forth: Ray) -> SpecialPointFound:
     message = partial(before.system.describe_transition, before.character, after.character)
     kind = Kind.NONSMOOTH_FOLD if turns(back, forth) else Kind.TRANSITION
     return SpecialPointFound(kind, x, message, (back, forth))
-
-
-def _looked_at(segment: CurvedSegment) -> tuple[Array, ...]:
-    """Return the points inside a step in which the tests are looked at, all in the interval."""
-    if segment.length <= LONG_STEP:
-        x = segment.inside
-        return (x,) if segment.curve.metric.admits(x) else ()
-    points = (segment.near(part * segment.length) for part in THIRDS)
-    return tuple(filter(segment.curve.metric.admits, points))
 
 
 def _is_outside(segment: CurvedSegment, start: Reading, end: Reading) -> bool:
@@ -276,13 +256,18 @@ def corner(
     curve: Curve, x: Array, error: Array, zero: frozenset[int], back: Ray | None = None
 ) -> SpecialPointFound:
     """Return the special point at which several interfaces meet, or the curve is tangent to one."""
-    zero = zero | _zero_beyond(curve.selection, x, zero)
+    here, system = curve.selection, curve.selection.system
+    if len(zero) == 1:
+        (test,) = zero
+        new = Selection(system, beyond(here, x, test))
+        if test not in new.bounding:  # rounding names a cell that is not bounded by the test
+            zero = zero | frozenset(new.bounding.tolist())
     which = np.array(sorted(zero), dtype=np.intp)
-    gradients = curve.selection.system.some_test_gradients(x[:-1], float(x[-1]), which)
+    gradients = system.some_test_gradients(x[:-1], float(x[-1]), which)
     if not np.isfinite(abs(gradients) @ np.ones(len(x))).all():  # as of a root of zero
         why = str(Failure(FailureReason.NOT_FINITE))
         return SpecialPointFound(Kind.STOPPED, x, why, () if back is None else (back,))
-    found = tangent_cone(Corner.at(curve.selection.system, curve.metric, x, error, zero), back)
+    found = tangent_cone(Corner.at(system, curve.metric, x, error, zero), back)
     for ray in found.rays:
         check_continuity(curve, ray.curve.selection, ray, x, error)
     others = tuple(ray for ray in found.rays if back is None or not same_piece(ray, back))
@@ -290,8 +275,9 @@ def corner(
     if back is None and not found.rays and found.exact:
         return SpecialPointFound(Kind.ISOLATED, x, "no piece leaves from this solution", ())
     lost = back is not None and len(others) == len(found.rays)
+    tests = ", ".join(map(system.test_name, sorted(zero)))
     if lost or (len(rays) < 2 and not found.along_interface):
-        why = _no_way_on(curve.selection, zero) if found.exact else NO_WAY_FOUND.format(len(zero))
+        why = NO_WAY_ON.format(tests, here.label) if found.exact else NO_WAY_FOUND.format(len(zero))
         return SpecialPointFound(Kind.STOPPED, x, why, rays[:1])
     is_path = len(rays) == 2 and found.dimension == 1 and opposite(*rays)
     if back is None and is_path and rays[0].interface_cells:
@@ -299,7 +285,7 @@ def corner(
         return SpecialPointFound(Kind.START, x, message, rays)
     if back is not None:
         rays = (_as_uncertain_as(back, zero), *others)
-    return SpecialPointFound(found.kind, x, _message(curve.selection.system, found, zero), rays)
+    return SpecialPointFound(found.kind, x, _message(found, tests, len(zero)), rays)
 
 
 def _as_uncertain_as(back: Ray, zero: frozenset[int]) -> Ray:
@@ -316,44 +302,23 @@ def _as_uncertain_as(back: Ray, zero: frozenset[int]) -> Ray:
     return replace(back, state=replace(state, error=error))
 
 
-def _zero_beyond(selection: Selection, x: Array, zero: frozenset[int]) -> frozenset[int]:
-    """Return the tests of the cell beyond, named by rounding if it is not bounded by the test."""
-    if len(zero) != 1:
-        return frozenset()
-    (test,) = zero
-    new = Selection(selection.system, beyond(selection, x, test))
-    return frozenset() if test in new.bounding else frozenset(new.bounding.tolist())
-
-
 def turns(back: Ray, forth: Ray) -> bool:
     """Tell whether alpha reverses where two rays leave; vertical pieces do not reverse alpha."""
     return back.curve.slope(back.state) * forth.curve.slope(forth.state) > 0.0
 
 
-def _message(system: PiecewiseSystem, found: TangentCone, zero: frozenset[int]) -> str:
-    tests = f"{', '.join(map(system.test_name, sorted(zero)))} vanish"
+def _message(found: TangentCone, tests: str, count: int) -> str:
+    """Return what happens at a corner where several tests, named ``tests``, vanish."""
     if not found.exact:
-        count = len(found.rays) - 1
-        ways = "one way on, possibly of several" if count == 1 else ""
-        ways = ways or f"{count} ways on, possibly of more"
+        others = len(found.rays) - 1
+        ways = "one way on, possibly of several"
+        ways = ways if others == 1 else f"{others} ways on, possibly of more"
         ways += "" if found.is_balanced else " (more there are: their signs do not cancel)"
-        return (
-            f"{len(zero)} test functions vanish: too many cells to try all; {ways}, found by "
-            "perturbation"
-        )
+        few = f"{count} test functions vanish: too many cells to try all"
+        return f"{few}; {ways}, found by perturbation"
+    rays = len(found.rays)
     if found.dimension > 1:
-        return (
-            f"{tests}; {FILL} a cone of dimension {found.dimension}, of which the "
-            f"{len(found.rays)} extreme rays are followed"
-        )
-    if found.along_interface:
-        return f"{tests}; {len(found.rays)} pieces meet, at least one along an interface"
-    return f"{tests}; {len(found.rays)} pieces meet"
-
-
-def _no_way_on(selection: Selection, zero: frozenset[int]) -> str:
-    tests = ", ".join(map(selection.system.test_name, sorted(zero)))
-    return (
-        f"no way on where {tests} vanish at the end of {selection.label}: "
-        "do the selections agree on the interface? run check_system"
-    )
+        cone = f"{FILL} a cone of dimension {found.dimension}"
+        return f"{tests} vanish; {cone}, of which the {rays} extreme rays are followed"
+    along = ", at least one along an interface" if found.along_interface else ""
+    return f"{tests} vanish; {rays} pieces meet{along}"

@@ -1,10 +1,8 @@
 """All rays that leave a given solution.
 
-Failure modes and answers
--------------------------
-- Near a fold the residual is as small as the square of the distance: where dH/dz is singular,
-  Newton at fixed alpha may stand still beside the fold, or beyond the fold, where there is no
-  solution. With another unknown held fixed, Newton leads to the curve, at the curve's own alpha.
+Near a fold the residual is as small as the square of the distance: where dH/dz is singular, Newton
+at fixed alpha may stand still beside the fold, or beyond the fold, where there is no solution. With
+another unknown held fixed, Newton leads to the curve, at the curve's own alpha.
 """
 
 from __future__ import annotations
@@ -29,7 +27,7 @@ from pwscont.system.selection import Selection
 from pwscont.system.system import PiecewiseSystem, SlicewiseLinearSystem
 from pwscont.transitions.bounding import corner, crossed
 from pwscont.transitions.detector import SpecialPointFound
-from pwscont.transitions.rays import Ray, check_continuity, inward_ray, zeros
+from pwscont.transitions.rays import Ray, check_continuity, inward_ray, is_zero
 from pwscont.transitions.smooth import at_branch_point, fold_at_end
 
 MOST_SETTLING = 8
@@ -94,12 +92,13 @@ class Standing:
             )
         curve = Curve(Selection(system, Character.of(tests)), metric)
         gradients = system.test_jacobian(x[:-1], float(x[-1]))
-        zero = zeros(gradients, tests, x, error, metric.scale)
-        near = curve.selection, *(_beyond(curve.selection, test) for test in zero)
-        if all(zero.isdisjoint(side.bounding.tolist()) for side in near):
+        zero = np.flatnonzero(is_zero(gradients, tests, x, error, metric.scale)).tolist()
+        here = curve.selection
+        beyond = [Selection(system, here.character.flip(test)) for test in zero]
+        if all(set(zero).isdisjoint(side.bounding.tolist()) for side in (here, *beyond)):
             return cls(x, error, frozenset(), curve, None)
-        other = Curve(_beyond(curve.selection, *zero), metric) if len(zero) == 1 else None
-        return cls(x, error, zero, curve, other)
+        other = Curve(beyond[0], metric) if len(zero) == 1 else None
+        return cls(x, error, frozenset(zero), curve, other)
 
     def departures(self) -> SpecialPointFound:
         """Return the solution as a special point, with the point's kind and rays.
@@ -111,10 +110,6 @@ class Standing:
         if self.other and (found := _on_interface(self, self.other)):
             return found
         return corner(self.curve, self.x, self.error, self.zero)
-
-
-def _beyond(here: Selection, test: int) -> Selection:
-    return Selection(here.system, here.character.flip(test))
 
 
 def _inside(curve: Curve, x: Array, error: Array) -> SpecialPointFound:
@@ -140,7 +135,6 @@ def _inside(curve: Curve, x: Array, error: Array) -> SpecialPointFound:
 def _on_interface(standing: Standing, other: Curve) -> SpecialPointFound | None:
     """Return the special point on an interface with a ray into each cell; None without two rays."""
     (test,), curve, x, error = standing.zero, standing.curve, standing.x, standing.error
-    rays = [inward_ray(side, x, error, test) for side in (curve, other)]
-    check_continuity(curve, other.selection, None if None in rays else rays[1], x, error)
-    found = tuple(ray for ray in rays if ray is not None)
-    return crossed(x, *found) if len(found) == len(rays) else None
+    one, two = (inward_ray(side, x, error, test) for side in (curve, other))
+    check_continuity(curve, other.selection, one and two, x, error)
+    return crossed(x, one, two) if one and two else None

@@ -1,12 +1,4 @@
-"""The base class of detectors, which watch functions along a piece, and the location of zeros.
-
-Failure modes and answers
--------------------------
-- Newton runs off to another zero, or to another sheet: Newton's point counts only within the
-  bracket and beside the cubic of the segment. Otherwise the bracket is halved on the curve itself.
-- A straight segment needs no bracket: the prediction is exact, and a single correction removes the
-  rounding that a long ray has gathered.
-"""
+"""The base class of detectors, which watch functions along a piece, and the location of zeros."""
 
 from __future__ import annotations
 
@@ -312,6 +304,10 @@ def locate_zero(
     segment: Segment, border: Border, bracket: tuple[float, float], guess: float | None = None
 ) -> State | Failure:
     """Return the state where ``border`` falls to zero, by Newton within a bracket.
+
+    Newton may run off to another zero, or to another sheet: Newton's point counts only within the
+    bracket and beside the cubic of the segment; otherwise the bracket is halved on the curve
+    itself. A straight segment needs no bracket, because the prediction is exact.
 
     Parameters
     ----------

@@ -1,18 +1,12 @@
 """Ends of branches: of the interval, of the unknowns' bounds, and where the system says so.
 
-Failure modes and answers
--------------------------
-- A corner is reached from a cell that goes on there, and curves of other cells that meet there end:
-  the corner ends all curves that meet there, or the result would depend on the cell of arrival.
-- A curve that runs along an interface does not end because of this interface: a point that all
-  curves pass within a single cell ends no curve.
-- A piece may run along a bound, or touch a bound: Newton leaves the piece's points on either side.
-  An unknown leaves its bounds only where it is beyond a bound by more than the error of the point,
-  which is estimated anew if small by chance.
-- Where branches cross on a bound, branches that leave the bounds are not followed: the point says
-  so, as the signs of these branches are missing from the sum of signs.
-- A test may vanish where a bound is met, as the test of a complementarity does: the rays of that
-  transition that stay within the bounds are followed.
+A corner that ends the curve of one cell ends all curves that meet there, or the result would depend
+on the cell of arrival. A point that all curves pass within a single cell ends no curve.
+
+A piece may run along a bound, or touch a bound: Newton leaves the piece's points on either side. An
+unknown leaves its bounds only where it is beyond a bound by more than the error of the point, which
+is estimated anew if small by chance. A test may vanish where a bound is met, as the test of a
+complementarity does: the rays of that transition that stay within the bounds are followed.
 """
 
 from __future__ import annotations
@@ -23,7 +17,7 @@ from typing import final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Matrix, Signs
+from pwscont.basics.arrays import Array, Signs
 from pwscont.basics.outcome import Failure, Kind
 from pwscont.basics.rounding import CONFIDENCE, EPS, GUARD, SAME_ALPHA
 from pwscont.curve.curve import Curve, State
@@ -52,22 +46,17 @@ def ended(arrival: SpecialPointFound) -> SpecialPointFound:
 
     Systems that are not :class:`~pwscont.extending.Ending` end none.
     """
-    why = _reason(arrival)
-    return SpecialPointFound(Kind.END, arrival.x, why, arrival.rays) if why else arrival
-
-
-def _reason(arrival: SpecialPointFound) -> str | None:
-    """Return why curves end at a special point where several cells meet, None where none does."""
     if arrival.kind == Kind.START or not arrival.rays:
-        return None
+        return arrival
     state, curve = arrival.rays[0].state, arrival.rays[0].curve
     system = curve.selection.system
     cells = dict.fromkeys(ray.curve.selection.character for ray in arrival.rays)
     if not isinstance(system, Ending) or len(cells) < 2:
-        return None
+        return arrival
     zero = vanishing(system, arrival.x, state.error, curve.metric.scale)
     reasons = (end_of(system, cell, zero) for cell in cells) if zero else ()
-    return next(filter(None, reasons), None)
+    why = next(filter(None, reasons), None)
+    return SpecialPointFound(Kind.END, arrival.x, why, arrival.rays) if why else arrival
 
 
 @final
@@ -90,11 +79,7 @@ class IntervalEnds(TransitionDetector):
         """Solve {H_chi = 0, alpha = end}."""
         end, side = (self.lo, 1.0) if index == 0 else (self.hi, -1.0)
         row = side * last_unit(len(segment.start.x))
-
-        def function(x: Array) -> tuple[float, Matrix]:
-            return side * (float(x[-1]) - end), row
-
-        state = locate_zero(segment, function, bracket)
+        state = locate_zero(segment, lambda x: (side * (float(x[-1]) - end), row), bracket)
         if isinstance(segment, CurvedSegment) and (fold := _fold(segment, state)):
             return fold
         if isinstance(state, State):
@@ -162,20 +147,20 @@ class Bounds(TransitionDetector):
 
     def read(self, curve: Curve, state: State) -> Reading:
         """Return the distances to the bounds; the distance to a bound at the state is positive."""
-        values, slopes = self._distances(state), self._side * state.tangent[self._which]
+        values, slopes = self._inside(state), self._side * state.tangent[self._which]
         on = self._is_on(curve, state)
         values[on] = self._rounding(curve)[on]
         slopes[on & (np.abs(slopes) <= self._level(curve, state))] = 0.0
         return Reading(values, slopes)
 
-    def _distances(self, state: State) -> Array:
+    def _inside(self, state: State) -> Array:
         """Return how far a state is inside of each bound."""
         inside: Array = self._side * (state.x[self._which] - self._limit)
         return inside
 
     def _is_on(self, curve: Curve, state: State) -> Signs:
         """Tell on which bounds the state lies, up to its error."""
-        off, rounding = np.abs(self._distances(state)), self._rounding(curve)
+        off, rounding = np.abs(self._inside(state)), self._rounding(curve)
         on: Signs = off <= CONFIDENCE * (state.size[self._which] + rounding)
         doubtful = ~on & (off <= self._level(curve, state))
         if doubtful.any():
@@ -213,25 +198,19 @@ class Bounds(TransitionDetector):
         which, side, limit = self._which[index], self._side[index], self._limit[index]
         row = np.zeros(len(segment.start.x))
         row[which] = side
-
-        def function(x: Array) -> tuple[float, Matrix]:
-            return float(side * (x[which] - limit)), row
-
-        state = locate_zero(segment, function, bracket)
+        state = locate_zero(segment, lambda x: (float(side * (x[which] - limit)), row), bracket)
         if isinstance(state, State):
             state.x[which] = limit  # equal up to the rounding of the solve
         return state
 
     def arrive(self, curve: Curve, state: State, index: int) -> SpecialPointFound:
         """End the branch, or cross the interface that is met together with the bound."""
-        selection = curve.selection
+        selection, back = curve.selection, Ray(curve, state).reversed()
         zero = vanishing(selection.system, state.x, state.error, curve.metric.scale)
         for place, test in enumerate(selection.bounding.tolist()):
             if test in zero:
                 return BoundingTests().arrive(curve, state, place)
-        return SpecialPointFound(
-            Kind.END, state.x, self._message(index), (Ray(curve, state).reversed(),)
-        )
+        return SpecialPointFound(Kind.END, state.x, self._message(index), (back,))
 
 
 #: The bounds of unknowns that have none.

@@ -4,17 +4,10 @@ At a point x of the zero set let V be the set of bounding tests that vanish ther
 single curve passes: two rays in the same cell. With V = {i}, the selections J and J' on both sides
 satisfy J' - J = c grad(kappa_i)^T, hence det [J; grad] = det [J'; grad]: one ray into each cell,
 each ray the solution of a linear system, with orientations that agree. The direction at a kink is a
-sign, never a trial.
+sign, never a trial. If [J; grad] is singular, or the orientations differ, no ray is invented.
 
-Failure modes and answers
--------------------------
-- A test counts as zero when its value is below the rounding of the test's own terms plus what the
-  error of the point contributes: relative, so units and magnitudes do not matter.
-- [J; grad] is singular, as the curve is tangent to the interface, or the orientations differ, as
-  the user's selections disagree: no ray is invented. If H jumps, the system is refused; a jump
-  below the error of the point cannot be told from no jump.
-- Interfaces that meet within rounding may be apart all the same: a ray then starts at a point of
-  its own curve, not at the common point, which is a point of another curve.
+Interfaces that meet within rounding may be apart all the same: a ray then starts at a point of its
+own curve, not at the common point, which is a point of another curve.
 """
 
 from __future__ import annotations
@@ -77,47 +70,30 @@ class Ray:
         return Ray(self.curve, self.state.reversed(), self.interface_cells, self.index)
 
 
-def vanishing(
-    system: PiecewiseSystem, x: Array, error: Array, scale: Array | None = None
-) -> frozenset[int]:
-    """Return the indices of the tests that are zero at ``x``.
-
-    ``error``, shape (k, n + 1): samples of the error of ``x``.
-    ``scale``, shape (n + 1,): typical magnitudes of x, needed where all unknowns of a test vanish,
-    as at a node that lifts off while it begins to slip: the unknowns' own size is no measure of
-    rounding there.
-    """
+def vanishing(system: PiecewiseSystem, x: Array, error: Array, scale: Array) -> frozenset[int]:
+    """Return the indices of the tests that are zero at ``x``; parameters as of :func:`is_zero`."""
     z, alpha = x[:-1], float(x[-1])
     gradients, values = system.test_jacobian(z, alpha), system.test_functions(z, alpha)
-    return zeros(gradients, values, x, error, scale)
-
-
-def zeros(
-    gradients: Matrix, values: Array, x: Array, error: Array, scale: Array | None = None
-) -> frozenset[int]:
-    """Return the indices of the tests with these gradients and values that are zero at ``x``."""
     return frozenset(is_zero(gradients, values, x, error, scale).nonzero()[0].tolist())
 
 
-def is_zero(
-    gradients: Matrix, values: Array, x: Array, error: Array, scale: Array | None = None
-) -> Signs:
+def is_zero(gradients: Matrix, values: Array, x: Array, error: Array, scale: Array) -> Signs:
     """Tell which of some tests with these gradients and values are zero at ``x``.
 
-    The other parameters are those of :func:`vanishing`.
+    A test is zero below the rounding of the test's own terms plus what the error of the point
+    contributes.
+
+    ``error``, shape (k, n + 1): samples of the error of ``x``.
+    ``scale``, shape (n + 1,): typical magnitudes of x. Where all unknowns of a test vanish, as at a
+    node that lifts off while it begins to slip, their own size is no measure of rounding.
     """
-    sizes = np.abs(x) if scale is None else np.abs(x) + scale
-    zero: Signs = np.abs(values) <= CONFIDENCE * rounding_of_values(gradients, sizes, error)
+    rounding = rounding_of_values(gradients, np.abs(x) + scale, error)
+    zero: Signs = np.abs(values) <= CONFIDENCE * rounding
     return zero
 
 
-def gradient_of(selection: Selection, x: Array, test: int) -> Array:
-    """Return the gradient of a test, signed positive towards the inside of the cell."""
-    return selection.test_gradient(x, int(np.flatnonzero(selection.bounding == test)[0]))
-
-
 def inward_ray(curve: Curve, x: Array, error: Array, test: int) -> Ray | None:
-    """Return the ray from x on the zero set of a test into the cell; None without a ray.
+    """Return the ray from x on the zero set of a test into the cell.
 
     None where the curve is tangent to the interface, where ``x`` does not solve this selection, or
     where the test does not bound the cell: within rounding of a corner the signs of the other tests
@@ -127,7 +103,8 @@ def inward_ray(curve: Curve, x: Array, error: Array, test: int) -> Ray | None:
     if test not in selection.bounding:
         return None
     jacobian, rest = selection.jacobian(x), selection.residual_and(x, 0.0)
-    factor = bordered(jacobian, gradient_of(selection, x, test), metric.binary, rest)
+    gradient = selection.test_gradient(x, int(np.flatnonzero(selection.bounding == test)[0]))
+    factor = bordered(jacobian, gradient, metric.binary, rest)
     if factor.is_singular():
         return None
     defect = factor.solve(rest)
@@ -204,12 +181,7 @@ class Corner:
 
     @classmethod
     def at(
-        cls,
-        system: PiecewiseSystem,
-        metric: Metric,
-        x: Array,
-        error: Array,
-        zero: frozenset[int],
+        cls, system: PiecewiseSystem, metric: Metric, x: Array, error: Array, zero: frozenset[int]
     ) -> Corner:
         """Return the corner at ``x``, with the signs that the tests have there."""
         signs = system.test_functions(x[:-1], float(x[-1])) >= 0.0
@@ -234,7 +206,6 @@ class Corner:
         here = self.character
 
         def meets(block: Block, mode: tuple[bool, ...]) -> bool:
-            """Tell whether a mode agrees with the signs of the tests that do not vanish."""
             there, fixed = here.with_signs(block.tests, mode), set(block.tests) - self.zero
             bounding = fixed.intersection(self.system.bounding_tests(there))
             return all(there.array[i] == here.array[i] for i in bounding)
