@@ -1,26 +1,18 @@
 """Smooth folds and smooth branch points, inside of a cell.
 
-A fold may lie at an end of the interval. At a branch point two curves of the same selection cross,
-and both curves are followed.
+A fold may lie at an end of the interval. The place where the curve turns is known to the square
+root of rounding only; the place where the slope of alpha vanishes is well known, and serves the
+rays on both sides. From there the tangent leads along the end: it leans into the interval by as
+much as its own rounding. A fold beyond the end cuts the curve at the end, unless alpha is equal to
+rounding.
 
-Failure modes and answers
--------------------------
-- Where the curve turns at an end, the turning place along the curve is known to the square root of
-  rounding only. The place where the slope of alpha vanishes is well known, and serves the rays on
-  both sides. A fold beyond the end cuts the curve at the end, unless alpha is equal to rounding.
-- From a fold at an end the tangent leads along the end: the tangent leans into the interval by as
-  much as the tangent's own rounding.
-- Near a branch point [J; t^T] is nearly singular: the point is the regular solution of an extended
-  system (:mod:`pwscont.curve.crossing`), and the curve is bisected only while the step is too long
-  for that. The sign next to the point is rounding: a point just outside the step counts as well.
-- The step jumped from one curve to another that passes close by: the sign flips without a branch
-  point. Such a jump is a failure, on which the step is shortened until the steps follow the bend.
-- Two branch points within one step flip the sign twice and go unseen, as do points where the sign
-  does not flip: where an even number of eigenvalues vanishes together, and where curves touch.
-- Several branch points lie within one step, and Newton leads to a later one: the sign half way to
-  the point found has flipped already, and the bisection goes on before the point.
-- Curves that cross to higher order flip the sign but have no two directions to tell apart: the
-  piece stops there and says that two branches meet.
+At a branch point two curves of the same selection cross, and both curves are followed. Near it
+[J; t^T] is nearly singular: the point is the regular solution of an extended system
+(:mod:`pwscont.curve.crossing`), and the curve is bisected only while the step is too long for that.
+The sign of det[J; t^T] next to the point is rounding: a point just outside the step counts as well.
+Where a step jumped to another curve that passes close by, the sign flips without a branch point:
+that is a failure, on which the step is shortened. Points where the sign does not flip go unseen:
+where an even number of eigenvalues vanishes together, and where curves touch.
 """
 
 from __future__ import annotations
@@ -83,20 +75,26 @@ class SmoothFolds(TransitionDetector):
     def locate(self, segment: Segment, index: int, bracket: tuple[float, float]) -> State | Failure:
         """Find where the tangent has no alpha component."""
         assert isinstance(segment, CurvedSegment)  # straight segments have no smooth folds
-        sign = 1.0 if index == 0 else -1.0
+        sign, curve = 1.0 if index == 0 else -1.0, segment.curve
 
         def slope(state: State) -> float:
             return sign * float(state.tangent[-1])
 
         def exact_slope(state: State) -> float:
-            return slope(polished(segment.curve, state)[0])
+            return slope(polished(curve, state)[0])
 
         narrow = _place(segment, GUARD * EPS)
         found = locate_sign_change(segment, exact_slope, bracket, narrow)
         if isinstance(found, Failure):  # right at an end the change may be polished away
             narrow = max(narrow, NARROW_BRACKET)
             found = locate_sign_change(segment, slope, bracket, narrow)
-        return found if isinstance(found, Failure) else _settled(segment, found, narrow)
+        if isinstance(found, Failure):
+            return found
+        fold, off = polished(curve, found)
+        narrow, level = max(narrow, _place(segment, off)), _vertical(fold, fold.error)
+        along = narrow * segment.length * level.tangent
+        # alpha is stationary at a fold: its error is of second order
+        return replace(level, error=np.vstack([fold.error, uncertainty_beside(curve, fold), along]))
 
     def arrive(self, curve: Curve, state: State, index: int) -> SpecialPointFound:
         """Go on along the same curve."""
@@ -118,16 +116,6 @@ def _place(segment: CurvedSegment, off: float) -> float:
     """Return the accuracy of the place of a fold, as a part of the segment, from the tangent's."""
     turn = abs(segment.curve.slope(segment.end) - segment.curve.slope(segment.start))
     return min(off / turn, 1.0) if turn else 1.0
-
-
-def _settled(segment: CurvedSegment, state: State, narrow: float) -> State:
-    """Return a located fold with an exactly vertical tangent and an estimate of its error."""
-    state, off = polished(segment.curve, state)
-    narrow, level = max(narrow, _place(segment, off)), _vertical(state, state.error)
-    beside = uncertainty_beside(segment.curve, state)
-    # alpha is stationary at a fold: its error is of second order
-    error = np.vstack([state.error, beside, narrow * segment.length * level.tangent])
-    return replace(level, error=error)
 
 
 #: A curve steeper than this at an end has no fold there.
@@ -153,11 +141,19 @@ def fold_at_end(curve: Curve, state: State) -> State | None:
     here, there = _beside(curve, state, 0.0), _beside(curve, state, inwards)
     if here is None or there is None or _side(curve, there):
         return None
-    s = _level(curve, state, (inwards, curve.slope(there)), (0.0, curve.slope(here)))
-    fold = None if s is None else _beside(curve, state, s)
-    if fold is None or not _side(curve, fold):
+    steepness = before = curve.slope(there)
+    r, s, slope, fold = inwards, 0.0, curve.slope(here), here
+    for _ in range(MOST_SECANTS):  # to where the slope of alpha vanishes
+        if slope in (0.0, before):
+            break
+        r, s, before = s, s - slope * (s - r) / (slope - before), slope
+        found = _beside(curve, state, s) if abs(s) <= FIRST_SECANT else None
+        if found is None:
+            return None
+        fold, slope = found, curve.slope(found)
+    if not _side(curve, fold):
         return None
-    along = max(abs(s or 0.0), GUARD * EPS * FIRST_SECANT / abs(curve.slope(there)))
+    along = max(abs(s), GUARD * EPS * FIRST_SECANT / abs(steepness))
     return _vertical(fold, np.vstack([state.error, fold.error, along * fold.tangent]))
 
 
@@ -194,22 +190,6 @@ def _beside(curve: Curve, state: State, s: float) -> State | None:
     return None if isinstance(found, Failure) else found.state
 
 
-def _level(
-    curve: Curve, state: State, first: tuple[float, float], second: tuple[float, float]
-) -> float | None:
-    """Return the distance at which the slope of alpha vanishes, by secants."""
-    for _ in range(MOST_SECANTS):
-        (s, before), (t, slope) = first, second
-        if slope in (0.0, before):
-            break
-        first, s = second, t - slope * (t - s) / (slope - before)
-        there = _beside(curve, state, s) if abs(s) <= FIRST_SECANT else None
-        if there is None:
-            return None
-        second = s, curve.slope(there)
-    return second[0]
-
-
 #: A branch point outside a step, within this part of the step's length, belongs to the step.
 OUTSIDE_STEP = 0.1
 MOST_BISECTIONS = 10
@@ -237,16 +217,14 @@ class SmoothBranchPoints(TransitionDetector):
         found = _locate(segment, bracket, before := 1 if index == 0 else -1)
         if isinstance(found, Failure):
             return found
-        own = _own(segment, found)
-        return State(found.x, own, found.error, before)
+        return State(found.x, _own(segment, found), found.error, before)
 
     def arrive(self, curve: Curve, state: State, index: int) -> SpecialPointFound:
         """Go on along the same curve, and in both directions along the crossing curve."""
         found = crossing(curve, state.x)
         if isinstance(found, Failure):  # not after the point has been located
-            return SpecialPointFound(
-                Kind.STOPPED, state.x, str(found), (Ray(curve, state).reversed(),)
-            )
+            back = Ray(curve, state).reversed()
+            return SpecialPointFound(Kind.STOPPED, state.x, str(found), (back,))
         return branch_point(curve, found, state)
 
 
@@ -262,16 +240,10 @@ def branch_point(curve: Curve, found: Crossing, state: State) -> SpecialPointFou
     cosines = [abs(curve.metric.covector(state.tangent).dot(d)) for d in found.directions]
     other = found.directions[int(np.argmin(cosines))]
     sign = state.orientation
-    states = [
-        State(state.x, -state.tangent, state.error, -sign),
-        State(state.x, state.tangent, state.error, -sign),
-        State(state.x, other, state.error, sign),
-        State(state.x, -other, state.error, sign),
-    ]
+    ways = (-state.tangent, -sign), (state.tangent, -sign), (other, sign), (-other, sign)
+    rays = tuple(Ray(curve, State(state.x, way, state.error, side)) for way, side in ways)
     message = f"two curves cross on {curve.selection.label}"
-    return SpecialPointFound(
-        Kind.BRANCH_POINT, state.x, message, tuple(Ray(curve, s) for s in states)
-    )
+    return SpecialPointFound(Kind.BRANCH_POINT, state.x, message, rays)
 
 
 def at_branch_point(curve: Curve, x: Array) -> SpecialPointFound | None:
@@ -295,12 +267,11 @@ def _locate(
     lo, hi = bracket
     for number in range(MOST_BISECTIONS):
         middle = 0.5 * (lo + hi)
-        point: Crossing | Failure | None = None
-        if number % BISECTIONS_BETWEEN == 0:
-            point = crossing(segment.curve, segment.near(middle))
+        is_tried = number % BISECTIONS_BETWEEN == 0
+        point = crossing(segment.curve, segment.near(middle)) if is_tried else None
         if not isinstance(point, Crossing) or not _belongs(segment, point.x):
             point = None
-        if point is not None:
+        else:
             if not point.meets:
                 return Failure(FailureReason.SINGULAR)
             middle = 0.5 * (lo + segment.position(point.x))

@@ -7,17 +7,11 @@ time to time, in small systems always, and where residuals show that directions 
 an *audit* solves for all samples afresh, together with corrections of point and direction. Only
 audits ask for Jacobians that are large and not at hand.
 
-Failure modes and answers
--------------------------
-- Tests vanish together, 1 + g.w is small beside 1 and g.w, the direction is nearly vertical or in
-  the interface, or something is wrong with the system: the piece is left to the general detector,
-  see :mod:`pwscont.transitions.bounding`.
-- Rounding adds up from cell to cell: the residual of the system is asked for at every transition.
-  A residual larger than the stated error covers corrects the point, and asks for an audit if the
-  last audit was long ago.
-- The Jacobians of the cells differ by a matrix of rank 2 or more, because the system is wrong, or
-  returns all matrices, or c, in the same array: an audit compares the direction with the new
-  Jacobian, and the residual of the next point is more than rounding.
+Where tests vanish together, 1 + g.w is small beside 1 and g.w, the direction is nearly vertical or
+in the interface, or something is wrong with the system, the piece is left to the general detector,
+see :mod:`pwscont.transitions.bounding`. A system is wrong, for instance, if the Jacobians of two
+cells differ by a matrix of rank 2, or if all matrices are returned in the same array: an audit
+compares the direction with the new Jacobian.
 """
 
 from __future__ import annotations
@@ -123,9 +117,10 @@ class StraightTests(TransitionDetector):
         None where that is hard, or if the ray begins at an interface but is not the ray beyond the
         last crossing: :meth:`read` and :meth:`locate` handle every ray.
         """
-        last, state = self._last, ray.state
-        if last is None or last.ray.state is not state:
-            self._last = last = self._begun(ray)
+        state = ray.state
+        if self._last is None or self._last.ray.state is not state:
+            self._last = self._begun(ray)
+        last = self._last
         if last is None:
             return None
         slope = float(state.tangent[-1])
@@ -162,9 +157,10 @@ class StraightTests(TransitionDetector):
         return at_end(last.ray.curve, here)
 
     def _gradients_of(self, curve: Curve, x: Array) -> Gradients:
-        if self._gradients is None or not self._gradients.are_of(curve):
-            self._gradients = Gradients(curve, x)
-        return self._gradients
+        known, system = self._gradients, curve.selection.system
+        if known is None or known.system is not system or known.scale is not curve.metric.scale:
+            self._gradients = known = Gradients(curve, x)
+        return known
 
     def _across(self, curve: Curve, start: State, index: int, s: float) -> Entered | None:
         """Return the point where a test vanishes, and the ray beyond; None where that is hard."""
@@ -189,7 +185,12 @@ class StraightTests(TransitionDetector):
         here = tests - gradients.changes(point, rates)
         if not are_finite(here) or gradients.is_corner(tests, here, point, test):
             return None
-        return _entered(cell, start, point, here, rates)
+        # alpha reverses if the path turns
+        forwards = cell.turn * math.copysign(1.0, start.tangent[-1])
+        onwards, rest = (forwards / cell.length) * cell.along, (point.error, start.orientation)
+        before = State(point.x, start.tangent, *rest, point.size)
+        ray = Ray(cell.curve, State(point.x, onwards, *rest, point.size))
+        return Entered(before, ray, cell, here, rates)
 
     def _cell_of(self, curve: Curve, start: State) -> StraightCell | None:
         """Return the cell of a piece, factorised afresh if the last cell is another cell."""
@@ -202,37 +203,21 @@ class StraightTests(TransitionDetector):
         return cell if abs(row.dot(start.tangent)) > 1.0 - ALIGNED else None
 
 
-def _entered(
-    cell: StraightCell, start: State, point: CorrectedPoint, tests: Array, rates: Array
-) -> Entered:
-    """Return what was found where a piece from ``start`` led into a cell."""
-    forwards = cell.turn * math.copysign(1.0, start.tangent[-1])
-    tangents = start.tangent, (forwards / cell.length) * cell.along
-    here, there = (
-        State(point.x, tangent, point.error, start.orientation, point.size) for tangent in tangents
-    )
-    return Entered(here, Ray(cell.curve, there), cell, tests, rates)
-
-
 @final
 class Gradients:
     """The gradients of all tests of a piecewise-linear system, asked for at ``x``."""
 
     def __init__(self, curve: Curve, x: Array) -> None:
-        self._system, self._scale = curve.selection.system, curve.metric.scale
-        self.rows = Rows(self._system.test_jacobian(x[:-1], float(x[-1])))
-        self._typical: Array = product(self.rows.magnitudes, self._scale)
+        self.system, self.scale = curve.selection.system, curve.metric.scale
+        self.rows = Rows(self.system.test_jacobian(x[:-1], float(x[-1])))
+        self._typical: Array = product(self.rows.magnitudes, self.scale)
         #: Whether pieces may end where tests vanish.
-        self.may_end = isinstance(self._system, Ending)
+        self.may_end = isinstance(self.system, Ending)
 
     def tests_at(self, x: Array) -> Array:
         """Return a copy of all tests at a point, shape (m,)."""
-        values = self._system.test_functions(x[:-1], float(x[-1]))
-        return own_array(self._system, "test_functions", values, self._typical.shape)
-
-    def are_of(self, curve: Curve) -> bool:
-        """Tell whether these gradients belong to the tests of a curve's system."""
-        return self._system is curve.selection.system and self._scale is curve.metric.scale
+        values = self.system.test_functions(x[:-1], float(x[-1]))
+        return own_array(self.system, "test_functions", values, self._typical.shape)
 
     def changes(self, point: CorrectedPoint, rates: Array) -> Array:
         """Return by how much the correction of a point changed all tests, shape (m,)."""
@@ -271,7 +256,7 @@ class Gradients:
             return False  # nearly always
         rows, values = self.rows.some(near), tests[near]
         turned = (values >= 0.0) != (before[near] >= 0.0)
-        return bool((turned | is_zero(rows, values, point.x, point.error, self._scale)).any())
+        return bool((turned | is_zero(rows, values, point.x, point.error, self.scale)).any())
 
 
 #: Systems of fewer unknowns are audited at every transition, all systems after AUDIT_AFTER

@@ -45,15 +45,10 @@ class TangentCone:
     @property
     def is_balanced(self) -> bool:
         """Whether the signs of the rays cancel, as the signs of all rays together do (F12)."""
-        return (
-            sum(
-                ray.index * int(np.sign(ray.curve.slope(ray.state)))  # with the side of alpha
-                if ray.interface_cells
-                else ray.state.orientation
-                for ray in self.rays
-            )
-            == 0
-        )
+        # indices are signs of det(dH/dz), which the side of alpha makes orientations
+        along = [ray for ray in self.rays if ray.interface_cells]
+        indices = sum(ray.index * int(np.sign(ray.curve.slope(ray.state))) for ray in along)
+        return indices + sum(r.state.orientation for r in self.rays if not r.interface_cells) == 0
 
     @property
     def kind(self) -> Kind:
@@ -87,12 +82,12 @@ def tangent_cone(corner: Corner, back: Ray | None = None) -> TangentCone:
     along = None if back is None else (back.state.tangent, (back.curve.selection.character,))
     rays = _rays(corner, rays_by_perturbation(corner, along))
     to_both_sides = {np.sign(ray.curve.slope(ray.state)) for ray in rays} >= {1.0, -1.0}
-    system, x = corner.system, corner.x
+    system, z, alpha = corner.system, corner.x[:-1], float(corner.x[-1])
     is_unique = system.unique  # at most one ray to either side of alpha, by promise
     if isinstance(system, DecidesCorners) and not is_unique:
-        is_unique = system.has_one_ray(x[:-1], float(x[-1]), corner.zero)
-    exact = to_both_sides and is_unique
-    return TangentCone(rays, 1, any(ray.interface_cells for ray in rays), exact)
+        is_unique = system.has_one_ray(z, alpha, corner.zero)
+    along_interface = any(ray.interface_cells for ray in rays)
+    return TangentCone(rays, 1, along_interface, exact=to_both_sides and is_unique)
 
 
 def _back_in_cell(back: Ray | None, found: Direction) -> Ray | None:

@@ -8,27 +8,11 @@ At all other corners the rays are the solutions of a piecewise-linear problem, t
 H'(x; d) = 0. A linear condition c . d = +1 or -1 fixes the length of d, and the solutions of these
 two slices are enumerated like those of any other slice, part by part where the problem has parts.
 All rays are found, the extreme rays where a cone of dimension two or more solves the problem.
-
-Where tests vanish all along a ray, small changes of H move the path into one cell or into several,
-or leave no solution there. The *index* of the ray is the sum of the signs of det(dH/dz) over the
-solutions nearby, which does not change (docs/theory, "Degenerate paths"): the solutions w of
-H'(x; (w, 0)) = e for a generic e, a cone problem in which the tests that vanish along the path
-choose the cell.
-
-Failure modes and answers
--------------------------
-- A cell has more than one null vector, or a slope along the null vector may be zero: the corner may
-  be degenerate, and the cone problem is solved.
-- A ray is vertical, so that alpha cannot fix its length: alpha is used as c only if every part is
-  regular in all cells; then no ray is vertical.
-- Index: e is not generic, so that a solution lies on an interface or in a singular cell: another e
-  is tried. If the cells are too many, the sign in the first cell is taken, and the corner is called
-  searched in part. The extreme rays of a face need no index.
 """
 
 from __future__ import annotations
 
-from functools import cached_property
+from functools import cached_property, lru_cache
 from itertools import chain, product
 from math import prod
 from typing import final
@@ -67,14 +51,12 @@ MOST_RIGHT_HAND_SIDES = 3
 def rays_cell_by_cell(corner: Corner) -> list[Direction] | None:
     """Return the directions of all rays, None where this simple way does not find all.
 
-    That is where the cells are many, where a cell has more than one null vector, or where the
-    slope of a vanishing test along the null vector may be zero.
+    That is where the cells are many or not known, where a cell has more than one null vector, or
+    where the slope of a vanishing test along the null vector may be zero.
     """
-    cells = _few_cells(corner)
-    if cells is None:
-        return None
     found: list[Direction] = []
-    for character in cells:
+    cells = _few_cells(corner)
+    for character in cells or ():
         selection = Selection(corner.system, character)
         direction = corner.direction_in(selection)
         if direction is None:
@@ -84,7 +66,7 @@ def rays_cell_by_cell(corner: Corner) -> list[Direction] | None:
             return None
         if (slopes > 0.0).all() or (slopes < 0.0).all():
             found.append((np.copysign(1.0, slopes[0]) * direction, (character,)))
-    return found
+    return None if cells is None else found
 
 
 def _few_cells(corner: Corner) -> list[Character] | None:
@@ -112,19 +94,24 @@ def rays_of_slices(corner: Corner) -> tuple[list[Direction], int] | None:
     if not problem.is_small:
         return None
     metric = Metric(np.append(corner.metric.scale, 1.0))
-    slices = [solve_slice(problem, metric, side) for side in (1.0, -1.0)]
-    rays = []
-    for point in (point for s in slices for point in s.points):
-        cells = point.characters
-        cells = cells.listed() if isinstance(cells, Cells) else tuple(cells)
-        rays.append((point.x[:-1], cells))
-    faces = [face for s in slices for face in s.faces]
-    rays += [(x[:-1], (face.character,)) for face in faces for x in face.corners]
-    return rays, max((1 + face.dimension for face in faces), default=1)
+    rays, extreme, dimension = [], [], 1
+    for side in (1.0, -1.0):
+        found = solve_slice(problem, metric, side)
+        for point in found.points:
+            cells = point.characters
+            cells = cells.listed() if isinstance(cells, Cells) else tuple(cells)
+            rays.append((point.x[:-1], cells))
+        for face in found.faces:
+            extreme += [(x[:-1], (face.character,)) for x in face.corners]
+            dimension = max(dimension, 1 + face.dimension)
+    return rays + extreme, dimension
 
 
 def _in_parts(corner: Corner) -> ConeProblem | None:
-    """Return the cone problem in parts, by alpha alone; None where a ray may be vertical."""
+    """Return the cone problem in parts, with the length fixed by alpha.
+
+    None where a ray may be vertical: no ray is, if every part is regular in all cells.
+    """
     if not has_named_cells(corner.system):
         return None
     problem = ConeProblem(corner, last_unit(len(corner.x)))
@@ -138,13 +125,26 @@ def _in_parts(corner: Corner) -> ConeProblem | None:
 def index_along(ray: Ray, zero: frozenset[int]) -> int:
     """Return the index of a ray along interfaces, from where the tests ``zero`` vanish.
 
-    Tests that grow along the ray choose no cell.
+    Where tests vanish all along a ray, small changes of H move the path into one cell or into
+    several, or leave no solution there. The index is the sum of the signs of det(dH/dz) over the
+    solutions nearby, which does not change (docs/theory, "Degenerate paths"): the solutions w of
+    H'(x; (w, 0)) = e for a generic e, a cone problem in which the tests that vanish along the path
+    choose the cell. If a solution lies on an interface or in a singular cell, e is not generic, and
+    another e is tried; if the cells are too many, the sign in the first cell is taken.
     """
-    near = _beside(ray, zero)
-    size = abs(ray.curve.selection.jacobian(near.x)) @ near.metric.scale
-    metric, level = Metric(np.append(near.metric.scale, 1.0)), last_unit(len(near.x))
+    system, x, tangent = ray.curve.selection.system, ray.state.x, ray.state.tangent
+    scale, which = ray.curve.metric.scale, np.array(sorted(zero), dtype=np.intp)
+    rows = system.some_test_gradients(x[:-1], float(x[-1]), which)
+    slopes = np.asarray(rows @ tangent)
+    level = np.abs(slopes) <= LEVEL_TEST * (abs(rows) @ (np.abs(tangent) + LEVEL_TEST * scale))
+    signs = system.test_functions(x[:-1], float(x[-1])) >= 0.0
+    signs[which] = ~level & (slopes > 0.0)  # tests that grow along the ray choose no cell
+    stay = frozenset(which[level].tolist())
+    near = Corner(system, ray.curve.metric, x, ray.state.error, stay, signs)
+    size = abs(ray.curve.selection.jacobian(x)) @ scale
+    metric, row = Metric(np.append(scale, 1.0)), last_unit(len(x))
     for shift in range(MOST_RIGHT_HAND_SIDES):
-        problem = ConeProblem(near, level, generic(len(size), float(shift)) * size)
+        problem = ConeProblem(near, row, generic(len(size), float(shift)) * size)
         if not problem.is_small:
             break
         found = solve_slice(problem, metric, 0.0)
@@ -152,19 +152,6 @@ def index_along(ray: Ray, zero: frozenset[int]) -> int:
         if not found.faces and all(isolated):  # and inside of a cell
             return sum(point.det_sign for point in found.points)
     return ray.state.orientation * int(np.sign(ray.curve.slope(ray.state)))
-
-
-def _beside(ray: Ray, zero: frozenset[int]) -> Corner:
-    """Return the start of a ray as a corner at which only the tests level along the ray vanish."""
-    system, metric, x = ray.curve.selection.system, ray.curve.metric, ray.state.x
-    which = np.array(sorted(zero), dtype=np.intp)
-    rows = system.some_test_gradients(x[:-1], float(x[-1]), which)
-    slopes = np.asarray(rows @ ray.state.tangent)
-    least = LEVEL_TEST * (abs(rows) @ (np.abs(ray.state.tangent) + LEVEL_TEST * metric.scale))
-    level = np.abs(slopes) <= least
-    signs = system.test_functions(x[:-1], float(x[-1])) >= 0.0
-    signs[which] = ~level & (slopes > 0.0)
-    return Corner(system, metric, x, ray.state.error, frozenset(which[level].tolist()), signs)
 
 
 @final
@@ -185,7 +172,7 @@ class ConeProblem(SlicewiseLinearSystem):
         self._right = np.zeros(self.size - 1) if right is None else right
         self._constant = np.where(corner.signs, 1.0, -1.0)
         self._constant[list(corner.zero)] = 0.0
-        self._known: dict[Character, Matrix] = {}  # each cell is asked for several times in a row
+        self._rows = lru_cache(KEPT_JACOBIANS)(self._rows_of)  # cells are asked for several times
 
     @cached_property
     def _gradients(self) -> Array:
@@ -209,25 +196,19 @@ class ConeProblem(SlicewiseLinearSystem):
 
     def jacobian(self, z: Array, alpha: float, character: Character) -> Matrix:
         """Return the constant Jacobian."""
-        rows = self._rows(character)
         matrix = np.zeros((self.size, self.size + 1))
-        matrix[:-1, :-1] = dense(rows)
+        matrix[:-1, :-1] = dense(self._rows(character))
         matrix[-1, :-1], matrix[-1, -1] = self._row, -1.0
         return matrix
 
-    def _rows(self, character: Character) -> Matrix:
+    def _rows_of(self, character: Character) -> Matrix:
         """Return dH/dx of a cell that meets at the corner, or refuse infinite entries."""
-        if character in self._known:
-            return self._known[character]
-        if len(self._known) == KEPT_JACOBIANS:
-            self._known.clear()
         system, x = self._corner.system, self._corner.x
         jacobian = jacobian_at(system, x[:-1], float(x[-1]), character)
         entries = by_rows(jacobian).data if sp.issparse(jacobian) else jacobian
         if not isinstance(jacobian, StructuredJacobian) and not np.isfinite(entries).all():
             why = f"this cell meets others at {at(x)}, where H is continued into it"
             refuse_infinite(system, f"jacobian in {system.label(character)}", jacobian, why)
-        self._known[character] = jacobian
         return jacobian
 
     def bounding_tests(self, character: Character) -> list[int]:

@@ -8,16 +8,8 @@ vanishing test. The constant e is never formed: a path is given by a point s r +
 with w generic, and e is H' there.
 
 Every direction returned is a ray, verified by the matrix of the cell of the ray and the signs of
-the slopes. Rays to which no path was followed may be missing.
-
-Failure modes and answers
--------------------------
-- A path leads back to the ray at which the path began: other perturbations are tried.
-- The direction at the end of a path is no ray of the last cell: the direction is dropped.
-- A ray runs along interfaces: w chooses one of the cells in whose closure the ray lies.
-- Tests with parallel gradients vanish together wherever the path is: all of them change sign.
-- A generic number is not generic enough, rounding leads the path astray, the path is closed, or
-  meets nearly all cells: the path is given up.
+the slopes. Rays to which no path was followed may be missing. A path that is closed, led astray by
+rounding, or meets nearly all cells is given up.
 """
 
 from __future__ import annotations
@@ -91,11 +83,8 @@ def _verified(paths: Paths, character: Character, direction: Array) -> Direction
         return None
     if slopes.all():
         return ray, (character,)
-    around = [
-        character,
-        *(paths.character(ray, paths.away(shift)) for shift in range(MOST_AROUND)),
-    ]
-    return ray, tuple({corner.system.cell(c): c for c in around}.values())
+    around = [paths.character(ray, paths.away(shift)) for shift in range(MOST_AROUND)]
+    return ray, tuple({corner.system.cell(c): c for c in (character, *around)}.values())
 
 
 @final
@@ -120,8 +109,7 @@ class Paths:
     def _signs(self, d: Array, beside: Array) -> Signs:
         """Return on which side of each interface d is; where d is level, on which ``beside`` is."""
         values, others = self._gradients.matrix @ d, self._gradients.matrix @ beside
-        level = np.abs(values) <= self._rounding(d)
-        signs: Signs = np.where(level, others, values) >= 0.0
+        signs: Signs = np.where(np.abs(values) <= self._rounding(d), others, values) >= 0.0
         return signs
 
     def _rounding(self, d: Array) -> Array:
@@ -149,8 +137,8 @@ class Paths:
     ) -> tuple[Character, Array] | None:
         """Follow the path through d in a cell, in the direction nearest to ``towards``."""
         corner = self.corner
-        cell, begun = _PathInCell.at(corner, character), corner.system.cell(character)
-        if cell is None:
+        cell, begun = _PathInCell(corner, character), corner.system.cell(character)
+        if not cell.factorise():
             return None
         cell.head(corner.metric.covector(towards))
         for _ in range(MOST_CROSSINGS + CROSSINGS_PER_TEST * len(self._zero)):
@@ -187,19 +175,13 @@ class Paths:
 class _PathInCell:
     """The cell in which a path is: H' is J d there, and J changes by rank one between cells."""
 
-    def __init__(self, corner: Corner, selection: Selection) -> None:
-        self._corner, self.selection = corner, selection
+    def __init__(self, corner: Corner, character: Character) -> None:
+        self._corner, self.selection = corner, Selection(corner.system, character)
         self._row = generic(len(corner.x)) / corner.metric.scale
-        self._jacobian = selection.jacobian(corner.x)
+        self._jacobian = self.selection.jacobian(corner.x)
         self._sizes = abs(self._jacobian) @ corner.metric.scale
         self._solver: ProductForm
         self.tangent: Array
-
-    @classmethod
-    def at(cls, corner: Corner, character: Character) -> _PathInCell | None:
-        """Return a cell, factorised; None where J d = e has more solutions than a line."""
-        cell = cls(corner, Selection(corner.system, character))
-        return cell if cell._factorise() else None
 
     def head(self, row: Array) -> None:
         """Turn the tangent so that the product of a row and the tangent is positive."""
@@ -212,24 +194,21 @@ class _PathInCell:
         self.selection = Selection(self._corner.system, character)
         self._jacobian = self.selection.jacobian(self._corner.x)
         jump = kink_by_columns(before, self._jacobian, gradient, self._corner.metric.scale)
-        if not (self._update(jump, gradient) or self._factorise()):
+        pivot = 0.0
+        if not self._solver.is_full:
+            w = self._solver.solve(np.append(jump, 0.0))
+            pivot = self._solver.change(w, gradient)
+        if pivot:
+            self.tangent = self.tangent - (ahead / pivot) * w
+        elif not self.factorise():
             return False
         self.head(ahead * gradient)
         size = self._corner.metric.norm(self.tangent)
         astray = np.abs(self._jacobian @ self.tangent) > ASTRAY_IN_CELL * size * self._sizes
         return not bool(astray.any())
 
-    def _update(self, jump: Array, gradient: Array) -> bool:
-        if self._solver.is_full:
-            return False
-        w = self._solver.solve(np.append(jump, 0.0))
-        pivot = self._solver.change(w, gradient)
-        if pivot == 0.0:
-            return False
-        self.tangent = self.tangent - (float(gradient.dot(self.tangent)) / pivot) * w
-        return True
-
-    def _factorise(self) -> bool:
+    def factorise(self) -> bool:
+        """Factorise the cell; False where J d = e has more solutions than a line."""
         factor = bordered(self._jacobian, self._row, self._corner.metric.binary)
         if factor.is_singular():
             return False
