@@ -1,13 +1,9 @@
 """A user's event: a named function, and the test whether the function is zero.
 
-Failure modes and answers
--------------------------
-- Where an event was found, the next piece begins with g = 0, with a sign that is rounding: what the
-  accuracy of the point explains is zero.
-- g is zero up to rounding on a stretch or everywhere, as sin^2 + cos^2 - 1 is: the rounding of g is
-  measured where nothing but rounding changes the arguments of g. If g is zero, to rounding, at
-  every place tried, g is no event, and is refused at the start.
-- g cannot be computed, is not a number, or is a truth value: an error names the event.
+Where an event was found, the next piece begins with g = 0, with a sign that is rounding: what the
+accuracy of the point explains is zero. The rounding of g is measured where nothing but rounding
+changes the arguments of g. If g is zero, to rounding, at every place tried, as sin^2 + cos^2 - 1
+is, g is no event, and is refused at the start.
 """
 
 from __future__ import annotations
@@ -86,28 +82,18 @@ class UserEvent:
 
         return evaluated(f"the event {self.name!r}", number, x[:-1][: self.shown], float(x[-1]))
 
-    def read(self, curve: Curve, state: State) -> tuple[float, float, bool]:
-        """Return g, its derivative along the tangent, and whether g is zero from here on.
+    def crosses(self, curve: Curve, state: State) -> bool:
+        """Tell whether g is zero at a state, by rounding or the error of the state, and not beside.
 
-        The value and the slope are zero where rounding, or the place of the state, explains the
-        number.
+        The slope of g along the tangent must be more than rounding.
         """
         metric, x = curve.metric, state.x
         value, slope, steep = self._differences(metric, x, state.tangent)
-        if not (value or slope):  # is g zero all around a point a little further on?
-            ahead = x + _step(metric, x, state.tangent) * state.tangent
-            return 0.0, 0.0, self.noise(metric, ahead, np.zeros_like(x)) == 0.0
-        if slope and abs(value) > REACHABLE * steep:
-            return value, slope, False
+        if not (value or slope) or (slope and abs(value) > REACHABLE * steep):
+            return False
         noise = self.noise(metric, x, state.size)
         is_zero = abs(value) <= max(steep * metric.slack(x, CONVERGED), noise)
-        is_level = abs(slope * _step(metric, x, state.tangent)) <= noise
-        return (0.0 if is_zero else value), (0.0 if is_level else slope), False
-
-    def crosses(self, curve: Curve, state: State) -> bool:
-        """Tell whether g is zero at a state, and not around the state."""
-        value, slope, _ = self.read(curve, state)
-        return value == 0.0 != slope
+        return is_zero and abs(slope * _step(metric, x, state.tangent)) > noise
 
     def meets(self, metric: Metric, x: Array, error: Array, beyond: Sequence[Array]) -> bool:
         """Tell whether g is zero at a special point, to its accuracy, and not on all its pieces.
@@ -121,18 +107,16 @@ class UserEvent:
         return is_near and any(self.cleared(metric, y, error) for y in beyond)
 
     def is_near(self, metric: Metric, x: Array, error: Array, way: Array) -> bool:
-        """Tell whether g is zero where a way begins, to the accuracy of that point."""
-        value = abs(self.value(x))
-        return value <= self._nearly(metric, x, way) or value <= self.noise(metric, x, error)
+        """Tell whether g is zero where a way begins, to the accuracy of that point.
 
-    def _nearly(self, metric: Metric, x: Array, way: Array) -> float:
-        """Return the value of g below which an event on the way counts as at the beginning."""
-        length = metric.norm(way)
-        if not length:
-            return 0.0
-        step = min(abs(_step(metric, x, way)), length)
-        steep = abs(self.value(x + step / length * way) - self.value(x)) / step
-        return steep * (metric.slack(x, CONVERGED) + 2.0 * CONVERGED * length)
+        An event on the way that is next to the point counts as at the point.
+        """
+        value, length, nearly = self.value(x), metric.norm(way), 0.0
+        if length:
+            step = min(abs(_step(metric, x, way)), length)
+            steep = abs(self.value(x + step / length * way) - value) / step
+            nearly = steep * (metric.slack(x, CONVERGED) + 2.0 * CONVERGED * length)
+        return abs(value) <= nearly or abs(value) <= self.noise(metric, x, error)
 
     def cleared(self, metric: Metric, x: Array, error: Array) -> float:
         """Return g, or zero where rounding or the error of ``x`` explains g."""
@@ -203,11 +187,8 @@ def _around(ray: Ray) -> Iterator[Array]:
     """Yield places along and off a branch, all in the interval."""
     metric, x = ray.curve.metric, ray.state.x
     lo, hi = metric.interval
-    distances, alphas = (
-        np.linspace(-FARTHEST_TRIED, FARTHEST_TRIED, PLACES_TRIED),
-        np.linspace(lo, hi, PLACES_TRIED),
-    )
-    for i, (s, alpha) in enumerate(zip(distances, alphas, strict=True)):
+    distances = np.linspace(-FARTHEST_TRIED, FARTHEST_TRIED, PLACES_TRIED)
+    for i, (s, alpha) in enumerate(zip(distances, np.linspace(lo, hi, PLACES_TRIED), strict=True)):
         along, aside = x + s * ray.state.tangent, x + s * metric.scale * generic(len(x), i)
         aside[-1] = alpha
         yield aside
