@@ -194,7 +194,7 @@ def assemble(
         return shown_points(system, whole)
 
     def show_errors(errors: Array) -> Array:
-        whole = reduction.errors(errors, system.size) if reduction else errors
+        whole = reduction.points(errors, system.size, are_errors=True) if reduction else errors
         return shown_points(system, whole)
 
     places = _shown_places(discovery, show, show_errors)

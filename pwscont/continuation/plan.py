@@ -26,7 +26,7 @@ from pwscont.linear.threads import MOST_FACTORISED, MOST_MULTIPLIED, few_threads
 from pwscont.search import Search
 from pwscont.search.default_search import default_search
 from pwscont.search.search import scope_of
-from pwscont.system.abilities import Reduction, reduction_of, shown_size
+from pwscont.system.abilities import Reducible, Reduction, shown_size
 from pwscont.system.box import Box
 from pwscont.system.contract import check_attributes
 from pwscont.system.system import PiecewiseLinearSystem, PiecewiseSystem
@@ -148,7 +148,7 @@ class Plan:
         box = Box.of(system)
         # a reduced system has neither a box nor the states that detectors expect
         free = not (box.is_bounded or box.is_periodic or added)
-        reduction = reduction_of(system, interval) if free else None
+        reduction = system.reduction(*interval) if isinstance(system, Reducible) and free else None
         followed = system
         if reduction:
             followed = reduction.system.within(*interval)

@@ -23,8 +23,7 @@ from pwscont.system.values import broken
 class Compact(ABC):
     """A system that knows which components of a solution determine all components.
 
-    Every other component is a multiple of an essential component, plus a constant. pwscont does not
-    ask for essential components any more: graphs hold every point whole.
+    pwscont does not ask for essential components any more: graphs hold every point whole.
     """
 
     __slots__ = ()
@@ -258,11 +257,6 @@ class Reducible(ABC):
         """
 
 
-def reduction_of(system: PiecewiseSystem, interval: tuple[float, float]) -> Reduction | None:
-    """Return the reduction of a system on an interval, None if nothing can be left out."""
-    return system.reduction(*interval) if isinstance(system, Reducible) else None
-
-
 class Recovery(ABC):
     """How the unknowns that a reduction left out follow from the unknowns of the smaller system."""
 
@@ -309,15 +303,10 @@ class Reduction:
     reasons: tuple[str, ...]
     recovery: Recovery | None = None
 
-    def points(self, points: Array, size: int) -> Array:
-        """Return points (..., z, alpha) with the unknowns left out put back."""
-        return self.recovery.points(points) if self.recovery else self._put_back(points, size)
-
-    def errors(self, errors: Array, size: int) -> Array:
-        """Return errors of points, with the errors of the unknowns left out."""
-        return self.recovery.errors(errors) if self.recovery else self._put_back(errors, size)
-
-    def _put_back(self, points: Array, size: int) -> Array:
+    def points(self, points: Array, size: int, *, are_errors: bool = False) -> Array:
+        """Return points (..., z, alpha), or errors, with the unknowns left out put back."""
+        if self.recovery:
+            return self.recovery.errors(points) if are_errors else self.recovery.points(points)
         full = np.zeros((*points.shape[:-1], size + 1))
         full[..., self.kept], full[..., -1] = points[..., :-1], points[..., -1]
         return full
@@ -335,15 +324,7 @@ class Reduction:
 
 
 #: The abilities that a system of a user may have, for :func:`check_abilities`.
-ABILITIES = (
-    Ending,
-    Reducible,
-    Compact,
-    BringsSearches,
-    HidesUnknowns,
-    DecidesCorners,
-    ExactData,
-)
+ABILITIES = (Ending, Reducible, Compact, BringsSearches, HidesUnknowns, DecidesCorners, ExactData)
 
 
 def check_abilities(system: PiecewiseSystem) -> None:

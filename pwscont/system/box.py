@@ -1,11 +1,7 @@
 """The box of the unknowns of a system: bounds of all unknowns, and periods of periodic unknowns.
 
-Failure modes and answers
--------------------------
-- Rounding puts a solution on a bound to either side of the bound: a solution counts as outside only
-  where the distance to the bound exceeds the error of the solution.
-- Zero may be outside the bounds, or on a bound, where H need not make sense: searches begin at
-  points well inside.
+Zero may be outside the bounds, or on a bound, where H need not make sense: searches begin at points
+well inside.
 """
 
 from __future__ import annotations

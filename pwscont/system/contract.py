@@ -1,23 +1,16 @@
 """The contract of a system, checked before any work: shapes of all values, and derivatives.
 
-Shapes of H are checked always. Derivatives that a user gives are compared with differences of the
-user's functions. A Jacobian with a single wrong number sends every step astray, or turns the wrong
-way at a fold, without a word. A generic direction shows the row of a wrong number, at the cost of
-two values.
-
-Failure modes and answers
--------------------------
-- A function may change within less than a step: the quotients by steps of other lengths then differ
-  among themselves, and say nothing. Rounding, and noise of the function, show in the same way.
-- At special points, as z = 0, wrong terms vanish: derivatives are compared next to the point.
-- Far from zero a step may be lost in the rounding of the point: the quotients then say nothing.
-- Beside the point the function may not be defined: values that are not finite say nothing.
+Derivatives that a user gives are compared with differences of the user's functions, beside the
+point, because wrong terms may vanish at special points, such as z = 0. A Jacobian with a single
+wrong number sends every step astray, or turns the wrong way at a fold, without a word. A generic
+direction shows the row of a wrong number, at the cost of two values.
 """
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterable
+from functools import partial
 from inspect import isfunction, signature
 from itertools import pairwise
 from typing import Any, TypeAlias
@@ -77,9 +70,10 @@ def check_contract(system: PiecewiseSystem, z: Array, alpha: float) -> Values:
     tests = own_array(system, "test_functions", tests, (np.size(tests),))
     character, m = Character.of(tests), len(tests)
     residual = residual_at(system, z, alpha, character)
-    is_linear = isinstance(system, PiecewiseLinearSystem)  # a promise that is checked says more
-    again = residual if is_linear else _again(system, given.copy(), alpha, character)
     jacobian = jacobian_at(system, z, alpha, character)
+    if not isinstance(system, PiecewiseLinearSystem):  # a promise that is checked says more
+        terms = product(abs(jacobian), np.abs(joined(given, alpha)))
+        _refuse_chance(system, given.copy(), alpha, character, residual, terms)
     gradients = system.test_jacobian(z, alpha)
     expect(system, "test_jacobian", gradients, (m, system.size + 1))
     refuse_unusual(system, "test_jacobian", gradients)
@@ -92,26 +86,29 @@ def check_contract(system: PiecewiseSystem, z: Array, alpha: float) -> Values:
         raise InvalidSystemError(
             f"a method of {type(system).__name__} writes to its argument z; let it work on a copy"
         )
-    if not is_linear:
-        terms = product(abs(jacobian), np.abs(joined(z, alpha)))
-        _refuse_chance(system, residual, again, terms)
     return character, tests, gradients, residual, jacobian
 
 
-def _again(system: PiecewiseSystem, z: Array, alpha: float, character: Character) -> Array:
-    """Return the residual at a state that cannot be written to."""
+def _refuse_chance(
+    system: PiecewiseSystem,
+    z: Array,
+    alpha: float,
+    character: Character,
+    first: Array,
+    terms: Array,
+) -> None:
+    """Refuse a residual that writes to z, or returns other values than first at the same point.
+
+    Sums in another order are no other values.
+    """
     z.setflags(write=False)
     try:
-        return residual_at(system, z, alpha, character)
+        second = residual_at(system, z, alpha, character)
     except ValueError as error:
         if "read-only" not in str(error):
             raise
         words = "writes to its argument z; let it work on a copy"
         raise broken(system, "residual", words) from error
-
-
-def _refuse_chance(system: PiecewiseSystem, first: Array, second: Array, terms: Array) -> None:
-    """Refuse two values at the same point that differ by more than sums in another order do."""
     if np.array_equal(first, second, equal_nan=True):
         return
     apart = np.abs(second - first)
@@ -255,41 +252,39 @@ WITHIN = 100.0
 
 def refuse_wrong_jacobian(system: PiecewiseSystem, character: Character, x: Array) -> None:
     """Refuse a Jacobian that is not the derivative of H next to a point."""
-    if not system.knows_jacobian:
-        return  # differences need no check
+    if system.knows_jacobian:  # differences need no check
 
-    def residual(y: Array) -> Array:
-        return residual_at(system, y[:-1], float(y[-1]), character)
+        def residual(y: Array) -> Array:
+            return residual_at(system, y[:-1], float(y[-1]), character)
 
-    def jacobian(y: Array) -> Matrix:
-        return jacobian_at(system, y[:-1], float(y[-1]), character)
-
-    what = f"jacobian in {system.label(character)}"
-    _refuse_wrong_derivative(system, what, jacobian, residual, x)
+        jacobian = partial(jacobian_at, system, character=character)
+        what = f"jacobian in {system.label(character)}"
+        _refuse_wrong_derivative(system, what, jacobian, residual, x)
 
 
 def refuse_wrong_gradients(system: PiecewiseSystem, x: Array) -> None:
     """Refuse gradients that are not the derivatives of the tests next to a point, as for H."""
-    if getattr(system.test_jacobian, "__func__", None) is PiecewiseSystem.test_jacobian:
-        return
+    if getattr(system.test_jacobian, "__func__", None) is not PiecewiseSystem.test_jacobian:
 
-    def test_functions(y: Array) -> Array:
-        return np.array(system.test_functions(y[:-1], float(y[-1])), dtype=float)
+        def test_functions(y: Array) -> Array:
+            return np.array(system.test_functions(y[:-1], float(y[-1])), dtype=float)
 
-    def gradients(y: Array) -> Matrix:
-        return system.test_jacobian(y[:-1], float(y[-1]))
-
-    _refuse_wrong_derivative(system, "test_jacobian", gradients, test_functions, x)
+        _refuse_wrong_derivative(system, "test_jacobian", system.test_jacobian, test_functions, x)
 
 
 def _refuse_wrong_derivative(
     system: PiecewiseSystem,
     what: str,
-    derivative: Callable[[Array], Matrix],
+    derivative: Callable[[Array, float], Matrix],
     function: Callable[[Array], Array],
     at_point: Array,
 ) -> None:
-    """Refuse a derivative with a row that is not the function's, along a direction by a point."""
+    """Refuse a derivative with a row that is not the function's, along a direction by a point.
+
+    Quotients by steps of several lengths that differ among themselves say nothing: the function
+    changes within less than a step, or the quotients are rounding or noise. Nor do values that are
+    not finite, or steps that are lost in the rounding of the point.
+    """
     differences = system.differences(float(at_point[-1]))
     direction = differences.scale * generic(len(at_point))
     x, reach = at_point + DISTANCE_TO_POINT * direction, max(STEPS) * abs(direction[-1])
@@ -297,7 +292,7 @@ def _refuse_wrong_derivative(
         direction[-1] = 0.0
     else:  # all steps stay in the interval
         x[-1] = min(max(x[-1], differences.lo + reach), differences.hi - reach)
-    matrix = derivative(x)
+    matrix = derivative(x[:-1], float(x[-1]))
     slopes, terms = product(matrix, direction), product(abs(matrix), np.abs(direction))
     terms[~np.isfinite(terms)] = 0.0  # nan is wrong where the function has a slope
     quotients: list[Array] = []

@@ -1,21 +1,12 @@
 """Derivatives by differences, with steps in the units of the problem.
 
-Failure modes and answers
--------------------------
-- A step that fits an unknown of size 1 is rounding to an unknown of size 1e20, and too long for
-  an unknown of size 1e-9: steps follow the typical magnitudes of the unknowns and the length of the
-  interval.
-- A function may be undefined beyond the interval of alpha: nothing is evaluated there. Next to an
-  end, differences are one-sided, with the same order of accuracy.
-- x + h is rounded, and the step is not h (alpha between 1e6 and 1e6 + 1): values are divided by the
-  difference of the rounded arguments, which is exact.
-- A direction may be long (a null vector of a matrix that is nearly regular): a step has a length
-  that does not depend on the direction's, and four steps fit into the interval.
-- A function changes within less than a step, as in a cell that is thinner: Newton converges slowly
-  or not at all, however short the steps along the curve. A caller who sees slow convergence asks
-  for finer steps, and puts the usual steps back where finer steps do not help: beside an end of the
-  model, or with noise.
-- A function may return the same array at every call: the values are copied.
+Steps follow the typical magnitudes of the unknowns and the length of the interval. Nothing is
+evaluated beyond the interval of alpha, where a function may be undefined: next to an end,
+differences are one-sided, with the same order of accuracy. x + h is rounded, and the step is not h
+(alpha between 1e6 and 1e6 + 1): values are divided by the difference of the rounded arguments,
+which is exact. A function may change within less than a step, as in a cell that is thinner: a
+caller who sees slow convergence asks for finer steps, and puts the usual steps back where finer
+steps do not help: beside an end of the model, or with noise.
 """
 
 from __future__ import annotations

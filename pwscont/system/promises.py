@@ -1,25 +1,15 @@
 """The promises of a system, and the errors of a run about broken promises.
 
-Units of tests and equations that cannot be computed with are refused as well.
-
-Failure modes and answers
--------------------------
-- A residual or test function that is promised to be affine and is curved: the function is compared
-  with an affine model, an evaluation away from the point of the matrix. The difference is measured
-  by the terms, so that units and conditioning raise no alarm.
-- All terms of a row cancel in a cell and leave rounding: other cells show how large the terms are.
-- H jumps at an interface: the residuals of the two selections differ there by more than rounding of
-  the terms, and by more than the error of the point can change the residuals.
-- Selections agree at a point of an interface, and not at other points: the direction promised
-  beyond the interface is no direction of the selection there.
-- H is not finite wherever solutions are looked for: nothing is found, which is no answer.
-- Several blocks claim the same rows, so that a switch decides rows of another block.
+A function that is promised to be affine is compared with an affine model, an evaluation away from
+the point of the matrix. The difference is measured by the terms, so that units and conditioning
+raise no alarm. All terms of a row may cancel in a cell and leave rounding: other cells show how
+large the terms are. Units of tests and equations that cannot be computed with are refused as well.
 """
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Sequence
 from itertools import chain
 
 import numpy as np
@@ -86,16 +76,6 @@ def refuse_extreme_tests(system: PiecewiseSystem, changes: Array) -> None:
         )
 
 
-def refuse_extreme_rows(system: PiecewiseSystem, terms: Array) -> None:
-    """Refuse equations whose terms, shape (n,), are so small that values lose digits."""
-    bad = np.flatnonzero((terms > 0.0) & (terms < LEAST_TERMS))
-    if len(bad):
-        raise InvalidSystemError(
-            f"row {bad[0]} of {type(system).__name__}.residual is typically {terms[bad[0]]:.3g}, "
-            f"less than {LEAST_TERMS:.3g}, where numbers lose digits: multiply it by a constant"
-        )
-
-
 def check_start(
     system: PiecewiseSystem, interval: tuple[float, float], z: Array, alpha: float
 ) -> None:
@@ -103,7 +83,13 @@ def check_start(
     values = check_contract(system, z, alpha)
     character, _, _, residual, jacobian = values
     terms = np.abs(residual) + product(abs(jacobian), system.differences(alpha).scale)
-    refuse_extreme_rows(system, terms)
+    small = np.flatnonzero((terms > 0.0) & (terms < LEAST_TERMS))
+    if len(small):
+        raise InvalidSystemError(
+            f"row {small[0]} of {type(system).__name__}.residual is typically "
+            f"{terms[small[0]]:.3g}, less than {LEAST_TERMS:.3g}, where numbers lose digits: "
+            "multiply it by a constant"
+        )
     x = joined(z, alpha)
     check_promises(system, interval, x, values)
     if not isinstance(system, PiecewiseLinearSystem):
@@ -264,31 +250,22 @@ def _meet(sides: tuple[Selection, Selection], x: Array, uncertain: Array, scale:
 def refuse_undefined(system: PiecewiseSystem, interval: tuple[float, float]) -> None:
     """Refuse a system whose H is finite, or other than zero, at no point tried around zero."""
     lo, hi = interval
-    probes = list(_probes(system.differences(lo).scale[:-1], (lo, 0.5 * (lo + hi), hi)))
-    values = [value for z, alpha in probes if (value := _defined(system, z, alpha)) is not None]
+    scale, values = system.differences(lo).scale[:-1], []
+    guesses = [np.zeros(len(scale)), *(scale * generic(len(scale), k) for k in range(1, PROBES))]
+    probes = [(z.copy(), alpha) for alpha in (lo, 0.5 * (lo + hi), hi) for z in guesses]
+    for z, alpha in probes:
+        with np.errstate(all="ignore"):
+            tests = system.test_functions(z, alpha)
+            residual = np.array(system.residual(z, alpha, Character.of(tests)), dtype=float)
+        if np.isfinite(tests).all() and np.isfinite(residual).all():
+            values.append(residual)
     if not values:
         words = f"is finite at none of {len(probes)} points of typical magnitudes, such as z = 0 at"
         what = "no solution can be searched; trace() from a point where H is defined"
-        alpha = f"alpha = {probes[0][1]:.6g}"
-        raise broken(system, "residual or test_functions", f"{words} {alpha}: {what}")
+        raise broken(system, "residual or test_functions", f"{words} alpha = {lo:.6g}: {what}")
     if len(values) == len(probes) and not np.any(values):
         words = f"is zero at all of {len(probes)} points that were tried: every z is a solution"
         raise broken(system, "residual", words)
-
-
-def _probes(scale: Array, alphas: Iterable[float]) -> Iterator[tuple[Array, float]]:
-    for alpha in alphas:
-        yield np.zeros(len(scale)), alpha
-        for shift in range(1, PROBES):
-            yield scale * generic(len(scale), shift), alpha
-
-
-def _defined(system: PiecewiseSystem, z: Array, alpha: float) -> Array | None:
-    """Return H, None where H or a test is not finite."""
-    with np.errstate(all="ignore"):
-        tests = system.test_functions(z, alpha)
-        residual = np.array(system.residual(z, alpha, Character.of(tests)), dtype=float)
-    return residual if np.isfinite(tests).all() and np.isfinite(residual).all() else None
 
 
 def check_blocks(system: SlicewiseLinearSystem, tests: int) -> None:

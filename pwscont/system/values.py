@@ -2,13 +2,7 @@
 
 A user's function may raise an error outside its domain, as math.exp(1000) does, where NumPy returns
 inf or nan. Trial points lie anywhere: such an error means the same as nan, that H is not defined at
-the point.
-
-Failure modes and answers
--------------------------
-- A mistake of the user raises a ValueError as well, for shapes that do not fit: only errors of
-  arithmetic and errors that functions of math raise are taken for nan.
-- The number of test functions is not known where the tests raise: the tests are called elsewhere.
+the point. Other errors, such as a ValueError for shapes that do not fit, are mistakes of the user.
 """
 
 from __future__ import annotations
