@@ -26,7 +26,7 @@ from pwscont.basics.looks import apart, card, counted, named, short, with_articl
 from pwscont.basics.outcome import Failure, FailureReason, Guarantee, Kind, SearchScope
 from pwscont.basics.quantities import Function, Quantities, as_written, spelled
 from pwscont.basics.rounding import CONFIDENCE, CONVERGED, EPS, GUARD, SAME_ALPHA
-from pwscont.continuation.plan import Report, checked_interval, plan_in_words, silent, uninterrupted
+from pwscont.continuation.run import Report, checked_interval, plan_in_words, silent, uninterrupted
 from pwscont.curve.corrector import Corrected, Corrector
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.metric import Metric

@@ -16,22 +16,23 @@ from __future__ import annotations
 from collections import defaultdict, deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import partial
-from itertools import count, islice, pairwise
+from itertools import combinations, count, islice, pairwise
 from typing import TypeAlias
 
 import numpy as np
 
 from pwscont.basics.arrays import Array
 from pwscont.basics.character import Character
+from pwscont.basics.errors import InvalidSystemError
 from pwscont.basics.outcome import Failure, Kind
-from pwscont.basics.rounding import CONVERGED, SAME_ALPHA
+from pwscont.basics.rounding import CONFIDENCE, CONVERGED, SAME_ALPHA
 from pwscont.continuation.discovery import CROSSED, Discovery
 from pwscont.continuation.known import Edge, Node
 from pwscont.curve.corrector import BorderedNewton
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.metric import Metric
 from pwscont.curve.stepper import CurvedSegment, Segment, StraightSegment
-from pwscont.graph import Piece, SpecialPoint
+from pwscont.graph import BranchGraph, Piece, SpecialPoint
 from pwscont.graph.records import Messages, Place, Track, significant
 from pwscont.system.abilities import Ending, HidesUnknowns, Reduction, shown_points
 from pwscont.system.box import Box
@@ -393,3 +394,28 @@ def _inner_start(place: Place, piece: Piece, metric: Metric) -> SpecialPoint:
 def _begun(piece: Piece) -> tuple[str, str]:
     said = f"start in {piece.label}"
     return said, said
+
+
+# -- the promise of uniqueness ---------------------------------------------------------------------
+
+
+def check_unique(graph: BranchGraph) -> None:
+    """Refuse a graph with two solutions at one alpha that are apart by more than their errors.
+
+    Raises
+    ------
+    InvalidSystemError
+        Naming both solutions.
+    """
+    breaks = graph.breaks()
+    for alpha in [*breaks, *(0.5 * (lo + hi) for lo, hi in pairwise(breaks))]:
+        solutions = graph.solutions(alpha) if graph.count(alpha) > 1 else ()
+        for first, second in combinations(solutions, 2):
+            apart = np.abs(first.z - second.z)
+            errors = (first.error + second.error)[:-1] if len(first.error) else 0.0 * apart
+            if (apart > CONFIDENCE * errors).any():
+                raise InvalidSystemError(
+                    f"{type(graph.system).__name__}.unique promises one solution at one "
+                    f"{graph.parameter}, but there are two at {graph.parameter} = {alpha:.10g}: "
+                    f"{first!r} and {second!r}; set unique = False"
+                )

@@ -17,15 +17,15 @@ from pwscont.basics.looks import counted
 from pwscont.basics.outcome import Failure, SearchScope
 from pwscont.basics.quantities import Function, checked_record
 from pwscont.continuation.journal import Journal
-from pwscont.continuation.plan import (
+from pwscont.continuation.run import (
     Plan,
     Report,
     check_stepper_fits,
     checked_detectors,
     checked_interval,
+    follow,
     silent,
 )
-from pwscont.continuation.run import follow
 from pwscont.curve.error_samples import Found, is_inside
 from pwscont.curve.magnitudes import (
     Gauge,

@@ -13,7 +13,7 @@ from pwscont.basics.budget import Budget, Limits
 from pwscont.basics.errors import InvalidInputError, InvalidSystemError
 from pwscont.basics.quantities import Function, Quantities, checked_names, checked_record
 from pwscont.continuation.journal import Journal
-from pwscont.continuation.plan import Report, silent
+from pwscont.continuation.run import Report, silent
 from pwscont.evolution.graph import EvolutionGraph
 from pwscont.evolution.memory import Evolver, Moment, Moments, SystemWithMemory, WaysOn
 from pwscont.evolution.rays import ByRays
