@@ -400,13 +400,7 @@ def _begun(piece: Piece) -> tuple[str, str]:
 
 
 def check_unique(graph: BranchGraph) -> None:
-    """Refuse a graph with two solutions at one alpha that are apart by more than their errors.
-
-    Raises
-    ------
-    InvalidSystemError
-        Naming both solutions.
-    """
+    """Refuse a graph with two solutions at one alpha that are apart by more than their errors."""
     breaks = graph.breaks()
     for alpha in [*breaks, *(0.5 * (lo + hi) for lo, hi in pairwise(breaks))]:
         solutions = graph.solutions(alpha) if graph.count(alpha) > 1 else ()

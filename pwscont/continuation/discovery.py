@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from functools import partial, reduce
 from typing import final
 
@@ -70,13 +69,8 @@ CROSSED = (Kind.TRANSITION, Kind.NONSMOOTH_FOLD)
 class Discovery:
     """All nodes and pieces that can be reached from the starts given so far.
 
-    Parameters
-    ----------
-    follower : Follower
-    report : callable
-        Called with the number of pieces and the alpha reached after each piece.
-    budget : Budget
-        Where the budget is spent, some rays are not followed, see :meth:`close`.
+    ``report`` is called with the number of pieces and the alpha reached after each piece. Where the
+    budget is spent, some rays are not followed, see :meth:`close`.
     """
 
     def __init__(
@@ -182,11 +176,13 @@ class Discovery:
         here, ray = self.nodes[left.node], left.ray
         if ray is None:
             return
-        if (len(self.edges) + 1) % EVERY == 0 and self._is_endless(left.node, ray):
+        is_due = (len(self.edges) + 1) % EVERY == 0 and not self._budget.is_limited
+        if is_due and repeats(self.nodes, left.node, ray.curve.metric.scale):
             left.ray, self._repeats = None, True
             here.stop(REPEATS)
             return
-        walk = self._within(self._follower.walk(ray).sharing(ray))
+        walk = self._follower.walk(ray).sharing(ray)
+        walk.arrival = self._inside(walk.arrival, back=1)
         if walk.is_cut and len(walk.points) == 1:
             return
         left.ray = None
@@ -196,17 +192,13 @@ class Discovery:
         if walk.arrival.kind == Kind.END:
             self.leaving.append(walk.arrival.rays[0].reversed())
         end = place_of_arrival(walk.arrival)
-        reached = self._reach(walk, end, _rays_at_end(walk, ray, left, end), left)
+        reached = self._reach(walk, end, left)
         edge = Edge.of(ray, left, reached, Track(left.place, walk.inner, end))
         self.edges.append(self._with_start(edge, ray))
         self.nodes[reached].before = self.nodes[reached].before or (left.node, left.names)
         if not ray.curve.selection.is_straight:  # straight pieces pass over nothing
             self._settle(self.edges[-1], left, ray)
         self._report(len(self.edges), float(walk.points[-1][-1]))
-
-    def _is_endless(self, node: int, ray: Ray) -> bool:
-        """Tell whether the path to a node repeats itself; not where limits are set."""
-        return not self._budget.is_limited and repeats(self.nodes, node, ray.curve.metric.scale)
 
     def _stays(self, ray: Ray) -> bool:
         """Tell whether a ray leaves neither the interval nor the bounds at once."""
@@ -216,7 +208,8 @@ class Discovery:
     def _inside(self, arrival: SpecialPointFound, back: int) -> SpecialPointFound:
         """Return a special point without the rays that leave interval or bounds at once.
 
-        The first ``back`` rays stay. Words say which bounds are left.
+        The first ``back`` rays stay. Words say which bounds are left. A transition that only
+        rounding tells from an end may be met before the end.
         """
         stays = [i < back or self._stays(ray) for i, ray in enumerate(arrival.rays)]
         if all(stays):
@@ -224,33 +217,20 @@ class Discovery:
         rays = tuple(ray for ray, inside in zip(arrival.rays, stays, strict=True) if inside)
         gone = (ray for ray, inside in zip(arrival.rays, stays, strict=True) if not inside)
         why = next(filter(None, map(self._follower.bounds.left_by, gone)), None)
+        if len(rays) == 1 and (why or (back and arrival.kind != Kind.END)):
+            return SpecialPointFound(Kind.END, arrival.x, why or "end of the interval", rays)
         if why is None:
             return arrival.leading(rays)
-        if len(rays) == 1:
-            return SpecialPointFound(Kind.END, arrival.x, why, rays)
         said = partial(_also, arrival.said, f"{ON_BOUND}: {why}")
         return SpecialPointFound(arrival.kind, arrival.x, said, rays)
 
-    def _within(self, walk: FollowedPiece) -> FollowedPiece:
-        """Return a walk without the rays that leave interval or bounds where it arrived.
-
-        A transition that only rounding tells from an end may be met before the end.
-        """
-        inside = self._inside(walk.arrival, back=1)
-        if inside is walk.arrival:
-            return walk
-        if len(inside.rays) == 1 and inside.kind != Kind.END:
-            inside = SpecialPointFound(Kind.END, inside.x, "end of the interval", inside.rays)
-        return replace(walk, arrival=inside)
-
-    def _reach(
-        self, walk: FollowedPiece, place: Place, rays: Sequence[KnownRay], begun: KnownRay
-    ) -> int:
+    def _reach(self, walk: FollowedPiece, place: Place, begun: KnownRay) -> int:
         """Return the node at which a walk arrived, and remove its ray that leads back.
 
         A walk that stops so close to its beginning that both ends seem one node is no loop, and may
         have come from another node as close by.
         """
+        rays = [KnownRay.of(ray, place) for ray in walk.arrival.rays]
         left, node = None, self._node_of(walk.arrival, rays)
         if node is not None and _has_stayed(walk, begun):
             left, node = begun, self._node_of(walk.arrival, rays, left=begun)
@@ -428,14 +408,6 @@ class Discovery:
         begun_at = self.nodes.pop(start).place
         track = Track(back.track.end, inner, forth.track.end)
         self.edges.append(forth._replace(start=back.end, track=track, begun_at=begun_at))
-
-
-def _rays_at_end(walk: FollowedPiece, ray: Ray, left: KnownRay, end: Place) -> list[KnownRay]:
-    """Return what to remember of the rays at the end of a piece, which began with a ray."""
-    back, *others = walk.arrival.rays
-    is_straight = len(walk.points) == 2 and back.curve is ray.curve
-    first = KnownRay(end, left.names, -left.direction, back) if is_straight else None
-    return [first or KnownRay.of(back, end), *[KnownRay.of(other, end) for other in others]]
 
 
 def _passes_place(edge: Edge, ray: Ray, place: Place, same: float = SAME) -> bool:

@@ -58,13 +58,7 @@ Start = tuple[Array, float]
 def checked_start(
     system: PiecewiseSystem, start: Any, interval: tuple[float, float], name: str = "the start"
 ) -> Start:
-    """Return z, with hidden unknowns, and alpha of a start, or say what is wrong with it.
-
-    Raises
-    ------
-    InvalidInputError
-        Naming the start by ``name``.
-    """
+    """Return z, with hidden unknowns, and alpha of a start, or say what is wrong with it."""
     try:
         z, alpha = start[0], float(start[1])
         pair = len(start) == 2
@@ -81,10 +75,7 @@ def checked_start(
 def corrected(plan: Plan, start: Start, name: str = "the start") -> Found:
     """Return the solution near a start of the full system, by semismooth Newton at its alpha.
 
-    Raises
-    ------
-    StartNotFoundError
-        If there is no solution nearby, or the solution lies outside the bounds.
+    Refused is a start without a solution nearby, or with a solution outside the bounds.
     """
     z, alpha = start
     found = semismooth_newton(plan.followed, plan.metric, plan.reduced(z), alpha)
@@ -122,14 +113,7 @@ def prepared(
     budget: Budget,
     *asked: Any,
 ) -> Plan:
-    """Return the plan for a system whose promises hold at a start; arguments as of ``Plan.of``.
-
-    Raises
-    ------
-    InvalidSystemError
-        If a promise is broken there, names do not fit the unknowns, or a method would never be
-        called.
-    """
+    """Return the plan for a system that keeps its promises at a start; arguments as of Plan.of."""
     check_declaration(system)
     check_stepper_fits(system, stepper)
     plan = Plan.of(system, interval, stepper, added, budget, *asked)
@@ -145,15 +129,8 @@ def followed(
 ) -> tuple[BranchGraph, Plan]:
     """Return the graph from all starts, and its plan, which begins again with other magnitudes.
 
-    Parameters
-    ----------
-    plan : Plan
-    guess : ndarray, shape (n,)
-        The state around which magnitudes are measured if the system gives no typical magnitudes.
-    starts_of : callable
-        Plan -> starts of the plan; a start is computed when it is taken.
-    searched : SearchScope
-        Where the starts come from.
+    ``guess`` is the state around which magnitudes are measured if the system gives no typical
+    magnitudes. ``starts_of`` returns the starts of a plan; a start is computed when it is taken.
     """
     if plan.system.gives_scale or plan.reduction:
         return follow(plan, starts_of(plan), searched), plan

@@ -46,27 +46,13 @@ def name_of(cell: bytes) -> bytes:
 @final
 @dataclass(slots=True, eq=False)
 class KnownRay:
-    """What a special point remembers of a ray, by which pieces leave and arrive.
+    """What a special point remembers of a ray, by which pieces leave and arrive."""
 
-    Attributes
-    ----------
-    place : Place
-        Where the ray starts.
-    names : tuple of bytes
-        Cells in which the ray may be met.
-    direction : ndarray
-        The sketch of the tangent, of length 1.
-    ray : Ray or None
-        The ray, as long as no piece has left or arrived on the ray.
-    node : int
-        The number of the special point.
-    """
-
-    place: Place
-    names: tuple[bytes, ...]
-    direction: Array
-    ray: Ray | None = None
-    node: int = -1
+    place: Place  # where the ray starts
+    names: tuple[bytes, ...]  # the cells in which the ray may be met
+    direction: Array  # the sketch of the tangent, of length 1
+    ray: Ray | None = None  # as long as no piece has left or arrived on the ray
+    node: int = -1  # the number of the special point
 
     @classmethod
     def of(cls, ray: Ray, place: Place) -> KnownRay:
@@ -139,15 +125,9 @@ class KnownRays:
     def match(self, new: KnownRay, left: KnownRay | None = None) -> KnownRay | None:
         """Return the known ray that a ray is, None for a new ray.
 
-        Of several rays in one cell, as at a branch point, the best aligned is taken.
-
-        Parameters
-        ----------
-        new : KnownRay
-            The ray and its key.
-        left : KnownRay or None
-            The ray that a piece has followed without ever being clearly away from the node. This
-            ray is not the ray that goes on where the piece arrives, and digits tell nothing then.
+        Of several rays in one cell, as at a branch point, the best aligned is taken. ``left`` is a
+        ray that a piece has followed without ever being clearly away from the node. This ray is not
+        the ray that goes on where the piece arrives, and digits tell nothing then.
         """
         assert new.ray is not None
         metric, state = new.ray.curve.metric, new.ray.state
@@ -178,32 +158,16 @@ SAME_CROSSING = 2.0 * EPS ** (1.0 / 3.0)
 
 @final
 class Edge(NamedTuple):
-    """A piece under discovery, from the node where the piece begins to the node it reached.
-
-    Attributes
-    ----------
-    start, end : int
-    cells : tuple of Character
-        The frozen character, and for a piece along an interface the characters of all its cells.
-    names : tuple of bytes
-        Names of the cells in which the piece may be met again.
-    orientation : int
-        The orientation, +1 or -1, in which the piece was followed.
-    det_sign : int
-        Sign of det(dH/dz) where the piece begins; along an interface the index of the ray.
-    track : Track
-    begun_at : Place or None
-        The point inside the piece where tracing began; None if tracing began at a node.
-    """
+    """A piece under discovery, from the node where the piece begins to the node it reached."""
 
     start: int
     end: int
-    cells: tuple[Character, ...]
-    names: tuple[bytes, ...]
-    orientation: int
-    det_sign: int
+    cells: tuple[Character, ...]  # the frozen character, then all cells that an interface joins
+    names: tuple[bytes, ...]  # of the cells in which the piece may be met again
+    orientation: int  # +1 or -1, in which the piece was followed
+    det_sign: int  # of det(dH/dz) where the piece begins; along an interface the index of the ray
     track: Track
-    begun_at: Place | None = None
+    begun_at: Place | None = None  # the point inside where tracing began, if not at a node
 
     @classmethod
     def of(cls, ray: Ray, left: KnownRay, end: int, track: Track) -> Edge:
@@ -228,16 +192,10 @@ class Edge(NamedTuple):
         return not set(self.names).isdisjoint(names)
 
     def passes(self, here: Curve, x: Array, size: Array, same: float = SAME) -> bool:
-        """Tell whether a solution in a cell of the piece lies on the piece.
+        """Tell whether a solution x with an error of this size lies on the piece.
 
-        Parameters
-        ----------
-        here : Curve
-            Any curve of the same system and metric.
-        x, size : ndarray, shape (n + 1,)
-            The solution, and the size of its error.
-        same : float
-            Points closer than this, relative to the size of either, are the same.
+        The solution is in a cell of the piece, and ``here`` is any curve of the same system and
+        metric. Points closer than ``same``, relative to the size of either, are the same.
         """
         metric, alpha, points = here.metric, float(x[-1]), self.track.points
         if not points[:, -1].min() <= alpha <= points[:, -1].max():
@@ -264,13 +222,7 @@ TINY = 1e-300
 
 @final
 class FollowedBranches(KnownBranches):
-    """The pieces of a discovery.
-
-    Attributes
-    ----------
-    edges : sequence of Edge
-        The pieces; none before the discovery begins.
-    """
+    """The pieces of a discovery; none before the discovery begins."""
 
     def __init__(self) -> None:
         self.edges: Sequence[Edge] = ()
@@ -376,13 +328,8 @@ def accumulating(nodes: Mapping[int, Node], number: int) -> str:
 def accumulation(alphas: Sequence[float]) -> float | None:
     """Return the alpha at which special points accumulate, None where nothing looks like it.
 
-    Several kinds of special points may take turns: the sequences of every second, third and fourth
-    point are tested, too.
-
-    Parameters
-    ----------
-    alphas : sequence of float
-        The alphas of successive special points of a path.
+    The alphas are those of successive special points of a path. Several kinds of special points may
+    take turns: the sequences of every second, third and fourth point are tested, too.
     """
     for turns in range(1, MOST_TURNS + 1):
         terms = np.array(alphas[::-1][::turns][: TERMS + 1][::-1])

@@ -37,7 +37,7 @@ from pwscont.continuation.assembly import assemble, check_unique, mark
 from pwscont.continuation.discovery import CROSSED, Discovery
 from pwscont.continuation.follow import Follower, PieceFollower, alone, default_detectors
 from pwscont.continuation.journal import Journal, Recorded
-from pwscont.continuation.known import FollowedBranches, Node
+from pwscont.continuation.known import FollowedBranches
 from pwscont.curve.curve import Curve
 from pwscont.curve.error_samples import Found, has_digits, is_inside
 from pwscont.curve.looks import gap_of
@@ -117,48 +117,25 @@ def check_stepper_fits(system: PiecewiseSystem, stepper: Any) -> None:
 @final
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """The parts of a run.
+    """The parts of a run."""
 
-    Attributes
-    ----------
-    system : PiecewiseSystem
-        Fitted to the interval, as by :meth:`PiecewiseSystem.within`.
-    interval : tuple of float
-    reduction : Reduction or None
-        The smaller system, where parts of the system provably stay in one mode.
-    followed : PiecewiseSystem
-        The reduced system, or the system itself.
-    metric : Metric
-        The metric of the followed system.
-    box : Box
-        The bounds and periods of the unknowns of the followed system.
-    stepper : Stepper
-    added : tuple of TransitionDetector
-        The detectors that a user gave, beside the default ones, that of the events last.
-    budget : Budget
-    parameter, record, report, journal
-        What a user gave to :func:`pwscont.explore` under these names.
-    gauge : Gauge, optional
-        Judges the typical magnitudes by the path.
-    branches : FollowedBranches
-        What searches may ask about the branches that were followed.
-    """
-
-    system: PiecewiseSystem
+    system: PiecewiseSystem  # fitted to the interval, as by PiecewiseSystem.within
     interval: tuple[float, float]
-    reduction: Reduction | None
-    followed: PiecewiseSystem
-    metric: Metric
-    box: Box
+    reduction: Reduction | None  # where parts of the system provably stay in one mode
+    followed: PiecewiseSystem  # the reduced system, or the system itself
+    metric: Metric  # of the followed system
+    box: Box  # the bounds and periods of the unknowns of the followed system
     stepper: Stepper
-    added: tuple[TransitionDetector | Events, ...]
+    added: tuple[
+        TransitionDetector | Events, ...
+    ]  # by a user, beside the default ones; events last
     budget: Budget
-    parameter: str = "alpha"
+    parameter: str = "alpha"  # this and the next three as of explore
     record: Mapping[str, Function] | None = None
     report: Report = silent
     journal: Journal | None = None
-    gauge: Gauge | None = None
-    branches: FollowedBranches = field(default_factory=FollowedBranches)
+    gauge: Gauge | None = None  # judges the typical magnitudes by the path
+    branches: FollowedBranches = field(default_factory=FollowedBranches)  # for searches
 
     @classmethod
     def of(
@@ -368,18 +345,17 @@ def _follow_from(starts: Iterable[Found], plan: Plan, discovery: Discovery) -> N
 def _infinite(plan: Plan, discovery: Discovery, is_part: bool) -> tuple[Stretch, ...]:
     """Return the stretches of alpha at which solutions fill more than curves."""
     nodes = list(discovery.nodes.values())
-    if nodes and not (is_part or any(map(_is_sign, nodes))):
+    signs = (
+        node.lost > 0
+        or node.kind == Kind.STOPPED
+        or (node.kind not in CROSSED and FILL in node.message)
+        for node in nodes
+    )
+    if nodes and not (is_part or any(signs)):
         return ()
     alphas = [*plan.interval, *(node.place.alpha for node in nodes)]
     one_of_many = [node.place.x for node in nodes if node.message == FILL_CURVES]
     return joined(find_continua(plan.followed, plan.metric, alphas, one_of_many), alphas)
-
-
-def _is_sign(node: Node) -> bool:
-    """Tell whether a special point is a sign that solutions fill more than curves."""
-    if node.lost > 0 or node.kind == Kind.STOPPED:
-        return True
-    return node.kind not in CROSSED and FILL in node.message
 
 
 def _scope(plan: Plan, searched: SearchScope, lost: int) -> SearchScope:
@@ -447,27 +423,22 @@ def _intervals_beyond(plan: Plan, ray: Ray) -> Iterator[tuple[float, Interval]]:
 
 def _coming_back(plan: Plan, ray: Ray, end: float, beyond: Interval, limits: Limits) -> list[Found]:
     """Return where the path of a ray comes back from an interval to the same end."""
+    scale, selection = plan.metric.scale, ray.curve.selection
+    system = plan.followed.within(*beyond, scale[:-1])
+    there = Selection(system, selection.character, selection.adjacent_cells)
+    curve = Curve(there, Metric(scale, beyond, Box.of(plan.followed).period))
+    onwards = (Ray(curve, ray.state, ray.interface_cells, ray.index),)
     watch = Watch(_with_bounds(plan, default_detectors(plan.stepper, beyond)))
     follower = PieceFollower(plan.stepper, watch, beyond, plan.bounds)
     with Budget(limits) as budget:
         discovery = Discovery(follower, silent, budget)
-        onwards = (_ray_into(plan, ray, beyond),)
         discovery.add(SpecialPointFound(Kind.END, ray.state.x, "", onwards))
     reached = [node for node in list(discovery.nodes.values())[1:] if node.kind == Kind.END]
     return [(n.place.x, n.place.error[None]) for n in reached if n.place.alpha == end]
 
 
-def _ray_into(plan: Plan, ray: Ray, interval: Interval) -> Ray:
-    """Return a ray as one that leads into another interval."""
-    scale, selection = plan.metric.scale, ray.curve.selection
-    system = plan.followed.within(*interval, scale[:-1])
-    there = Selection(system, selection.character, selection.adjacent_cells)
-    metric = Metric(scale, interval, Box.of(plan.followed).period)
-    return Ray(Curve(there, metric), ray.state, ray.interface_cells, ray.index)
-
-
 def _check(journal: Journal, plan: Plan) -> None:
-    """Refuse a journal of another run."""
+    """Refuse a journal of another run, or of a system with other values at generic points."""
     facts = {
         "system": type(plan.system).__name__,
         "number of unknowns": str(plan.followed.size),
@@ -476,15 +447,10 @@ def _check(journal: Journal, plan: Plan) -> None:
         "detectors": ", ".join(type(d).__name__ for d in plan.foreign),
         "events": plan.events.names if plan.events else "",
     }
-    journal.check(facts, _probes(plan))
-
-
-def _probes(plan: Plan) -> list[float]:
-    """Return sums of H and of the tests at generic points: other problems have other sums."""
     sums, system, (lo, hi) = [], plan.followed, plan.interval
     for shift, alpha in enumerate((lo, 0.5 * (lo + hi), hi)):
         z = plan.metric.scale[:-1] * generic(system.size, shift)
         tests = system.test_functions(z, alpha)
         residual = system.residual(z, alpha, Character.of(tests))
         sums += [float(generic(len(v), shift) @ v) for v in (tests, residual)]
-    return sums
+    journal.check(facts, sums)

@@ -79,20 +79,34 @@ class Differences:
 
     def jacobian(self, function: Function, x: Array) -> Array:
         """Return the Jacobian of ``function`` at ``x``, shape (k, n + 1), about 10 digits right."""
+        columns = []
         with np.errstate(invalid="ignore"):  # inf - inf gives nan, which callers refuse
-            steps = [self._step(float(value), j) for j, value in enumerate(x[:-1])]
-            columns = [_central(function, x, j, step) for j, step in enumerate(steps)]
+            for j, value in enumerate(x[:-1]):
+                forward, backward = x.copy(), x.copy()
+                forward[j] += (h := self._step(float(value), j))
+                backward[j] -= h
+                change = _change(_value(function, backward), _value(function, forward))
+                columns.append(change / (forward[j] - backward[j]))  # not 2 h, for rounding
             return np.stack([*columns, self._by_alpha(function, x)], axis=1)
 
     def by_parameter(self, function: Callable[[float], Array], alpha: float) -> Array:
-        """Return the derivative at ``alpha`` of a function of the parameter alone."""
+        """Return the derivative at ``alpha`` of a function of the parameter alone.
+
+        The derivative is one-sided near an end that central differences would cross.
+        """
         h = min(self._step(alpha, -1), 0.5 * (self.hi - self.lo))
         if self.contains(alpha - h) and self.contains(alpha + h):
             forth, back = alpha + h, alpha - h
             change = _change(_value(function, back), _value(function, forth))
             column: Array = change / (forth - back)  # not 2 h, for rounding
             return column
-        return self._beside_an_end(function, alpha, h)
+        h *= self._inward(alpha, h)
+        near, far = alpha + h, min(max(alpha + 2.0 * h, self.lo), self.hi)
+        a, b, here = near - alpha, far - alpha, _value(function, alpha)
+        # the slope at alpha of the parabola through three points
+        first, second = (_value(function, other) - here for other in (near, far))
+        one_sided: Array = (first * (b / a) - second * (a / b)) / (b - a)
+        return one_sided
 
     def exact(self, function: Function) -> Array:
         """Return the Jacobian of an affine ``function``, shape (k, n + 1), right to rounding."""
@@ -144,26 +158,6 @@ class Differences:
             return function(y)
 
         return self.by_parameter(at, float(x[-1]))
-
-    def _beside_an_end(self, function: Callable[[float], Array], alpha: float, h: float) -> Array:
-        """Return a one-sided derivative near an end that central differences would cross."""
-        h *= self._inward(alpha, h)
-        near, far = alpha + h, min(max(alpha + 2.0 * h, self.lo), self.hi)
-        a, b, here = near - alpha, far - alpha, _value(function, alpha)
-        # the slope at alpha of the parabola through three points
-        first, second = (_value(function, other) - here for other in (near, far))
-        column: Array = (first * (b / a) - second * (a / b)) / (b - a)
-        return column
-
-
-def _central(function: Function, x: Array, j: int, h: float) -> Array:
-    """Return the derivative by x_j, by central differences."""
-    forward, backward = x.copy(), x.copy()
-    forward[j] += h
-    backward[j] -= h
-    change = _change(_value(function, backward), _value(function, forward))
-    column: Array = change / (forward[j] - backward[j])  # not 2 h, for rounding
-    return column
 
 
 def _change(before: Array, after: Array) -> Array:

@@ -124,24 +124,14 @@ def _guarded(method: Callable[..., Any], name: str) -> Callable[..., Any]:
         try:
             return method(self, *args, **named)
         except (ArithmeticError, ValueError) as error:
-            if not _is_of_arithmetic(error):
+            is_of_arithmetic = isinstance(error, ArithmeticError | np.linalg.LinAlgError)
+            if not (is_of_arithmetic or OUTSIDE.search(str(error))):
                 raise
-            return np.full(_shape(self, name, args, error), np.nan)
+            is_test, n = name.startswith("test"), self.size
+            rows = _number_of_tests(self, args, error) if is_test else n
+            return np.full((rows, n + 1) if name.endswith("jacobian") else (rows,), np.nan)
 
     return guarded
-
-
-def _is_of_arithmetic(error: Exception) -> bool:
-    """Tell whether an error says that numbers are outside of the domain of a function."""
-    return isinstance(error, ArithmeticError | np.linalg.LinAlgError) or bool(
-        OUTSIDE.search(str(error))
-    )
-
-
-def _shape(system: Any, name: str, args: tuple[Any, ...], error: Exception) -> tuple[int, ...]:
-    """Return the shape of a method's value elsewhere."""
-    rows = _number_of_tests(system, args, error) if name.startswith("test") else system.size
-    return (rows, system.size + 1) if name.endswith("jacobian") else (rows,)
 
 
 def _number_of_tests(system: Any, args: tuple[Any, ...], error: Exception) -> int:

@@ -120,10 +120,6 @@ def check_continuity(
     """Refuse a jump of H between the selection of a curve and ``other`` at a common point.
 
     A ray of the other selection that begins at the point within its error proves continuity.
-
-    Raises
-    ------
-    InvalidSystemError
     """
     if ray is None or ray.state.x is not x:
         refuse_jump(curve.selection, other, x, magnitude(x, error), curve.metric.scale)
