@@ -19,7 +19,6 @@ import numpy as np
 
 from pwscont.basics.arrays import (
     Array,
-    Indices,
     Matrix,
     finite_array,
     generic,
@@ -78,7 +77,11 @@ def check_contract(system: PiecewiseSystem, z: Array, alpha: float) -> Values:
     refuse_unusual(system, "test_jacobian", gradients)
     if not isinstance(label := system.label(character), str):
         raise broken(system, "label", f"must return a text, got {label!r}")
-    bounding = _bounding(system, character)
+    found = system.bounding_tests(character)
+    bounding = indices(found) if isinstance(found, range | list | tuple | np.ndarray) else None
+    if bounding is None or bounding.ndim != 1:
+        words = f"must return a sequence of the numbers of tests, got {short(repr(found))}"
+        raise broken(system, "bounding_tests", words)
     if beyond := bounding[(bounding < 0) | (bounding >= m)].tolist():
         raise broken(system, "bounding_tests", f"returned {beyond}, but there are {m} tests")
     if not is_everywhere(z == given):
@@ -109,44 +112,34 @@ def _again(system: PiecewiseSystem, z: Array, alpha: float, character: Character
         raise broken(system, "residual", words) from error
 
 
-def _bounding(system: PiecewiseSystem, character: Character) -> Indices:
-    """Return the tests that bound a cell, or refuse indices that are no numbers of tests."""
-    found = system.bounding_tests(character)
-    if isinstance(found, range | list | tuple | np.ndarray):
-        numbers = indices(found)
-        if numbers.ndim == 1:
-            return numbers
-    words = f"must return a sequence of the numbers of tests, got {short(repr(found))}"
-    raise broken(system, "bounding_tests", words)
-
-
 def check_declaration(system: PiecewiseSystem) -> None:
     """Refuse attributes, names or methods that do not fit, before any method is used."""
     check_attributes(system)
-    check_names(system)
+    if type(system).names is not PiecewiseSystem.names:
+        found, size = system.names(), shown_size(system)
+        if isinstance(found, str) or not isinstance(found, Iterable):
+            raise broken(system, "names()", f"must return {size} texts, got {found!r}")
+        names = Counter(checked_names(tuple(found), size))
+        if twice := [name for name, number in names.items() if number > 1]:
+            raise broken(system, "names()", f"gives several unknowns the name {twice[0]!r}")
     check_abilities(system)
 
 
 def check_attributes(system: PiecewiseSystem) -> None:
     """Refuse a value where a method belongs, a method where a value does, and a wrong size."""
-    _check_size(system)
-    for name, arguments in METHODS.items():
-        if not callable(found := getattr(system, name, _check_size)):
-            words = f"must be a method, def {name}({arguments}), got {short(repr(found))}"
-            raise broken(system, name, words)
-    for name in VALUES:
-        if callable(getattr(system, name)):
-            raise broken(system, name, f"must be a value, not a method: {name} = ...")
-
-
-def _check_size(system: PiecewiseSystem) -> None:
-    """Refuse a system without a number of unknowns."""
     size = getattr(system, "size", None)
     if isinstance(size, bool) or not isinstance(size, int | np.integer) or size < 1:
         raise broken(system, "size", f"must be the number of unknowns, got {size!r}")
     if size > MOST_UNKNOWNS:
         words = f"more than {MOST_UNKNOWNS} unknowns do not fit into the memory of a computer"
         raise broken(system, "size", f"is {size}; {words}")
+    for name, arguments in METHODS.items():
+        if not callable(found := getattr(system, name, len)):  # another kind has no such method
+            words = f"must be a method, def {name}({arguments}), got {short(repr(found))}"
+            raise broken(system, name, words)
+    for name in VALUES:
+        if callable(getattr(system, name)):
+            raise broken(system, name, f"must be a value, not a method: {name} = ...")
 
 
 def checked_scale(system: PiecewiseSystem, magnitudes: Any) -> Array:
@@ -171,20 +164,6 @@ def checked_magnitudes(magnitudes: Any, size: int) -> Array | None:
     if scale.shape not in ((), (1,), (size,)) or not (scale > 0.0).all():
         raise InvalidInputError(f"scale must be {size} positive numbers, got {magnitudes!r}")
     return np.broadcast_to(scale, (size,)).copy()
-
-
-def check_names(system: PiecewiseSystem) -> None:
-    """Refuse names unless there is a text for each unknown and all names differ."""
-    if type(system).names is PiecewiseSystem.names:
-        return
-    found = system.names()
-    if isinstance(found, str) or not isinstance(found, Iterable):
-        words = f"must return {shown_size(system)} texts, got {found!r}"
-        raise broken(system, "names()", words)
-    names = checked_names(tuple(found), shown_size(system))
-    if len(set(names)) < len(names):
-        twice = next(name for name, number in Counter(names).items() if number > 1)
-        raise broken(system, "names()", f"gives several unknowns the name {twice!r}")
 
 
 def check_parameter(parameter: Any) -> None:

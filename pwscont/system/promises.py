@@ -22,9 +22,7 @@ from pwscont.basics.arrays import (
     generic,
     is_everywhere,
     joined,
-    largest,
     product,
-    smallest,
 )
 from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidSystemError
@@ -60,20 +58,6 @@ AT_CORNER = EPS**0.5
 PROBES = 8
 #: Number of cells in which the size of a row is asked for.
 CELLS = 8
-
-
-def refuse_extreme_tests(system: PiecewiseSystem, changes: Array) -> None:
-    """Refuse tests whose typical changes, shape (m,), have squares that overflow or underflow."""
-    least = 1.0 / LARGEST_TO_SQUARE
-    if len(changes) and largest(changes) <= LARGEST_TO_SQUARE and smallest(changes) >= least:
-        return  # nearly always
-    bad = np.flatnonzero((changes > LARGEST_TO_SQUARE) | ((changes < least) & (changes > 0.0)))
-    if len(bad):
-        raise InvalidSystemError(
-            f"{system.test_name(int(bad[0]))} of {type(system).__name__} typically changes by "
-            f"{changes[bad[0]]:.3g}, outside the range [{least:g}, {LARGEST_TO_SQUARE:g}] in which "
-            "squares can be computed: multiply the test function by a constant"
-        )
 
 
 def check_start(
@@ -133,20 +117,31 @@ def refuse_bent(
     if is_everywhere(excess <= 0.0):
         return  # nearly always
     refuse_infinite(system, f"jacobian in {system.label(character)}", jacobian)
-    if (excess > GUARD * EPS * _sizes(system, there, character)).any():
+    # the size of each row over several cells: in a single cell terms may cancel
+    cells = (Character.of(generic(len(character.array), shift)) for shift in range(CELLS))
+    rows = [residual_at(system, there[:-1], float(there[-1]), cell) for cell in cells]
+    if (excess > GUARD * EPS * np.abs(rows).max(axis=0)).any():
         raise _bent(system, f"residual in {system.label(character)}", dx)
 
 
 def refuse_bent_tests(
     system: PiecewiseSystem, x: Array, dx: Array, tests: Array, gradients: Matrix
 ) -> None:
-    """Refuse test functions that are not affine, or in units that cannot be computed with."""
+    """Refuse test functions that are not affine, or whose changes have no normal squares."""
     there = system.test_functions((x + dx)[:-1], float(x[-1] + dx[-1]))
     expect(system, "test_functions", there, tests.shape)
-    changes = product(abs(gradients), np.abs(dx))
-    refuse_extreme_tests(system, changes)
+    if not len(tests):
+        return
+    changes, least = product(abs(gradients), np.abs(dx)), 1.0 / LARGEST_TO_SQUARE
+    bad = np.flatnonzero((changes > LARGEST_TO_SQUARE) | ((changes < least) & (changes > 0.0)))
+    if len(bad):
+        raise InvalidSystemError(
+            f"{system.test_name(int(bad[0]))} of {type(system).__name__} typically changes by "
+            f"{changes[bad[0]]:.3g}, outside the range [{least:g}, {LARGEST_TO_SQUARE:g}] in which "
+            "squares can be computed: multiply the test function by a constant"
+        )
     excess = _bend(there, tests, product(gradients, dx), changes)
-    if not len(excess) or is_everywhere(excess <= 0.0):
+    if is_everywhere(excess <= 0.0):
         return
     refuse_infinite(system, "test_jacobian", gradients)
     if (excess > 0.0).any():
@@ -163,14 +158,6 @@ def _bend(value: Array, origin: Array, change: Array, terms: Array) -> Array:
     terms = np.abs(value) + np.abs(origin) + terms
     off: Array = np.abs(value - origin - change) - AFFINE_DEFECT * terms
     return off
-
-
-def _sizes(system: PiecewiseSystem, x: Array, character: Character) -> Array:
-    """Return the size of each row of H over several cells: in a single cell terms may cancel."""
-    cells = (Character.of(generic(len(character.array), shift)) for shift in range(CELLS))
-    rows = [residual_at(system, x[:-1], float(x[-1]), cell) for cell in cells]
-    sizes: Array = np.abs(rows).max(axis=0)
-    return sizes
 
 
 def _bent(system: PiecewiseSystem, what: str, dx: Array) -> InvalidSystemError:
@@ -212,9 +199,16 @@ def refuse_jump(one: Selection, other: Selection, x: Array, error: Array, scale:
     jump = np.abs(other.residual(x) - one.residual(x))
     uncertain = GUARD * EPS * (np.abs(x) + scale) + CONFIDENCE * error
     slopes = abs(one.jacobian(x)), abs(other.jacobian(x))
-    excess = jump - sum(each @ uncertain for each in slopes)
-    if (excess > 0.0).any() and _is_corner((one, other), x, scale):
-        excess -= AT_CORNER * (jump + sum(each @ (np.abs(x) + scale) for each in slopes))
+    excess, typical, near = (
+        jump - sum(each @ uncertain for each in slopes),
+        np.abs(x) + scale,
+        set(),
+    )
+    for side in (one, other) if (excess > 0.0).any() else ():
+        sizes = abs(side.test_gradients(x)) @ typical
+        near |= set(side.bounding[np.abs(side.tests(x)) <= AT_CORNER * sizes].tolist())
+    if len(near) > 1:  # the signs of these tests may name a cell across a corner
+        excess -= AT_CORNER * (jump + sum(each @ typical for each in slopes))
     row = int(np.argmax(excess))
     if excess[row] > 0.0 and _meet((one, other), x, uncertain, scale):
         name, size = type(one.system).__name__, float(jump[row])
@@ -223,15 +217,6 @@ def refuse_jump(one: Selection, other: Selection, x: Array, error: Array, scale:
             f"meet, at alpha = {x[-1]:.10g}, z = {np.array2string(x[:-1], threshold=6)}: H must be "
             "continuous, so both selections must agree there; run check_system"
         )
-
-
-def _is_corner(sides: tuple[Selection, Selection], x: Array, scale: Array) -> bool:
-    """Tell whether several tests are next to zero: their signs may name a cell across a corner."""
-    near: set[int] = set()
-    for side in sides:
-        sizes = abs(side.test_gradients(x)) @ (np.abs(x) + scale)
-        near |= set(side.bounding[np.abs(side.tests(x)) <= AT_CORNER * sizes].tolist())
-    return len(near) > 1
 
 
 def _meet(sides: tuple[Selection, Selection], x: Array, uncertain: Array, scale: Array) -> bool:

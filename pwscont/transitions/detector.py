@@ -97,9 +97,8 @@ class SpecialPointFound:
         return SpecialPointFound(self.kind, self.x, self.said, rays)
 
     def __repr__(self) -> str:
-        return named(
-            self, self.kind, at(self.x), short(self.message), counted(len(self.rays), "ray")
-        )
+        rays = counted(len(self.rays), "ray")
+        return named(self, self.kind, at(self.x), short(self.message), rays)
 
 
 class TransitionDetector(ABC):

@@ -95,12 +95,13 @@ def _back_in_cell(back: Ray | None, found: Direction) -> Ray | None:
     direction, (character, *_) = found
     if back is None or back.interface_cells:
         return None
-    if back.curve.selection.cell != back.curve.selection.system.cell(character):
+    curve, state = back.curve, back.state
+    if curve.selection.cell != curve.selection.system.cell(character):
         return None
-    state, tangent = back.state, back.curve.metric.normalised(direction)
-    same = float(back.curve.metric.covector(tangent).dot(state.tangent)) > 0.0
+    tangent = curve.metric.normalised(direction)
+    same = float(curve.metric.covector(tangent).dot(state.tangent)) > 0.0
     orientation = state.orientation if same else -state.orientation
-    return Ray(back.curve, State(state.x, tangent, state.error, orientation))
+    return Ray(curve, State(state.x, tangent, state.error, orientation))
 
 
 def _rays(corner: Corner, directions: Sequence[Direction]) -> tuple[Ray, ...]:
