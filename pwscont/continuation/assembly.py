@@ -155,24 +155,17 @@ def _states(
     At a branch point the Jacobian gives no direction: the direction is that of the parabola through
     the branch point and the next point, along the tangent at the next point.
     """
-    chords = _chords(curve, points)
-    states = [
-        _state(curve, x, chord, error)
-        for x, chord, error in zip(points, [*chords, chords[-1]], errors, strict=True)
-    ]
+    chords, states = _chords(curve, points), []
+    for x, way, error in zip(points, [*chords, chords[-1]], errors, strict=True):
+        found = BorderedNewton().correct(curve, x, way)
+        tangent = way if isinstance(found, Failure) else found.state.tangent
+        states.append(State(x, tangent, error[np.newaxis], 1))
     for is_crossed, end, beside in zip(crossed, (0, -1), (1, -2), strict=True):
         if is_crossed:
             way = 2.0 * chords[end] - states[beside].tangent
             tangent = curve.metric.normalised(way)
             states[end] = State(states[end].x, tangent, states[end].error, 1)
     return states
-
-
-def _state(curve: Curve, x: Array, way: Array, error: Array) -> State:
-    """Return the state at a point of a piece that goes on in about this direction."""
-    found = BorderedNewton().correct(curve, x, way)
-    tangent = way if isinstance(found, Failure) else found.state.tangent
-    return State(x, tangent, error[np.newaxis], 1)
 
 
 def assemble(

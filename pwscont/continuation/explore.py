@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
 from itertools import chain, islice
 from typing import Any
@@ -56,7 +56,7 @@ Start = tuple[Array, float]
 
 
 def checked_start(
-    system: PiecewiseSystem, start: Any, interval: tuple[float, float], name: str = "the start"
+    system: PiecewiseSystem, start: Any, interval: tuple[float, float], name: str
 ) -> Start:
     """Return z, with hidden unknowns, and alpha of a start, or say what is wrong with it."""
     try:
@@ -72,7 +72,7 @@ def checked_start(
     return completed(system, finite_array(f"z of {name}", z, (shown_size(system),)), alpha), alpha
 
 
-def corrected(plan: Plan, start: Start, name: str = "the start") -> Found:
+def corrected(plan: Plan, start: Start, name: str) -> Found:
     """Return the solution near a start of the full system, by semismooth Newton at its alpha.
 
     Refused is a start without a solution nearby, or with a solution outside the bounds.
@@ -258,13 +258,14 @@ def trace(
     """
     lo, hi = checked_interval(system, interval)
     _check_options(journal, limits, report, parameter)
-    rough = checked_start(system, start, (lo, hi))
+    rough = checked_start(system, start, (lo, hi), "the start")
     watched = checked_detectors(system, detectors, events)
     recorded = checked_record(record, system.names() if record else ())
     with Budget(limits or Limits()) as budget:
         asked = (parameter, recorded, report, journal)
         plan = prepared(system, rough, (lo, hi), stepper, watched, budget, *asked)
-        graph, _ = followed(plan, rough[0], lambda plan: _corrected(plan, rough), NOT_SEARCHED)
+        given = {"the start": rough}
+        graph, _ = followed(plan, rough[0], lambda plan: _found(plan, given), NOT_SEARCHED)
     return graph
 
 
@@ -274,11 +275,6 @@ def _check_options(journal: Any, limits: Any, report: Any, parameter: Any) -> No
     checked_kind("limits", limits, Limits)
     check_callable("report", report, "(number of pieces, alpha)")
     check_parameter(parameter)
-
-
-def _corrected(plan: Plan, start: Start) -> Iterator[Found]:
-    """Yield the solution near the start; the solution is computed when it is taken."""
-    yield corrected(plan, start)
 
 
 def explore(
@@ -381,13 +377,14 @@ def explore(
         listed = list(starts)
     except TypeError as error:
         raise InvalidInputError(f"starts must be pairs (z, alpha): {error}") from error
-    given = [checked_start(system, x, (lo, hi), f"starts[{i}]") for i, x in enumerate(listed)]
+    named = ((f"starts[{i}]", start) for i, start in enumerate(listed))
+    given = {name: checked_start(system, start, (lo, hi), name) for name, start in named}
     watched = checked_detectors(system, detectors, events)
     recorded = checked_record(record, system.names() if record else ())
     with Budget(limits or Limits()) as budget:
         guess, asked = np.zeros(system.size), (parameter, recorded, report, journal)
         plan = prepared(system, (guess, lo), (lo, hi), stepper, watched, budget, *asked)
-        around = [plan.reduced(z)[: shown_size(plan.followed)] for z, _ in given]
+        around = [plan.reduced(z)[: shown_size(plan.followed)] for z, _ in given.values()]
         chosen = search or _default_search(plan, around)
         searched = scope_of(chosen, plan.followed)
         if given:
@@ -413,8 +410,9 @@ def _default_search(plan: Plan, around: list[Array]) -> Search:
     return AlsoProved(search)
 
 
-def _found(plan: Plan, given: Sequence[Start], search: Search) -> Iterator[Found]:
+def _found(plan: Plan, given: Mapping[str, Start], search: Search | None = None) -> Iterator[Found]:
     """Yield the given starts, corrected, then the starts of a search, which begins then."""
-    for i, start in enumerate(given):
-        yield corrected(plan, start, f"starts[{i}]")
-    yield from starts_of(search, plan.followed, plan.metric, plan.interval, plan.branches)
+    for name, start in given.items():
+        yield corrected(plan, start, name)
+    if search is not None:
+        yield from starts_of(search, plan.followed, plan.metric, plan.interval, plan.branches)

@@ -26,8 +26,6 @@ class Compact(ABC):
     pwscont does not ask for essential components any more: graphs hold every point whole.
     """
 
-    __slots__ = ()
-
     @abstractmethod
     def essential(self, character: Character) -> Indices | None:
         """Return the indices of the components of z that determine all components; None for all."""
@@ -39,8 +37,6 @@ class Compact(ABC):
 
 class Ending(ABC):
     """A system whose curves end at some interfaces, as the locus of a transition does."""
-
-    __slots__ = ()
 
     @abstractmethod
     def end(self, character: Character, tests: frozenset[int]) -> str | None:
@@ -73,8 +69,6 @@ class HidesUnknowns(ABC):
     shown : int
         How many unknowns a user knows of.
     """
-
-    __slots__ = ()
 
     shown: int
 
@@ -154,8 +148,6 @@ class BringsSearches(ABC):
     too long.
     """
 
-    __slots__ = ()
-
     @abstractmethod
     def searches(self) -> Sequence[Any]:
         """Return these searches, each a :class:`~pwscont.Search`."""
@@ -163,8 +155,6 @@ class BringsSearches(ABC):
 
 class DecidesCorners(ABC):
     """A system that may know that a corner has one ray at most to either side of alpha."""
-
-    __slots__ = ()
 
     @abstractmethod
     def has_one_ray(self, z: Array, alpha: float, zero: frozenset[int]) -> bool:
@@ -202,8 +192,6 @@ class ExactMode:
 class ExactData(ABC):
     """A system of linear pieces that hands over its data as exact numbers, for proofs."""
 
-    __slots__ = ()
-
     @abstractmethod
     def exact_rows(self, alpha: float) -> tuple[Array, Sequence[Sequence[ExactMode]]]:
         """Return the rows common to all modes, shape (k, n + 2), and for every part its modes.
@@ -220,8 +208,6 @@ class ExactData(ABC):
 class ExactRates(ABC):
     """A system with memory that hands over its law of friction as exact numbers, for proofs."""
 
-    __slots__ = ()
-
     @abstractmethod
     def exact_rates(self) -> tuple[Array, Array, Array, Array]:
         """Return A (n, n), N and T (p, n), and F (p,) of contact with friction."""
@@ -229,8 +215,6 @@ class ExactRates(ABC):
 
 class GivesFormula(ABC):
     """A system made from a function f(z, alpha, sw) of a user, which proofs evaluate anew."""
-
-    __slots__ = ()
 
     @property
     @abstractmethod
@@ -246,8 +230,6 @@ def formula_of(system: PiecewiseSystem) -> Any:
 class Reducible(ABC):
     """A system that may know a smaller system with the same solutions."""
 
-    __slots__ = ()
-
     @abstractmethod
     def reduction(self, lo: float, hi: float) -> Reduction | None:
         """Return the smaller system for alpha in [lo, hi], None if there is none.
@@ -259,8 +241,6 @@ class Reducible(ABC):
 
 class Recovery(ABC):
     """How the unknowns that a reduction left out follow from the unknowns of the smaller system."""
-
-    __slots__ = ()
 
     @abstractmethod
     def points(self, points: Array) -> Array:

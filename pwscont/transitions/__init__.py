@@ -1,20 +1,14 @@
 """Special points: the ends of smooth pieces, and the rays that leave from there."""
 
 from pwscont.transitions.bounding import BoundingTests
-from pwscont.transitions.detector import Reading, SpecialPointFound, TransitionDetector
+from pwscont.transitions.detector import TransitionDetector
 from pwscont.transitions.ends import IntervalEnds
-from pwscont.transitions.rays import Ray
 from pwscont.transitions.smooth import SmoothBranchPoints, SmoothFolds
-from pwscont.transitions.straight import StraightTests
 
 __all__ = [
     "BoundingTests",
     "IntervalEnds",
-    "Ray",
-    "Reading",
     "SmoothBranchPoints",
     "SmoothFolds",
-    "SpecialPointFound",
-    "StraightTests",
     "TransitionDetector",
 ]
