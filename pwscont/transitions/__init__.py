@@ -4,11 +4,13 @@ from pwscont.transitions.bounding import BoundingTests
 from pwscont.transitions.detector import TransitionDetector
 from pwscont.transitions.ends import IntervalEnds
 from pwscont.transitions.smooth import SmoothBranchPoints, SmoothFolds
+from pwscont.transitions.straight import StraightTests
 
 __all__ = [
     "BoundingTests",
     "IntervalEnds",
     "SmoothBranchPoints",
     "SmoothFolds",
+    "StraightTests",
     "TransitionDetector",
 ]
