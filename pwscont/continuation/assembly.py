@@ -16,7 +16,7 @@ from __future__ import annotations
 from collections import defaultdict, deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import partial
-from itertools import combinations, count, islice, pairwise
+from itertools import chain, combinations, count, islice, pairwise
 from typing import TypeAlias
 
 import numpy as np
@@ -50,10 +50,10 @@ def mark(
     discovery: Discovery,
     system: PiecewiseSystem,
     metric: Metric,
-    added: Sequence[TransitionDetector | Events],
+    detectors: Sequence[TransitionDetector],
+    events: Events | None,
 ) -> None:
     """Mark what users' detectors see at special points, and divide the pieces at events."""
-    detectors = [each for each in added if isinstance(each, TransitionDetector)]
     for edge in discovery.edges if detectors else ():
         curve, points = edge.curve(system, metric), edge.track.points
         for number, place, inner in (
@@ -64,11 +64,9 @@ def mark(
             for detector in detectors:
                 words = kinds_at(detector, curve, place.x, place.error, inner)
                 node.also += [word for word in words if word not in (str(node.kind), *node.also)]
-    for events in added:
-        if isinstance(events, Events):
-            edges, discovery.edges = discovery.edges, []
-            for edge in edges:
-                discovery.edges += _divided(edge, discovery.nodes, system, metric, events)
+    if events:
+        parts = (_divided(e, discovery.nodes, system, metric, events) for e in discovery.edges)
+        discovery.edges = list(chain.from_iterable(parts))
 
 
 def _divided(

@@ -202,8 +202,8 @@ class Discovery:
 
     def _stays(self, ray: Ray) -> bool:
         """Tell whether a ray leaves neither the interval nor the bounds at once."""
-        lo, hi = self._follower.interval
-        return points_inside(ray, lo, hi) and not self._follower.bounds.left_by(ray)
+        (lo, hi), bounds = self._follower.interval, self._follower.bounds
+        return points_inside(ray, lo, hi) and not (bounds and bounds.left_by(ray))
 
     def _inside(self, arrival: SpecialPointFound, back: int) -> SpecialPointFound:
         """Return a special point without the rays that leave interval or bounds at once.
@@ -216,7 +216,8 @@ class Discovery:
             return arrival  # nearly always
         rays = tuple(ray for ray, inside in zip(arrival.rays, stays, strict=True) if inside)
         gone = (ray for ray, inside in zip(arrival.rays, stays, strict=True) if not inside)
-        why = next(filter(None, map(self._follower.bounds.left_by, gone)), None)
+        bounds = self._follower.bounds
+        why = next(filter(None, map(bounds.left_by, gone)), None) if bounds else None
         if len(rays) == 1 and (why or (back and arrival.kind != Kind.END)):
             return SpecialPointFound(Kind.END, arrival.x, why or "end of the interval", rays)
         if why is None:

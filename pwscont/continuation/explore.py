@@ -109,14 +109,14 @@ def prepared(
     start: Start,
     interval: tuple[float, float],
     stepper: Stepper | None,
-    added: tuple[TransitionDetector | Events, ...],
+    watched: tuple[tuple[TransitionDetector, ...], Events | None],
     budget: Budget,
     *asked: Any,
 ) -> Plan:
     """Return the plan for a system that keeps its promises at a start; arguments as of Plan.of."""
     check_declaration(system)
     check_stepper_fits(system, stepper)
-    plan = Plan.of(system, interval, stepper, added, budget, *asked)
+    plan = Plan.of(system, interval, stepper, watched, budget, *asked)
     check_start(plan.system, interval, *start)
     return plan
 

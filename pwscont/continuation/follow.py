@@ -175,7 +175,7 @@ class Follower(ABC):
     """Follows rays to the ends of their pieces, within an interval of alpha and bounds of z."""
 
     interval: tuple[float, float]
-    bounds: Bounds
+    bounds: Bounds | None
 
     @abstractmethod
     def walk(self, ray: Ray) -> FollowedPiece:
@@ -194,7 +194,7 @@ class PieceFollower(Follower):
     stepper: Stepper
     watch: Watch
     interval: tuple[float, float]
-    bounds: Bounds
+    bounds: Bounds | None
     straight: StraightTests | None = None
     gauge: Gauge | None = None
     events: Events | None = None

@@ -63,7 +63,7 @@ from pwscont.system.system import PiecewiseLinearSystem, PiecewiseSystem
 from pwscont.transitions import TransitionDetector
 from pwscont.transitions.departures import Standing
 from pwscont.transitions.detector import SpecialPointFound
-from pwscont.transitions.ends import NO_BOUNDS, Bounds, ended
+from pwscont.transitions.ends import Bounds, ended
 from pwscont.transitions.events import Events, checked_events
 from pwscont.transitions.rays import Ray
 from pwscont.transitions.user_event import Stop
@@ -126,9 +126,8 @@ class Plan:
     metric: Metric  # of the followed system
     box: Box  # the bounds and periods of the unknowns of the followed system
     stepper: Stepper
-    added: tuple[
-        TransitionDetector | Events, ...
-    ]  # by a user, beside the default ones; events last
+    foreign: tuple[TransitionDetector, ...]  # detectors that a user gave
+    events: Events | None
     budget: Budget
     parameter: str = "alpha"  # this and the next three as of explore
     record: Mapping[str, Function] | None = None
@@ -143,13 +142,14 @@ class Plan:
         system: PiecewiseSystem,
         interval: tuple[float, float],
         stepper: Stepper | None,
-        added: tuple[TransitionDetector | Events, ...],
+        watched: tuple[tuple[TransitionDetector, ...], Events | None],
         budget: Budget,
         *asked: Any,
     ) -> Plan:
         """Choose the parts for a system on an interval that was checked.
 
-        ``asked``: parameter, record, report and journal, as fields.
+        ``watched``: detectors of a user, and events.
+        ``asked``: parameter, record, report and journal.
         """
         if stepper is None:
             is_straight = isinstance(system, PiecewiseLinearSystem)
@@ -158,13 +158,13 @@ class Plan:
         system = system.within(*interval)
         box = Box.of(system)
         # a reduced system has neither a box nor the states that detectors expect
-        free = not (box.is_bounded or box.is_periodic or added)
+        free = not (box.is_bounded or box.is_periodic or any(watched))
         reduction = system.reduction(*interval) if isinstance(system, Reducible) and free else None
         followed = system
         if reduction:
             followed = reduction.system.within(*interval)
             metric, box = Metric.of(followed, interval), Box.of(followed)
-        parts = (reduction, followed, metric, box, stepper, added, budget)
+        parts = (reduction, followed, metric, box, stepper, *watched, budget)
         return cls(system, interval, *parts, *asked)
 
     def with_magnitudes(self, magnitudes: Array) -> Plan:
@@ -182,19 +182,9 @@ class Plan:
         return (*default_detectors(self.stepper, self.interval), *self.foreign)
 
     @property
-    def bounds(self) -> Bounds:
-        """The detector of the bounds of the unknowns."""
-        return Bounds(self.box, self.followed.names()) if self.box.is_bounded else NO_BOUNDS
-
-    @property
-    def foreign(self) -> list[TransitionDetector]:
-        """The detectors that a user gave."""
-        return [each for each in self.added if isinstance(each, TransitionDetector)]
-
-    @property
-    def events(self) -> Events | None:
-        """The events that are watched."""
-        return next((each for each in self.added if isinstance(each, Events)), None)
+    def bounds(self) -> Bounds | None:
+        """The detector of the bounds of the unknowns, if there are any."""
+        return Bounds(self.box, self.followed.names()) if self.box.is_bounded else None
 
     def reduced(self, z: Array) -> Array:
         """Return a state of the system as one of the followed system."""
@@ -209,13 +199,12 @@ class Plan:
 
 def checked_detectors(
     system: PiecewiseSystem, detectors: Any, events: Any
-) -> tuple[TransitionDetector | Events, ...]:
-    """Return the detectors that a caller adds, that of the events last, or refuse what is none."""
+) -> tuple[tuple[TransitionDetector, ...], Events | None]:
+    """Return the detectors that a caller adds, and the events, or refuse what is none."""
     added = tuple(detectors) if isinstance(detectors, Iterable) else (detectors,)
     for detector in added:
         checked_kind("each of detectors", detector, TransitionDetector)
-    watched = checked_events(events, shown_size(system))
-    return (*added, watched) if watched else added
+    return added, checked_events(events, shown_size(system))
 
 
 def uninterrupted(graph: BranchGraph) -> BranchGraph:
@@ -303,7 +292,7 @@ def follow(plan: Plan, starts: Iterable[Found], searched: SearchScope) -> Branch
                 journal.revise(wrong.magnitudes)
             raise
         discovery.close(budget.spent)
-        mark(discovery, plan.followed, plan.metric, plan.added)
+        mark(discovery, plan.followed, plan.metric, plan.foreign, plan.events)
     if journal is not None and not budget.spent:
         journal.finish()
     infinite = () if budget.spent else _infinite(plan, discovery, bool(without_digits))
@@ -312,7 +301,7 @@ def follow(plan: Plan, starts: Iterable[Found], searched: SearchScope) -> Branch
 
 def _with_bounds(plan: Plan, detectors: Watched) -> Watched:
     """Return detectors, and the detector of the bounds of the unknowns, if there are any."""
-    return (*detectors, plan.bounds) if plan.box.is_bounded else detectors
+    return (*detectors, bounds) if (bounds := plan.bounds) else detectors
 
 
 def _usable(plan: Plan, starts: Iterable[Found], without_digits: list[Found]) -> Iterator[Found]:
@@ -335,8 +324,9 @@ def _follow_from(starts: Iterable[Found], plan: Plan, discovery: Discovery) -> N
         standing = Standing.of(plan.followed, plan.metric, x, error)
         if not discovery.has(standing):
             arrival = standing.departures()
-            for each in plan.added:  # a start may be a special point of a detector
+            for each in plan.foreign:  # a start may be a special point of a detector
                 arrival = each.begun(arrival)
+            arrival = plan.events.begun(arrival) if plan.events else arrival
             discovery.add(ended(arrival))
         if plan.budget.spent or (plan.system.unique and discovery.spans(*plan.interval)):
             return

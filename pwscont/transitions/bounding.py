@@ -2,10 +2,11 @@
 
 A curve may touch an interface without crossing. Where the slope of a test along the curve is -s,
 and k the curvature of the test, the curve leads s^2 / (2 k) beyond the interface before the curve
-turns back. Where this depth is within the rounding of the test, and the values of the test there
-follow the parabola of s and k, the curve has not crossed. A double zero is located to the square
-root of rounding only, so that slopes there differ from zero by more than their own rounding, and no
-matrix is singular: the depth is what counts.
+turns back. Where this depth is within the rounding of the test, and the values of the test there do
+not follow the parabola of s and k, the curve has not crossed. A double zero is located to the
+square root of rounding only, so that slopes there differ from zero by more than their own rounding,
+and no matrix is singular: the depth is what counts. As terms of a test may cancel, values, not
+estimates, tell whether the test is negative between its zeros.
 """
 
 from __future__ import annotations
@@ -80,9 +81,9 @@ def touching(curve: Curve, state: State, test: int) -> SpecialPointFound | None:
     parts, rising = np.array(PARABOLA_PLACES[:-1]), places[-1]
     values = np.array([selection.test(place.x, index) for place in places[:-1]])
     parabola = slope * lowest * (0.5 * parts**2 - parts)
-    is_parabola = (np.abs(values - parabola) <= 0.5 * PARABOLA_DEFECT * slope * lowest).all()
+    dips = (np.abs(values - parabola) <= 0.5 * PARABOLA_DEFECT * slope * lowest).all()
     # another interface may lie before the place where the piece would go on
-    if not is_parabola or (np.delete(selection.tests(rising.x), index) < 0.0).any():
+    if dips or (np.delete(selection.tests(rising.x), index) < 0.0).any():
         return None
     error = np.vstack([state.error, rising.x - state.x])  # covers the beginnings of both rays
     onwards = State(rising.x, rising.tangent, error, state.orientation)

@@ -8,6 +8,7 @@ another unknown held fixed, Newton leads to the curve, at the curve's own alpha.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from typing import final
 
 import numpy as np
@@ -105,11 +106,16 @@ class Standing:
 
         A point inside a cell has two rays on the same curve and the kind START.
         """
+        curve, other, x, error = self.curve, self.other, self.x, self.error
         if not self.zero:
-            return _inside(self.curve, self.x, self.error)
-        if self.other and (found := _on_interface(self, self.other)):
-            return found
-        return corner(self.curve, self.x, self.error, self.zero)
+            return _inside(curve, x, error)
+        if other:
+            (test,) = self.zero
+            one, two = (inward_ray(side, x, error, test) for side in (curve, other))
+            check_continuity(curve, other.selection, one and two, x, error)
+            if one and two:
+                return crossed(x, one, two)
+        return corner(curve, x, error, self.zero)
 
 
 def _inside(curve: Curve, x: Array, error: Array) -> SpecialPointFound:
@@ -127,14 +133,5 @@ def _inside(curve: Curve, x: Array, error: Array) -> SpecialPointFound:
     state = State(x, tangent, error, factor.sign, magnitude(x, error))
     forth = Ray(curve, fold_at_end(curve, state) or state)
     rays = forth, forth.reversed()
-    return SpecialPointFound(
-        Kind.START, forth.state.x, lambda: f"start in {curve.selection.label}", rays
-    )
-
-
-def _on_interface(standing: Standing, other: Curve) -> SpecialPointFound | None:
-    """Return the special point on an interface with a ray into each cell; None without two rays."""
-    (test,), curve, x, error = standing.zero, standing.curve, standing.x, standing.error
-    one, two = (inward_ray(side, x, error, test) for side in (curve, other))
-    check_continuity(curve, other.selection, one and two, x, error)
-    return crossed(x, one, two) if one and two else None
+    said = partial("start in {0.label}".format, curve.selection)
+    return SpecialPointFound(Kind.START, forth.state.x, said, rays)

@@ -388,12 +388,11 @@ def locate_sign_change(
 
     @cache  # noise may give a second value another sign
     def along(s: float) -> float:
-        if s not in known:
-            state = segment.at(s)
-            if isinstance(state, Failure):
-                raise _OffCurveError(state)
-            known[s] = state
-        return function(known[s])
+        state = known.get(s) or segment.at(s)
+        if isinstance(state, Failure):
+            raise _OffCurveError(state)
+        known[s] = state
+        return function(state)
 
     try:
         ends = sorted(map(along, bracket))

@@ -181,8 +181,6 @@ class Bounds(TransitionDetector):
 
     def left_by(self, ray: Ray) -> str | None:
         """Return in words which bound a ray leaves at once, None if none."""
-        if not len(self._which):
-            return None
         curve, state = ray.curve, ray.state
         out = self._side * state.tangent[self._which] < -self._level(curve, state)
         found = np.flatnonzero(self._is_on(curve, state) & out if out.any() else out)
@@ -211,7 +209,3 @@ class Bounds(TransitionDetector):
             if test in zero:
                 return BoundingTests().arrive(curve, state, place)
         return SpecialPointFound(Kind.END, state.x, self._message(index), (back,))
-
-
-#: The bounds of unknowns that have none.
-NO_BOUNDS = Bounds(Box(*np.empty((3, 0))), ())

@@ -65,18 +65,6 @@ class Entered(NamedTuple):
     tests: Array  # all tests at the point, shape (m,)
     rates: Array  # the derivatives of the tests by alpha along the piece, shape (m,)
 
-    def ahead(self) -> tuple[int, float]:
-        """Return which bounding test of the piece vanishes first, and at what distance.
-
-        Apart from the test that was crossed no test is zero at the point: the piece runs along no
-        interface. The distance is infinite where no test falls.
-        """
-        selection, pace = self.ray.curve.selection, self.ray.state.tangent[-1]
-        values = selection.side * self.tests[selection.bounding]
-        distances = ratio_test(values, (pace * selection.side) * self.rates[selection.bounding])
-        first = int(distances.argmin()) if len(distances) else 0
-        return first, float(distances[first]) if len(distances) else math.inf
-
 
 @final
 class StraightTests(TransitionDetector):
@@ -123,14 +111,18 @@ class StraightTests(TransitionDetector):
         last = self._last
         if last is None:
             return None
-        slope = float(state.tangent[-1])
+        slope, selection = float(state.tangent[-1]), ray.curve.selection
         end = interval[1] if slope > 0.0 else interval[0]
-        ahead, room = last.ahead(), (end - state.alpha) / slope if slope else np.inf
-        if not ahead[1] < room:
+        room = (end - state.alpha) / slope if slope else np.inf
+        # apart from the test that was crossed no test is zero: the piece runs along no interface
+        values = selection.side * last.tests[selection.bounding]
+        distances = ratio_test(values, (slope * selection.side) * last.rates[selection.bounding])
+        first = int(distances.argmin()) if len(distances) else 0
+        if not (len(distances) and distances[first] < room):
             return self._at_end(last, room, end)
-        self._last = self._across(ray.curve, state, *ahead)
+        self._last = self._across(ray.curve, state, first, float(distances[first]))
         self._hard = None if self._last else state
-        return self._last and self.arrive(ray.curve, self._last.state, ahead[0])
+        return self._last and self.arrive(ray.curve, self._last.state, first)
 
     def _begun(self, ray: Ray) -> Entered | None:
         """Return a ray that begins inside a cell; None where that is not clear."""
@@ -336,8 +328,29 @@ class StraightCell:
         value. None if the correction is more than rounding, or cannot be computed: the cell is of
         no use then.
         """
-        is_in = self._enter(other, x, test, gradient)
-        return self._corrected(x, gradient, value) if is_in else None
+        if self._solver.is_full and not self._has_renewed(self._jacobian_at(x)):
+            return None
+        before, jacobian, self.curve = self.curve.selection, self._jacobian, other
+        kink: Array | None
+        if self._is_told:
+            kink = other.selection.kink(before, test)
+        elif jacobian is None:
+            kink = _kink_by_residuals(before, other, x, gradient)
+        else:
+            self._jacobian = other.selection.jacobian(x)
+            kink = kink_by_columns(jacobian, self._jacobian, gradient, other.metric.scale)
+        if kink is None:
+            return None
+        w = self._solver.solve(kink)
+        pivot = self._solver.change(w, gradient[:-1])
+        if pivot == 0.0:
+            return None
+        self._slopes = self._lines.dot(gradient) / pivot
+        self._wide[:-1] = w  # alpha of the lines does not change
+        add_multiples(self._lines, -self._slopes, self._wide)
+        self.turn, self._since = 1 if pivot > 0.0 else -1, self._since + 1
+        self.length = other.metric.norm(self.along)
+        return self._corrected(x, gradient, value) if self._is_tame() else None
 
     def corrected(self, x: Array, gradient: Array, value: float) -> CorrectedPoint | None:
         """Return the point of the piece where a function vanishes, as :meth:`cross` does."""
@@ -345,7 +358,10 @@ class StraightCell:
         return self._corrected(x, gradient, value)
 
     def _corrected(self, x: Array, gradient: Array, value: float) -> CorrectedPoint | None:
-        """Correct a point, and in audits also the direction and the samples."""
+        """Correct a point, and in audits also the direction and the samples.
+
+        None where the correction is more than rounding.
+        """
         residual, sizes, aside = self.curve.selection.residual(x), np.abs(x), None
         is_due = self._since >= AUDIT_AFTER or len(sizes) <= ALWAYS_AUDITED
         is_due = is_due or is_anywhere(sizes > self._most)
@@ -357,29 +373,8 @@ class StraightCell:
             self._slopes = self._lines.dot(gradient)
         elif is_off:
             aside = self._solver.solve(residual)
-        return self._moved(x, sizes, gradient, value, aside) if self._slopes[0] else None
-
-    def _enter(self, other: Curve, x: Array, test: int, gradient: Array) -> bool:
-        """Change to the Jacobian on the other side; False if the change loses too many digits."""
-        is_ready = not self._solver.is_full or self._has_renewed(self._jacobian_at(x))
-        kink = self._kink(other, x, test, gradient)
-        if not is_ready or kink is None:
-            return False
-        w = self._solver.solve(kink)
-        pivot = self._solver.change(w, gradient[:-1])
-        if pivot == 0.0:
-            return False
-        self._slopes = self._lines.dot(gradient) / pivot
-        self._wide[:-1] = w  # alpha of the lines does not change
-        add_multiples(self._lines, -self._slopes, self._wide)
-        self.turn, self._since = 1 if pivot > 0.0 else -1, self._since + 1
-        self.length = other.metric.norm(self.along)
-        return self._is_tame()
-
-    def _moved(
-        self, x: Array, sizes: Array, gradient: Array, value: float, aside: Array | None
-    ) -> CorrectedPoint | None:
-        """Return the point of an interface, None where the correction is more than rounding."""
+        if not self._slopes[0]:
+            return None
         metric, slopes = self.curve.metric, self._slopes
         along = (value - (0.0 if aside is None else gradient[:-1].dot(aside))) / slopes[0]
         dx = along * self._lines[0]
@@ -403,16 +398,6 @@ class StraightCell:
     def _jacobian_at(self, x: Array) -> Matrix:
         known = self._jacobian
         return self.curve.selection.lent_jacobian(x) if known is None else known
-
-    def _kink(self, other: Curve, x: Array, test: int, gradient: Array) -> Array | None:
-        """Return c of the cell beyond, and take up the curve there."""
-        before, jacobian, self.curve = self.curve, self._jacobian, other
-        if self._is_told:
-            return other.selection.kink(before.selection, test)
-        if jacobian is None:
-            return _kink_by_residuals(before, other, x, gradient)
-        self._jacobian = other.selection.jacobian(x)
-        return kink_by_columns(jacobian, self._jacobian, gradient, other.metric.scale)
 
     def _is_rounding(self, dx: Array, point: CorrectedPoint) -> bool:
         """Tell whether a correction is no more than rounding and error of the corrected point."""
@@ -453,7 +438,7 @@ class StraightCell:
         return correction
 
 
-def _kink_by_residuals(before: Curve, after: Curve, x: Array, gradient: Array) -> Array | None:
+def _kink_by_residuals(before: Selection, after: Curve, x: Array, gradient: Array) -> Array | None:
     """Return c, shape (n,), without Jacobians; None where the test changes with alpha alone.
 
     The residuals on the two sides are compared far away along the unknown along which the test
@@ -467,5 +452,5 @@ def _kink_by_residuals(before: Curve, after: Curve, x: Array, gradient: Array) -
     test = gradient[steepest] * (far[steepest] - x[steepest])
     if weights[steepest] <= abs(gradient[-1] * scale[-1]) / FAR_AWAY or not math.isfinite(test):
         return None
-    jump: Array = (after.selection.residual(far) - before.selection.residual(far)) / test
+    jump: Array = (after.selection.residual(far) - before.residual(far)) / test
     return jump

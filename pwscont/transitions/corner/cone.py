@@ -72,8 +72,7 @@ def tangent_cone(corner: Corner, back: Ray | None = None) -> TangentCone:
     """
     simple = rays_cell_by_cell(corner)
     if simple is not None:
-        rays = tuple(_back_in_cell(back, found) or _ray(corner, found) for found in simple)
-        return TangentCone(rays, 1, False, True)
+        return TangentCone(tuple(_ray(corner, found) for found in simple), 1, False, True)
     enumerated = rays_of_slices(corner)
     if enumerated is not None:
         found, dimension = enumerated
@@ -88,20 +87,6 @@ def tangent_cone(corner: Corner, back: Ray | None = None) -> TangentCone:
         is_unique = system.has_one_ray(z, alpha, corner.zero)
     along_interface = any(ray.interface_cells for ray in rays)
     return TangentCone(rays, 1, along_interface, exact=to_both_sides and is_unique)
-
-
-def _back_in_cell(back: Ray | None, found: Direction) -> Ray | None:
-    """Return a ray on the curve of ``back``, None for a direction into another cell."""
-    direction, (character, *_) = found
-    if back is None or back.interface_cells:
-        return None
-    curve, state = back.curve, back.state
-    if curve.selection.cell != curve.selection.system.cell(character):
-        return None
-    tangent = curve.metric.normalised(direction)
-    same = float(curve.metric.covector(tangent).dot(state.tangent)) > 0.0
-    orientation = state.orientation if same else -state.orientation
-    return Ray(curve, State(state.x, tangent, state.error, orientation))
 
 
 def _rays(corner: Corner, directions: Sequence[Direction]) -> tuple[Ray, ...]:
