@@ -16,7 +16,7 @@ from pwscont.linear.factorise import last_unit
 from pwscont.search import all_transitions
 from pwscont.search.few_cells import FewCells
 from pwscont.system.selection import Selection
-from pwscont.transitions.departures import Standing
+from pwscont.transitions.ends import Standing
 
 pytestmark = pytest.mark.sweep(2)  # the others take too long for the README's command
 

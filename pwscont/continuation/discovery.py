@@ -39,9 +39,8 @@ from pwscont.graph.records import Place, Track
 from pwscont.system.abilities import Ending
 from pwscont.system.selection import Selection
 from pwscont.transitions.corner.cone import opposite
-from pwscont.transitions.departures import Standing
 from pwscont.transitions.detector import Said, SpecialPointFound, worded
-from pwscont.transitions.ends import points_inside
+from pwscont.transitions.ends import Standing, points_inside
 from pwscont.transitions.rays import Ray
 
 

@@ -47,7 +47,7 @@ from pwscont.system.contract import check_declaration, check_parameter
 from pwscont.system.promises import check_start, refuse_undefined
 from pwscont.system.system import PiecewiseSystem
 from pwscont.transitions import TransitionDetector
-from pwscont.transitions.departures import settled
+from pwscont.transitions.ends import settled
 from pwscont.transitions.events import Events
 from pwscont.transitions.user_event import Stop
 

@@ -61,9 +61,8 @@ from pwscont.system.contract import check_attributes
 from pwscont.system.selection import Selection
 from pwscont.system.system import PiecewiseLinearSystem, PiecewiseSystem
 from pwscont.transitions import TransitionDetector
-from pwscont.transitions.departures import Standing
 from pwscont.transitions.detector import SpecialPointFound
-from pwscont.transitions.ends import Bounds, ended
+from pwscont.transitions.ends import Bounds, Standing, ended
 from pwscont.transitions.events import Events, checked_events
 from pwscont.transitions.rays import Ray
 from pwscont.transitions.user_event import Stop

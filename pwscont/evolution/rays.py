@@ -38,8 +38,8 @@ from pwscont.system.abilities import HidesUnknowns, completed, shown_size
 from pwscont.system.selection import Selection
 from pwscont.system.system import PiecewiseLinearSystem
 from pwscont.transitions.corner.cone import TangentCone, tangent_cone
-from pwscont.transitions.departures import Standing
 from pwscont.transitions.detector import ratio_test
+from pwscont.transitions.ends import Standing
 from pwscont.transitions.rays import Corner, Ray
 
 if TYPE_CHECKING:

@@ -27,7 +27,7 @@ from pwscont.search.search import KnownBranches, NothingKnown, Search, scope_of,
 from pwscont.system.abilities import completed, formula_of, shown_size
 from pwscont.system.box import Box
 from pwscont.system.system import PiecewiseSystem
-from pwscont.transitions.departures import settled
+from pwscont.transitions.ends import settled
 
 #: How far from zero the default box reaches, in typical magnitudes, if there are no bounds.
 FAR = 1e3

@@ -20,7 +20,7 @@ from pwscont.search.search import Search
 from pwscont.system.abilities import completed, shown_size
 from pwscont.system.box import Box
 from pwscont.system.system import PiecewiseSystem
-from pwscont.transitions.departures import settled
+from pwscont.transitions.ends import settled
 
 #: Distance in the metric below which two solutions coincide, far above the error that Newton
 #: leaves.

@@ -42,7 +42,7 @@ from pwscont.system.box import Box
 from pwscont.system.contract import residual_at
 from pwscont.system.selection import Selection
 from pwscont.system.system import PiecewiseSystem
-from pwscont.transitions.departures import settled
+from pwscont.transitions.ends import settled
 
 #: Evaluations of H that a search may take; a Newton iteration takes about n + 2.
 MOST_EVALUATIONS = 12_000
