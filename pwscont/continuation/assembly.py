@@ -205,8 +205,10 @@ def assemble(
     for edge, piece in zip(edges, pieces, strict=True):
         after[edge.start].append((edge, piece))
         before[edge.end].append((edge, piece))
-        if edge.begun_at is not None:
-            starts.append(_inner_start(edge.begun_at, piece, metric))
+        if (place := edge.begun_at) is not None:
+            digits = significant(place.error, place.x, metric.scale)
+            messages = Messages(partial(_begun, piece))
+            starts.append(SpecialPoint(-1, Kind.START, place, messages, piece.id, digits))
     points = [
         _special_point(i, discovery.nodes[n], before[n], after[n], system, places, metric, events)
         for n, i in numbers.items()
@@ -373,13 +375,6 @@ def _change(
     ways = system.describe_transition(before, after), system.describe_transition(after, before)
     forward, backward = (f"{change}; {note}" if note else change for change in ways)
     return forward, backward
-
-
-def _inner_start(place: Place, piece: Piece, metric: Metric) -> SpecialPoint:
-    """Return the point in the middle of a piece at which tracing began."""
-    digits = significant(place.error, place.x, metric.scale)
-    messages = Messages(partial(_begun, piece))
-    return SpecialPoint(-1, Kind.START, place, messages, piece.id, digits)
 
 
 def _begun(piece: Piece) -> tuple[str, str]:

@@ -43,7 +43,7 @@ from pwscont.search import Search
 from pwscont.search.default_search import default_search
 from pwscont.search.search import scope_of, starts_of
 from pwscont.system.abilities import completed, formula_of, shown_size
-from pwscont.system.contract import check_declaration, check_parameter
+from pwscont.system.contract import check_declaration
 from pwscont.system.promises import check_start, refuse_undefined
 from pwscont.system.system import PiecewiseSystem
 from pwscont.transitions import TransitionDetector
@@ -274,7 +274,8 @@ def _check_options(journal: Any, limits: Any, report: Any, parameter: Any) -> No
     checked_kind("journal", journal, Journal)
     checked_kind("limits", limits, Limits)
     check_callable("report", report, "(number of pieces, alpha)")
-    check_parameter(parameter)
+    if not (isinstance(parameter, str) and parameter):
+        raise InvalidInputError(f"parameter must be a text, got {parameter!r}")
 
 
 def explore(

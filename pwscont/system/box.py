@@ -55,7 +55,8 @@ class Box:
         if not isinstance(bounds, tuple | list) or len(bounds) != 2:
             raise broken(system, "bounds()", f"must return (lower, upper), got {bounds!r}")
         periods = system.periods()
-        if _are_infinite(*bounds, periods):
+        are_numbers = type(bounds[0]) is type(bounds[1]) is type(periods) is float
+        if are_numbers and (*bounds, periods) == (-np.inf, np.inf, np.inf):
             return _everywhere(system.size)
         lower, upper = (_broadcast(system, "bounds()", end) for end in bounds)
         period = _broadcast(system, "periods()", periods)
@@ -107,12 +108,6 @@ class Box:
         apart = z[turning] - self.centre(np.zeros_like(z))[turning]
         moved[turning] -= period * np.round(apart / period)
         return moved
-
-
-def _are_infinite(lower: Any, upper: Any, period: Any) -> bool:
-    """Tell whether bounds and periods are the numbers that say that there are none."""
-    are_numbers = type(lower) is type(upper) is type(period) is float
-    return are_numbers and (lower, upper, period) == (-np.inf, np.inf, np.inf)
 
 
 @lru_cache(maxsize=8)

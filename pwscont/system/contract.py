@@ -166,12 +166,6 @@ def checked_magnitudes(magnitudes: Any, size: int) -> Array | None:
     return np.broadcast_to(scale, (size,)).copy()
 
 
-def check_parameter(parameter: Any) -> None:
-    """Refuse a name of the parameter that is no text."""
-    if not (isinstance(parameter, str) and parameter):
-        raise InvalidInputError(f"parameter must be a text, got {parameter!r}")
-
-
 def residual_at(system: PiecewiseSystem, z: Array, alpha: float, character: Character) -> Array:
     """Return H_chi(z, alpha), shape (n,), in a new array.
 
