@@ -56,15 +56,15 @@ LONGEST_FILE = 500
 #: becomes smaller, its budget becomes smaller.
 BUDGET = {
     "basics": (10, 1170),
-    "system": (9, 2170),
+    "system": (9, 2010),
     "linear": (11, 1690),
     "notation": (13, 2880),
     "curve": (15, 3130),
     "enumeration": (11, 2630),
-    "transitions": (15, 3970),
+    "transitions": (14, 3700),
     "graph": (10, 2770),
     "search": (9, 1980),
-    "continuation": (9, 3370),
+    "continuation": (8, 2890),
     "kit": (4, 940),
     "proof": (15, 2860),
     "scenes": (14, 2650),
@@ -76,7 +76,7 @@ BUDGET = {
     "commands": (10, 1150),
 }
 #: Most files and classes of pwscont that the README's arch meets: bounds to lower, not to raise.
-MOST_FILES_MET, MOST_CLASSES_MET = 52, 74
+MOST_FILES_MET, MOST_CLASSES_MET = 50, 68
 
 
 def module_of(path):
