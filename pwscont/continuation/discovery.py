@@ -161,12 +161,9 @@ class Discovery:
                 node.said = node.message + accumulating(self.nodes, number)
 
     def _follow_all(self) -> None:
-        """Work through the queue."""
         while self._queue:
             known = self._queue.popleft()
-            if known.ray is None:
-                continue
-            if not self._budget.allows(len(self.edges)):
+            if known.ray is not None and not self._budget.allows(len(self.edges)):
                 return
             self._follow(known)
 

@@ -1,8 +1,8 @@
 """The journal of a long run.
 
 A run is the same sequence of walks (rays followed to the ends of their pieces) each time, and only
-walks take long. So an interrupted run is repeated, and recorded walks are read from the journal,
-and so are the starts of the search, and magnitudes with which the run had begun again.
+walks take long. So an interrupted run is repeated, and the journal supplies the recorded walks, the
+starts of the search, and the magnitudes with which the run had begun again.
 
 The file is an SQLite database of numbered records, each written in a transaction of its own, with a
 checksum over its number and content. A journal without the last records (after a power failure, or

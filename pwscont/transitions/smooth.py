@@ -11,8 +11,8 @@ At a branch point two curves of the same selection cross, and both curves are fo
 (:mod:`pwscont.curve.crossing`), and the curve is bisected only while the step is too long for that.
 The sign of det[J; t^T] next to the point is rounding: a point just outside the step counts as well.
 Where a step jumped to another curve that passes close by, the sign flips without a branch point:
-that is a failure, on which the step is shortened. Points where the sign does not flip go unseen:
-where an even number of eigenvalues vanishes together, and where curves touch.
+such a step fails, and is shortened. Points where the sign does not flip go unseen: where an even
+number of eigenvalues vanishes together, and where curves touch.
 """
 
 from __future__ import annotations
