@@ -64,7 +64,7 @@ BUDGET = {
     "transitions": (14, 3700),
     "graph": (10, 2770),
     "search": (9, 1980),
-    "continuation": (8, 2890),
+    "continuation": (8, 2880),
     "kit": (4, 940),
     "proof": (15, 2860),
     "scenes": (14, 2650),

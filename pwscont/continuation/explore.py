@@ -20,6 +20,7 @@ from pwscont.continuation.journal import Journal
 from pwscont.continuation.run import (
     Plan,
     Report,
+    Watched,
     check_stepper_fits,
     checked_detectors,
     checked_interval,
@@ -48,7 +49,6 @@ from pwscont.system.promises import check_start, refuse_undefined
 from pwscont.system.system import PiecewiseSystem
 from pwscont.transitions import TransitionDetector
 from pwscont.transitions.ends import settled
-from pwscont.transitions.events import Events
 from pwscont.transitions.user_event import Stop
 
 #: A rough state and its alpha, and a solution with samples of its error.
@@ -109,14 +109,13 @@ def prepared(
     start: Start,
     interval: tuple[float, float],
     stepper: Stepper | None,
-    watched: tuple[tuple[TransitionDetector, ...], Events | None],
+    watched: Watched,
     budget: Budget,
-    *asked: Any,
 ) -> Plan:
-    """Return the plan for a system that keeps its promises at a start; arguments as of Plan.of."""
+    """Return the plan for a system that keeps its promises at a start."""
     check_declaration(system)
     check_stepper_fits(system, stepper)
-    plan = Plan.of(system, interval, stepper, watched, budget, *asked)
+    plan = Plan.of(system, interval, stepper, watched, budget)
     check_start(plan.system, interval, *start)
     return plan
 
@@ -262,8 +261,8 @@ def trace(
     watched = checked_detectors(system, detectors, events)
     recorded = checked_record(record, system.names() if record else ())
     with Budget(limits or Limits()) as budget:
-        asked = (parameter, recorded, report, journal)
-        plan = prepared(system, rough, (lo, hi), stepper, watched, budget, *asked)
+        plan = prepared(system, rough, (lo, hi), stepper, watched, budget)
+        plan = replace(plan, parameter=parameter, record=recorded, report=report, journal=journal)
         given = {"the start": rough}
         graph, _ = followed(plan, rough[0], lambda plan: _found(plan, given), NOT_SEARCHED)
     return graph
@@ -383,8 +382,9 @@ def explore(
     watched = checked_detectors(system, detectors, events)
     recorded = checked_record(record, system.names() if record else ())
     with Budget(limits or Limits()) as budget:
-        guess, asked = np.zeros(system.size), (parameter, recorded, report, journal)
-        plan = prepared(system, (guess, lo), (lo, hi), stepper, watched, budget, *asked)
+        guess = np.zeros(system.size)
+        plan = prepared(system, (guess, lo), (lo, hi), stepper, watched, budget)
+        plan = replace(plan, parameter=parameter, record=recorded, report=report, journal=journal)
         around = [plan.reduced(z)[: shown_size(plan.followed)] for z, _ in given.values()]
         chosen = search or _default_search(plan, around)
         searched = scope_of(chosen, plan.followed)

@@ -69,6 +69,8 @@ from pwscont.transitions.user_event import Stop
 from pwscont.transitions.watch import Watch
 
 Report = Callable[[int, float], None]
+#: The detectors and the events that a user gave.
+Watched = tuple[tuple[TransitionDetector, ...], Events | None]
 
 
 def silent(pieces: int, alpha: float) -> None:
@@ -141,15 +143,10 @@ class Plan:
         system: PiecewiseSystem,
         interval: tuple[float, float],
         stepper: Stepper | None,
-        watched: tuple[tuple[TransitionDetector, ...], Events | None],
+        watched: Watched,
         budget: Budget,
-        *asked: Any,
     ) -> Plan:
-        """Choose the parts for a system on an interval that was checked.
-
-        ``watched``: detectors of a user, and events.
-        ``asked``: parameter, record, report and journal.
-        """
+        """Choose the parts for a system on an interval that was checked."""
         if stepper is None:
             is_straight = isinstance(system, PiecewiseLinearSystem)
             stepper = ExactLinear() if is_straight else PseudoArclength()
@@ -163,8 +160,7 @@ class Plan:
         if reduction:
             followed = reduction.system.within(*interval)
             metric, box = Metric.of(followed, interval), Box.of(followed)
-        parts = (reduction, followed, metric, box, stepper, *watched, budget)
-        return cls(system, interval, *parts, *asked)
+        return cls(system, interval, reduction, followed, metric, box, stepper, *watched, budget)
 
     def with_magnitudes(self, magnitudes: Array) -> Plan:
         """Return a plan without a reduction with other typical magnitudes."""
@@ -196,9 +192,7 @@ class Plan:
         return few_threads(self.followed.size, MOST_FACTORISED, few=0)
 
 
-def checked_detectors(
-    system: PiecewiseSystem, detectors: Any, events: Any
-) -> tuple[tuple[TransitionDetector, ...], Events | None]:
+def checked_detectors(system: PiecewiseSystem, detectors: Any, events: Any) -> Watched:
     """Return the detectors that a caller adds, and the events, or refuse what is none."""
     added = tuple(detectors) if isinstance(detectors, Iterable) else (detectors,)
     for detector in added:
@@ -252,7 +246,6 @@ def plan_in_words(
 
 
 Interval = tuple[float, float]
-Watched = tuple[TransitionDetector, ...]
 #: How far beyond an end of the interval a path is followed, as a part of the interval.
 PART_BEYOND = 0.25
 #: Fewest pieces over which a path is followed beyond the interval, and most paths.
@@ -298,7 +291,9 @@ def follow(plan: Plan, starts: Iterable[Found], searched: SearchScope) -> Branch
     return _graph(plan, discovery, _scope(plan, searched, len(without_digits)), infinite)
 
 
-def _with_bounds(plan: Plan, detectors: Watched) -> Watched:
+def _with_bounds(
+    plan: Plan, detectors: tuple[TransitionDetector, ...]
+) -> tuple[TransitionDetector, ...]:
     """Return detectors, and the detector of the bounds of the unknowns, if there are any."""
     return (*detectors, bounds) if (bounds := plan.bounds) else detectors
 
