@@ -26,7 +26,8 @@ import numpy as np
 import scipy.sparse as sp
 
 from pwscont import InvalidSystemError
-from pwscont.extending import EPS, Array, Indices, generic
+from pwscont.extending import EPS, Array, Indices, generic, numbers_in
+from pwscont.notation.arithmetic import UntraceableError
 from pwscont.notation.array_functions import chosen, where
 from pwscont.notation.dual import Dual, as_operand, is_traced, joined, value_of
 from pwscont.notation.layout import ABS, RELU, Call, Layout, Operation
@@ -307,6 +308,8 @@ class LiftedFunction:
             found = self.function.outcome(x[: self.size], alpha, self.layout, pick)
         if _is_finite(found):
             return found
+        if x.dtype == object:
+            raise UntraceableError("columns, at some points of which a call is not finite")
         at_zero, mirrored = (
             self.function.outcome(x[: self.size], alpha, self.layout, self._beyond(pick, sign))
             for sign in (0.0, -1.0)
@@ -351,7 +354,7 @@ def _parts(outcome: Outcome) -> tuple[Any, Any, Any]:
 def _is_finite(outcome: Outcome) -> bool:
     """Tell whether all numbers and derivatives are finite; arrays traced by JAX count as finite."""
     for part in _parts(outcome):
-        known = [value_of(part)] if isinstance(part, np.ndarray | Dual) else []
+        known = [numbers_in(value_of(part))] if isinstance(part, np.ndarray | Dual) else []
         if isinstance(part, Dual):
             known.append(part.rows.data if sp.issparse(part.rows) else part.rows)
         if not all(np.isfinite(numbers).all() for numbers in known):
