@@ -113,7 +113,10 @@ class UserFunction:
     def _called(self, z: Any, alpha: Any, switches: _Survey | _Replay) -> Outcome:
         value = self.f(z.copy(), alpha, Switches(switches.choose, switches.forms_of))
         switches.close()
-        return Outcome(self._checked(value), joined(switches.tests), joined(switches.branches))
+        found = self._checked(value)
+        if type(found) is not np.ndarray or found.dtype != float:
+            _refuse_kept(z, found)
+        return Outcome(found, joined(switches.tests), joined(switches.branches))
 
     def _checked(self, value: Any) -> Any:
         if type(value) is np.ndarray and value.dtype == float and value.shape == (self._size,):
@@ -131,6 +134,16 @@ class UserFunction:
                 f"of the {self._size} unknowns is expected, shape ({self._size},)"
             )
         return found if found.shape else found.reshape(1)
+
+
+def _refuse_kept(z: Any, value: Any) -> None:
+    """Refuse a value with derivatives, or of columns, from a call with plain numbers."""
+    is_kept = isinstance(value, Dual) or (isinstance(value, np.ndarray) and value.dtype == object)
+    if is_kept and type(z) is np.ndarray and z.dtype == float:
+        raise InvalidSystemError(
+            "the function keeps numbers of one call for the next, as a warm start does: a call with "
+            "plain numbers returned what a call with derivatives had left; begin every call anew"
+        )
 
 
 def _prints(surveys: Sequence[_Survey]) -> list[Any]:

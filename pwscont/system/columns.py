@@ -113,7 +113,8 @@ def are_columns(entries: Array) -> bool:
     >>> are_columns(np.array([1.0, "one"], dtype=object))
     False
     """
-    return all(type(entry) is Column or type(entry) in NUMBERS for entry in entries.ravel())
+    numbers: list[Any] = entries.ravel().tolist()
+    return all(type(entry) is Column or type(entry) in NUMBERS for entry in numbers)
 
 
 def numbers_in(array: Array) -> Array:
@@ -159,7 +160,7 @@ def by_columns(residual: Residual, points: Array) -> Array | None:
     except Exception:
         return None
     values = np.empty((len(unknowns), len(points)))
-    entries: list[Any] = found.tolist()
+    entries: list[Any] = list(found)
     for row, each in zip(values, entries, strict=True):
         row[:] = each.values if type(each) is Column else each
     return values.T
