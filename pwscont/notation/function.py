@@ -141,8 +141,9 @@ def _refuse_kept(z: Any, value: Any) -> None:
     is_kept = isinstance(value, Dual) or (isinstance(value, np.ndarray) and value.dtype == object)
     if is_kept and type(z) is np.ndarray and z.dtype == float:
         raise InvalidSystemError(
-            "the function keeps numbers of one call for the next, as a warm start does: a call with "
-            "plain numbers returned what a call with derivatives had left; begin every call anew"
+            "the function keeps numbers of one call for the next, as a warm start does: a call "
+            "with plain numbers returned what a call with derivatives had left; begin every call "
+            "anew"
         )
 
 
