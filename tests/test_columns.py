@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from pwscont import PiecewiseSystem, Switched, explore, trace
+from pwscont import PiecewiseSystem, Switched, trace
 from pwscont.basics.character import Character
 from pwscont.system.columns import by_columns, takes_columns
 from pwscont.system.selection import Selection
@@ -101,13 +101,3 @@ def test_folds_of_a_narrow_bump_are_found_with_columns(mixes):
     graph = trace(Switched(1, bump), ([-1.0], -1.0), (-1.0, 1.0))
     assert len(graph.special_points("fold")) == 2
     assert graph.count(0.308) == 3
-
-
-def test_a_root_of_another_cell_is_no_start():
-    """At alpha = -1 two pieces end at the kink z_3 = 0, which no solution near alpha > -1 has."""
-    matrix = np.array([[2.0, -1.0, 0.0], [-1.0, 2.0, -1.0], [0.0, -1.0, 2.0]])
-    system = Switched(3, lambda z, a, sw: matrix @ z + z**3 - 3.0 * sw.abs(z) - a)
-    graph = explore(system, (-1.0, 1.0))
-    assert len(graph.components()) == 4
-    assert graph.count(-0.5) == 5
-    assert graph.count(0.5) == 1
