@@ -317,7 +317,7 @@ def test_a_root_of_another_cell_is_no_start():
 
 
 def test_a_curve_along_a_kink_is_one_solution():
-    """z_1 = 0 all along a branch, on the interface of two cells: rows of integers, two solutions."""
+    """z_1 = 0 all along a branch, on the interface of two cells, in a system of integers."""
     matrix, of_abs = np.array([[3, 0], [-3, 1]]), np.array([[1, -2], [0, -1]])
 
     def rows(z, a, sw):
