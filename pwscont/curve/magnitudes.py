@@ -38,7 +38,8 @@ Failure modes and answers
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from functools import reduce
 from typing import final
 
 import numpy as np
@@ -231,17 +232,18 @@ def rough_magnitudes(system: PiecewiseSystem, interval: tuple[float, float], z: 
     here = [_residual(system, z, alpha) for alpha in alphas]
     terms, others = _finite(np.ptp(here, axis=0)), _finite(np.abs(here).max(axis=0))
     for j in np.flatnonzero(z).tolist():  # at a solution terms cancel
-        others = np.maximum(others, _changes(system, alphas, z, here, j, abs(float(z[j]))))
-    sizes, changes = np.zeros(system.size), np.zeros((system.size, system.size))
+        changes = _each_change(system, alphas, z, here, j, abs(float(z[j])))
+        others = reduce(np.maximum, changes, others)
+    sizes, most = np.zeros(system.size), np.zeros((system.size, system.size))
     for number in range(system.size + 1):
         unknown = np.flatnonzero(sizes == 0.0)
         for j in unknown.tolist():
             check_budget()
             sizes[j] = _reach(system, alphas, z, here, terms, j)
-            changes[:, j] = _changes(system, alphas, z, here, j, sizes[j])
+            most[:, j] = reduce(np.maximum, _each_change(system, alphas, z, here, j, sizes[j]))
         if sizes.all() or (number and not sizes[unknown].any()):
             break
-        terms = np.maximum(terms, np.maximum(others, changes.max(axis=1)))
+        terms = np.maximum(terms, np.maximum(others, most.max(axis=1)))
     return np.where(sizes > 0.0, sizes, np.minimum(1.0, box.upper - box.lower))
 
 
@@ -257,8 +259,8 @@ def _reach(
     rows = np.flatnonzero(terms)
 
     def is_enough(power: int, part: float = PART) -> bool:
-        changes = _changes(system, alphas, z, here, j, BASE**power)
-        return bool((changes >= part * terms)[rows].any())
+        changes = _each_change(system, alphas, z, here, j, BASE**power)
+        return any((change >= part * terms)[rows].any() for change in changes)
 
     high = _first(is_enough, -POWERS, POWERS) if rows.size else POWERS
     if high == POWERS:
@@ -277,23 +279,21 @@ def _first(holds: Callable[[int], bool], low: int, high: int) -> int:
     return high
 
 
-def _changes(
+def _each_change(
     system: PiecewiseSystem,
     alphas: Sequence[float],
     z: Array,
     here: Sequence[Array],
     j: int,
     size: float,
-) -> Array:
-    """Return by how much each row changes, at most, if z_j changes by a size."""
-    changes, box = np.zeros(len(z)), Box.of(system)
+) -> Iterator[Array]:
+    """Yield by how much each row changes if z_j grows or shrinks by a size, at each alpha."""
+    box = Box.of(system)
     for before, alpha in zip(here, alphas, strict=True):
         for change in (size, -size):
             moved = z.copy()
             moved[j] = min(max(z[j] + change, box.lower[j]), box.upper[j])
-            after = np.abs(_residual(system, moved, alpha) - before)
-            changes = np.maximum(changes, _finite(after))
-    return changes
+            yield _finite(np.abs(_residual(system, moved, alpha) - before))
 
 
 def _residual(system: PiecewiseSystem, z: Array, alpha: float) -> Array:
