@@ -64,6 +64,7 @@ from pwscont.system.abilities import (
     shown_size,
 )
 from pwscont.system.box import Box
+from pwscont.system.columns import are_columns, numbers_in
 from pwscont.system.contract import checked_magnitudes, jacobian_at, residual_at
 from pwscont.system.differences import Differences
 from pwscont.system.selection import Selection
@@ -173,6 +174,7 @@ __all__ = [
     "accepted",
     "all_names",
     "apart",
+    "are_columns",
     "as_written",
     "attempted",
     "balanced",
@@ -198,6 +200,7 @@ __all__ = [
     "named",
     "newton",
     "number",
+    "numbers_in",
     "one_thread",
     "plan_in_words",
     "power_of_two",

@@ -304,3 +304,24 @@ def test_many_branch_points_at_one_point_end_in_words():
     graph = explore(Switched(3, lambda z, alpha, sw: alpha * z - z**3), (-1.0, 1.0))
     assert 20 <= graph.count(0.3) <= 27
     assert "stopped at alpha = " in graph.guarantee
+
+
+def test_a_root_of_another_cell_is_no_start():
+    """At alpha = -1 two pieces end at the kink z_3 = 0, which no solution near alpha > -1 has."""
+    matrix = np.array([[2.0, -1.0, 0.0], [-1.0, 2.0, -1.0], [0.0, -1.0, 2.0]])
+    system = Switched(3, lambda z, a, sw: matrix @ z + z**3 - 3.0 * sw.abs(z) - a)
+    graph = explore(system, (-1.0, 1.0))
+    assert len(graph.components()) == 4
+    assert graph.count(-0.5) == 5
+    assert graph.count(0.5) == 1
+
+
+def test_a_curve_along_a_kink_is_one_solution():
+    """z_1 = 0 all along a branch, on the interface of two cells, in a system of integers."""
+    matrix, of_abs = np.array([[3, 0], [-3, 1]]), np.array([[1, -2], [0, -1]])
+
+    def rows(z, a, sw):
+        return matrix @ z + of_abs @ np.array([sw.abs(x) for x in z]) - a + 2.0
+
+    graph = explore(Switched(2, rows), (-2.0, 2.0))
+    assert [graph.count(alpha) for alpha in (-1.0, 0.0, 1.0, 1.5)] == [2, 2, 2, 2]

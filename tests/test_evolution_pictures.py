@@ -128,6 +128,7 @@ def test_quantities_that_are_not_there_are_refused(four, tmp_path):
         ({"path": tmp_path / "a.mp4"}, "gif"),
         ({"path": tmp_path / "nowhere" / "a.gif"}, "no directory"),
         ({"path": tmp_path / "a.gif", "frames": 1}, "2 frames"),
+        ({"path": tmp_path / "a.gif", "frames": "a"}, "whole numbers"),
     ):
         with pytest.raises(InvalidInputError, match=match):
             four.animate(**wrong)

@@ -348,3 +348,22 @@ def test_jax_differentiates_what_is_written_with_it():
     character = system.character(z, t)
     exact = same.jacobian(z, t, character)
     assert system.jacobian(z, t, character) == pytest.approx(exact, rel=1e-14)
+
+
+class WarmStart:
+    """The root of y^3 + y = z by Newton's method, which begins where the last call ended."""
+
+    def __init__(self):
+        self.y = 0.5
+
+    def __call__(self, z, alpha, sw):
+        y = self.y
+        for _ in range(30):
+            y = y - (y**3 + y - z[0]) / (3.0 * y**2 + 1.0)
+        self.y = y
+        return [y - alpha]
+
+
+def test_a_function_that_keeps_numbers_for_the_next_call_is_refused():
+    with pytest.raises(InvalidSystemError, match="keeps numbers of one call for the next"):
+        explore(Switched(1, WarmStart()), (-1.0, 1.0))

@@ -38,7 +38,8 @@ Failure modes and answers
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from functools import reduce
 from typing import final
 
 import numpy as np
@@ -90,14 +91,16 @@ class Gauge:
 
     def __init__(self, metric: Metric) -> None:
         self._scale, self._width = metric.scale[:-1], metric.width
-        self._steps, self._look, self._alpha = 0, FIRST_LOOK, 0.0
+        self._count, self._look, self._alpha = 0, FIRST_LOOK, 0.0
         self._away, self._apart, self._farthest, self._size = np.zeros((4, len(self._scale)))
+        self._steps: list[tuple[Array, Array]] = []  # of the current path, not yet added up
         self._first: Array | None = None
         self._begun: Array | None = None
         self._before: tuple[float, float] | None = None  # alpha and distance at the last look
 
     def begin(self) -> None:
         """Take the next step for the first step of another path."""
+        self._add_up()
         self._begun = None
 
     def see(self, x: Array, y: Array) -> None:
@@ -107,20 +110,32 @@ class Gauge:
         ------
         MisjudgedError
         """
-        first = self._first = x if self._first is None else self._first
-        begun = self._begun = x if self._begun is None else self._begun
-        change, middle = float(abs(y[-1] - x[-1])), 0.5 * (x + y)
-        away = np.abs(middle - begun)[:-1]
-        self._alpha += change
-        self._away += change * away
-        self._apart += change * np.abs(middle - first)[:-1]
-        self._size = np.maximum(self._size, np.abs(y[:-1]))
-        self._farthest = np.maximum(self._farthest, away)
-        self._steps += 1
-        if self._steps >= self._look:
+        if self._begun is None:
+            self._begun = x[:-1]
+            self._first = self._begun if self._first is None else self._first
+        self._steps.append((x, y))
+        self._count += 1
+        if len(self._steps) < FIRST_LOOK and self._count < self._look:
+            return
+        self._add_up()
+        if self._count >= self._look:
             self._look *= 2
             if not self._runs_off():
                 self._judge(TOO_SMALL, math.inf)
+
+    def _add_up(self) -> None:
+        """Add up the steps that were seen."""
+        if not self._steps:
+            return
+        starts, ends = map(np.array, zip(*self._steps, strict=True))
+        self._steps.clear()
+        changes, middles = np.abs(ends[:, -1] - starts[:, -1]), 0.5 * (starts + ends)[:, :-1]
+        away = np.abs(middles - self._begun)
+        self._alpha += float(changes.sum())
+        self._away += changes @ away
+        self._apart += changes @ np.abs(middles - self._first)
+        self._size = np.maximum(self._size, np.abs(ends[:, :-1]).max(axis=0))
+        self._farthest = np.maximum(self._farthest, away.max(axis=0))
 
     def _runs_off(self) -> bool:
         """Tell whether alpha changes ever less the farther the path goes; not known at first.
@@ -140,7 +155,8 @@ class Gauge:
         ------
         MisjudgedError
         """
-        if self._steps:
+        self._add_up()
+        if self._count:
             self._judge(TOO_SMALL, TOO_LARGE)
 
     def _judge(self, small: float, large: float) -> None:
@@ -216,17 +232,18 @@ def rough_magnitudes(system: PiecewiseSystem, interval: tuple[float, float], z: 
     here = [_residual(system, z, alpha) for alpha in alphas]
     terms, others = _finite(np.ptp(here, axis=0)), _finite(np.abs(here).max(axis=0))
     for j in np.flatnonzero(z).tolist():  # at a solution terms cancel
-        others = np.maximum(others, _changes(system, alphas, z, here, j, abs(float(z[j]))))
-    sizes, changes = np.zeros(system.size), np.zeros((system.size, system.size))
+        changes = _each_change(system, alphas, z, here, j, abs(float(z[j])))
+        others = reduce(np.maximum, changes, others)
+    sizes, most = np.zeros(system.size), np.zeros((system.size, system.size))
     for number in range(system.size + 1):
         unknown = np.flatnonzero(sizes == 0.0)
         for j in unknown.tolist():
             check_budget()
             sizes[j] = _reach(system, alphas, z, here, terms, j)
-            changes[:, j] = _changes(system, alphas, z, here, j, sizes[j])
+            most[:, j] = reduce(np.maximum, _each_change(system, alphas, z, here, j, sizes[j]))
         if sizes.all() or (number and not sizes[unknown].any()):
             break
-        terms = np.maximum(terms, np.maximum(others, changes.max(axis=1)))
+        terms = np.maximum(terms, np.maximum(others, most.max(axis=1)))
     return np.where(sizes > 0.0, sizes, np.minimum(1.0, box.upper - box.lower))
 
 
@@ -242,8 +259,8 @@ def _reach(
     rows = np.flatnonzero(terms)
 
     def is_enough(power: int, part: float = PART) -> bool:
-        changes = _changes(system, alphas, z, here, j, BASE**power)
-        return bool((changes >= part * terms)[rows].any())
+        changes = _each_change(system, alphas, z, here, j, BASE**power)
+        return any((change >= part * terms)[rows].any() for change in changes)
 
     high = _first(is_enough, -POWERS, POWERS) if rows.size else POWERS
     if high == POWERS:
@@ -262,23 +279,21 @@ def _first(holds: Callable[[int], bool], low: int, high: int) -> int:
     return high
 
 
-def _changes(
+def _each_change(
     system: PiecewiseSystem,
     alphas: Sequence[float],
     z: Array,
     here: Sequence[Array],
     j: int,
     size: float,
-) -> Array:
-    """Return by how much each row changes, at most, if z_j changes by a size."""
-    changes, box = np.zeros(len(z)), Box.of(system)
+) -> Iterator[Array]:
+    """Yield by how much each row changes if z_j grows or shrinks by a size, at each alpha."""
+    box = Box.of(system)
     for before, alpha in zip(here, alphas, strict=True):
         for change in (size, -size):
             moved = z.copy()
             moved[j] = min(max(z[j] + change, box.lower[j]), box.upper[j])
-            after = np.abs(_residual(system, moved, alpha) - before)
-            changes = np.maximum(changes, _finite(after))
-    return changes
+            yield _finite(np.abs(_residual(system, moved, alpha) - before))
 
 
 def _residual(system: PiecewiseSystem, z: Array, alpha: float) -> Array:

@@ -247,7 +247,9 @@ def check_animation(path: Path, frames: int, fps: int) -> None:
         raise InvalidInputError(f"an animation is a file that ends in .gif, got {str(path)!r}")
     if not path.absolute().parent.is_dir():
         raise InvalidInputError(f"cannot write {path}: there is no directory {path.parent}")
-    if frames < 2 or fps < 1:
+    are_numbers = all(isinstance(each, int | np.integer) for each in (frames, fps))
+    if not are_numbers or frames < 2 or fps < 1:
         raise InvalidInputError(
-            f"an animation needs 2 frames and 1 frame per second, got {frames} and {fps}"
+            "an animation needs whole numbers, at least 2 frames and 1 frame per second, got "
+            f"{frames!r} and {fps!r}"
         )

@@ -20,7 +20,7 @@ from typing import final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, generic_angles
+from pwscont.basics.arrays import Array, generic_angles, product
 from pwscont.basics.rounding import EPS
 from pwscont.linear.factor import Factor, power_of_two
 
@@ -120,8 +120,8 @@ class BorderedFactor(Factor):
             return super().solve_all(rhs)
         scaled = rhs / self._rows
         inner = self._core.solve_all(scaled[:, :-1])
-        pairs = zip(inner, scaled[:, -1], strict=True)
-        return self._columns * np.stack([self._completed(f, float(g)) for f, g in pairs])
+        last = (scaled[:, -1] - product(inner, self._row)) / self._schur
+        return self._columns * np.column_stack([inner - np.outer(last, self._right), last])
 
     def _solve(self, rhs: Array) -> Array:
         """Return the scaled solution for a scaled right-hand side."""

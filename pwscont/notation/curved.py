@@ -59,11 +59,14 @@ class SwitchedSystem(Notated, GivesFormula):
 
     def residual(self, z: Array, alpha: float, character: Character) -> Array:
         """Return the user's equations, then the equations of the hidden unknowns, shape (size,)."""
-        outcome = self._outcome(z, alpha, character)
+        modes = self._layout.modes(character.array)
+        if z.dtype == object:  # columns, which have no digits to be remembered by
+            outcome = self._lifted.outcome(z, alpha, modes)
+        else:
+            outcome = self._outcome(z, alpha, character)
         if not len(self._hidden):
             value: Array = outcome.value.copy()
             return value
-        modes = self._layout.modes(character.array)
         rows = z[self.shown :] - outcome.branches[self._hidden_branches(modes)]
         return np.concatenate([outcome.value, rows])
 

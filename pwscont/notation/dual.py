@@ -21,7 +21,7 @@ from typing import Any, final
 import numpy as np
 import scipy.sparse as sp
 
-from pwscont.extending import Array, Indices, Matrix, dense
+from pwscont.extending import Array, Indices, Matrix, are_columns, dense
 from pwscont.notation.arithmetic import (
     KINKED,
     OF_TWO,
@@ -228,7 +228,10 @@ def is_traced(thing: Any) -> bool:
 
 
 def as_operand(thing: Any) -> Any:
-    """Return a Dual or an array of floats; a list or box that contains Duals becomes one Dual."""
+    """Return a Dual, an array of floats, or an array of columns.
+
+    A list or box that contains Duals becomes one Dual.
+    """
     if isinstance(thing, Dual) or (type(thing) is np.ndarray and thing.dtype == float):
         return thing  # nearly always
     if is_traced(thing):
@@ -237,6 +240,8 @@ def as_operand(thing: Any) -> Any:
     if array.dtype == object:
         entries = array.ravel()
         some = next((entry for entry in entries if isinstance(entry, Dual)), None)
+        if some is None and are_columns(entries):
+            return array
         if some is None:
             raise UntraceableError("an array of objects")
         if _are_all_numbers(entries):

@@ -26,7 +26,8 @@ import numpy as np
 import scipy.sparse as sp
 
 from pwscont import InvalidSystemError
-from pwscont.extending import EPS, Array, Indices, generic
+from pwscont.extending import EPS, Array, Indices, generic, numbers_in
+from pwscont.notation.arithmetic import UntraceableError
 from pwscont.notation.array_functions import chosen, where
 from pwscont.notation.dual import Dual, as_operand, is_traced, joined, value_of
 from pwscont.notation.layout import ABS, RELU, Call, Layout, Operation
@@ -112,7 +113,10 @@ class UserFunction:
     def _called(self, z: Any, alpha: Any, switches: _Survey | _Replay) -> Outcome:
         value = self.f(z.copy(), alpha, Switches(switches.choose, switches.forms_of))
         switches.close()
-        return Outcome(self._checked(value), joined(switches.tests), joined(switches.branches))
+        found = self._checked(value)
+        if type(found) is not np.ndarray or found.dtype != float:
+            _refuse_kept(z, found)
+        return Outcome(found, joined(switches.tests), joined(switches.branches))
 
     def _checked(self, value: Any) -> Any:
         if type(value) is np.ndarray and value.dtype == float and value.shape == (self._size,):
@@ -130,6 +134,17 @@ class UserFunction:
                 f"of the {self._size} unknowns is expected, shape ({self._size},)"
             )
         return found if found.shape else found.reshape(1)
+
+
+def _refuse_kept(z: Any, value: Any) -> None:
+    """Refuse a value with derivatives, or of columns, from a call with plain numbers."""
+    is_kept = isinstance(value, Dual) or (isinstance(value, np.ndarray) and value.dtype == object)
+    if is_kept and type(z) is np.ndarray and z.dtype == float:
+        raise InvalidSystemError(
+            "the function keeps numbers of one call for the next, as a warm start does: a call "
+            "with plain numbers returned what a call with derivatives had left; begin every call "
+            "anew"
+        )
 
 
 def _prints(surveys: Sequence[_Survey]) -> list[Any]:
@@ -307,6 +322,8 @@ class LiftedFunction:
             found = self.function.outcome(x[: self.size], alpha, self.layout, pick)
         if _is_finite(found):
             return found
+        if x.dtype == object:
+            raise UntraceableError("columns, at some points of which a call is not finite")
         at_zero, mirrored = (
             self.function.outcome(x[: self.size], alpha, self.layout, self._beyond(pick, sign))
             for sign in (0.0, -1.0)
@@ -351,7 +368,7 @@ def _parts(outcome: Outcome) -> tuple[Any, Any, Any]:
 def _is_finite(outcome: Outcome) -> bool:
     """Tell whether all numbers and derivatives are finite; arrays traced by JAX count as finite."""
     for part in _parts(outcome):
-        known = [value_of(part)] if isinstance(part, np.ndarray | Dual) else []
+        known = [numbers_in(value_of(part))] if isinstance(part, np.ndarray | Dual) else []
         if isinstance(part, Dual):
             known.append(part.rows.data if sp.issparse(part.rows) else part.rows)
         if not all(np.isfinite(numbers).all() for numbers in known):

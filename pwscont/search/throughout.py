@@ -24,10 +24,10 @@ from typing import final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, generic
+from pwscont.basics.arrays import Array, generic, product
 from pwscont.basics.character import Character
 from pwscont.basics.outcome import Failure, Guarantee, SearchScope
-from pwscont.basics.rounding import EPS
+from pwscont.basics.rounding import CONVERGED, EPS
 from pwscont.curve.curve import Curve
 from pwscont.curve.error_samples import Found, has_digits, is_inside
 from pwscont.curve.metric import Metric
@@ -78,8 +78,9 @@ ZERO_ACCURACY, NEAR_ZERO = 1e-3, 1e-2
 GOLDEN = 0.5 * (5.0**0.5 - 1.0)
 #: Largest correction of a point that a pursuit found, as a part of 1 plus the length of the point.
 MOST_CORRECTED = 1e-3
-#: Most Newton iterations of such a correction.
-MOST_STANDING = 8
+#: Most Newton iterations of such a correction, and most cells that are tried: a root of a selection
+#: is a solution only in the cell of the selection.
+MOST_STANDING, MOST_CELLS = 8, 4
 
 
 @final
@@ -234,15 +235,21 @@ class _Looking:
     def _standing(self, y: Array) -> Found | None:
         """Return the exact solution near a rough solution, None for a start that ran away."""
         metric, x = self._metric, y * self._metric.scale
-        curve = Curve(Selection(self._system, self._system.character(x[:-1], float(x[-1]))), metric)
         direction = self._pursuit.direction(y)
         if direction is None or self._pursuit.is_flat(y, direction):
             return None
-        row = metric.covector(direction * metric.scale)
-        root = newton(curve, lambda at: (float(row.dot(at - x)), row), x, MOST_STANDING)
-        if isinstance(root, Failure):
-            return None
-        return self._usable((root.x, root.error[np.newaxis]), x)
+        row, near = metric.covector(direction * metric.scale), x
+        for _ in range(MOST_CELLS):
+            own = Selection(self._system, self._system.character(near[:-1], float(near[-1])))
+            curve = Curve(own, metric)
+            root = newton(curve, lambda at: (float(row.dot(at - x)), row), near, MOST_STANDING)
+            if isinstance(root, Failure):
+                return None
+            near = root.x
+            rounding = CONVERGED * product(abs(own.test_gradients(near)), metric.sizes(near))
+            if (own.tests(near) >= -rounding).all():
+                return self._usable((near, root.error[np.newaxis]), x)
+        return None
 
     def _solutions(self, alpha: float) -> list[Array]:
         """Return the known solutions at an alpha, in typical magnitudes."""

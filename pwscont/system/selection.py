@@ -13,6 +13,7 @@ import numpy as np
 from pwscont.basics.arrays import Array, Indices, Matrix, Signs, dense, indices, is_anywhere
 from pwscont.basics.character import Character
 from pwscont.basics.looks import named, short
+from pwscont.system.columns import FEWEST_POINTS, by_columns, takes_columns
 from pwscont.system.contract import jacobian_at, kink_at, lent_jacobian_at, residual_at
 from pwscont.system.system import PiecewiseLinearSystem, PiecewiseSystem
 from pwscont.system.values import checked_array, own_matrix
@@ -55,6 +56,7 @@ class Selection:
             first = np.sort(np.unique(tests, return_index=True)[1])
             tests, inside = tests[first], inside[first]
         self._cell: bytes | None = None
+        self._takes_columns: bool | None = None
         self._gradients: Matrix | None = None
         self.bounding: Indices = tests
         #: +1 or -1 for each bounding test, the factor that makes the test positive inside.
@@ -105,12 +107,22 @@ class Selection:
 
     def residuals(self, points: Array) -> Array:
         """Return H_chi at points, shape (k, n + 1), each with 0 appended."""
-        system, character, values = self.system, self.character, np.zeros(points.shape)
-        residual, shape = system.residual, (points.shape[1] - 1,)
+        values = np.zeros(points.shape)
+        if self._takes_columns is None and len(points) >= FEWEST_POINTS:
+            self._takes_columns = takes_columns(self.system, self._method, points)
+        found = by_columns(self._method, points) if self._takes_columns else None
+        if found is not None:
+            values[:, :-1] = found
+            return values
+        shape = (points.shape[1] - 1,)
         for value, x, alpha in zip(values, points, points[:, -1].tolist(), strict=True):
-            there = residual(x[:-1], alpha, character)
-            value[:-1] = checked_array(system, "residual", there, shape)
+            there = self._method(x[:-1], alpha)
+            value[:-1] = checked_array(self.system, "residual", there, shape)
         return values
+
+    def _method(self, z: Array, alpha: float) -> Array:
+        """Return H_chi as the system returns it."""
+        return self.system.residual(z, alpha, self.character)
 
     def jacobian(self, x: Array) -> Matrix:
         """Return dH_chi/dx, shape (n, n + 1)."""

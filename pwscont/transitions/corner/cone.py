@@ -12,6 +12,7 @@ from typing import final
 
 import numpy as np
 
+from pwscont.basics.arrays import product
 from pwscont.basics.budget import check_budget
 from pwscont.basics.outcome import Failure, Kind
 from pwscont.basics.rounding import CONFIDENCE, EPS
@@ -128,7 +129,9 @@ def _bends_into(curve: Curve, state: State) -> bool:
     if isinstance(corrected, Failure):
         return False
     selection, x = curve.selection, corrected.state.x
-    rounding = magnitude_of_values(selection.test_gradients(x), x, corrected.state.error)
+    gradients = selection.test_gradients(x)
+    rounding = magnitude_of_values(gradients, x, corrected.state.error)
+    rounding += EPS * product(abs(gradients), curve.metric.scale)  # of the corner and the direction
     return bool((selection.tests(x) > CONFIDENCE * rounding).all())
 
 

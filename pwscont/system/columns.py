@@ -1,0 +1,191 @@
+"""H at several points by a single call: each number is a column, with an entry for each point.
+
+A method that only computes with numbers computes with columns as well, and the entries of a column
+never meet. A method that does anything else, as to compare, to convert, or to call a function of
+scipy, fails with columns, and H is then evaluated point by point.
+
+Failure modes and answers
+-------------------------
+- The method looks at the types of its arguments, and computes something else for columns: before
+  columns are used, H is evaluated both ways next to the first points.
+- The method keeps its arguments for the next call: a system whose attributes the first call has
+  changed is restored, and gets no more columns.
+- Rounding: functions of several numbers at once may differ from functions of one number in the last
+  place.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from operator import is_
+from typing import Any, final
+
+import numpy as np
+
+from pwscont.basics.arrays import Array, generic
+
+#: Most unknowns of a system for which columns pay: with more, H of a point at a time is faster.
+MOST_UNKNOWNS = 8
+#: Fewest points for which columns pay.
+FEWEST_POINTS = 4
+#: How far from a curve H is evaluated both ways, as a part of the largest unknown.
+AWAY = 0.01
+#: Largest difference of H evaluated both ways, as a part of the largest entry.
+SAME = 1e-9
+#: Functions of numpy that compute an entry from the same entry of the argument.
+FUNCTIONS = (
+    *("exp", "expm1", "exp2", "log", "log1p", "log2", "log10", "sqrt", "cbrt"),
+    *("sin", "cos", "tan", "arcsin", "arccos", "arctan", "sinh", "cosh", "tanh"),
+    *("arcsinh", "arccosh", "arctanh", "square", "reciprocal"),
+)
+NUMBERS = frozenset({float, int, np.float64})
+
+
+@final
+class Column:
+    """A number at each of k points.
+
+    Attributes
+    ----------
+    values : ndarray, shape (k,)
+    """
+
+    __slots__ = ("values",)
+    shape, ndim, size = (), 0, 1  # as of a number of numpy
+    __hash__ = None  # type: ignore[assignment]  # a number may be a key, a column may not
+
+    def __init__(self, values: Array) -> None:
+        self.values = values
+
+    def __bool__(self) -> bool:
+        raise TypeError("a column is neither true nor false")
+
+    def __eq__(self, other: object) -> bool:
+        raise TypeError("columns are not compared")
+
+    def reshape(self, *shape: Any) -> Array:
+        """Return the column in an array of objects of this shape."""
+        return np.array(self, dtype=object).reshape(*shape)
+
+    def __neg__(self) -> Column:
+        return Column(-self.values)
+
+    def __pos__(self) -> Column:
+        return self
+
+    def __abs__(self) -> Column:
+        return Column(np.abs(self.values))
+
+
+def _operator(name: str) -> Callable[[Column, Any], Any]:
+    operate = getattr(np.ndarray, name)
+
+    def computed(self: Column, other: Any) -> Any:
+        if type(other) is Column:
+            return Column(operate(self.values, other.values))
+        return Column(operate(self.values, other)) if type(other) in NUMBERS else NotImplemented
+
+    return computed
+
+
+def _function(name: str) -> Callable[[Column], Column]:
+    compute = getattr(np, name)
+    return lambda self: Column(compute(self.values))
+
+
+for _name in ("add", "sub", "mul", "truediv", "pow"):
+    setattr(Column, f"__{_name}__", _operator(f"__{_name}__"))
+    setattr(Column, f"__r{_name}__", _operator(f"__r{_name}__"))
+for _name in FUNCTIONS:
+    setattr(Column, _name, _function(_name))
+
+
+def are_columns(entries: Array) -> bool:
+    """Tell whether all entries of an array of objects are columns or numbers.
+
+    H may be evaluated at several points by a single call: each number is then a *column*, which has
+    a value for each point (``pwscont.system.columns``).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pwscont.extending import are_columns
+    >>> are_columns(np.array([1.0, "one"], dtype=object))
+    False
+    """
+    numbers: list[Any] = entries.ravel().tolist()
+    return all(type(entry) is Column or type(entry) in NUMBERS for entry in numbers)
+
+
+def numbers_in(array: Array) -> Array:
+    """Return the numbers in an array of floats, or all numbers in an array of columns.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pwscont.extending import numbers_in
+    >>> numbers_in(np.array([1.0, 2.0]))
+    array([1., 2.])
+    """
+    if array.dtype != object:
+        return array
+    entries: list[Any] = array.ravel().tolist()
+    parts = [each.values if type(each) is Column else [each] for each in entries]
+    return np.concatenate([*parts, []])
+
+
+Residual = Callable[[Array, Any], Any]
+
+
+def by_columns(residual: Residual, points: Array) -> Array | None:
+    """Return H at points by a single call, None if H cannot be computed with columns.
+
+    Parameters
+    ----------
+    residual : callable
+        (z, alpha) -> ndarray, shape (n,)
+    points : ndarray, shape (k, n + 1)
+
+    Returns
+    -------
+    ndarray, shape (k, n), or None
+    """
+    *unknowns, alpha = map(Column, points.T.copy())
+    z = np.empty(len(unknowns), dtype=object)
+    z[:] = unknowns
+    try:
+        found = residual(z, alpha)
+        if found.dtype != object or found.shape != z.shape or not are_columns(found):
+            return None
+    except Exception:
+        return None
+    values = np.empty((len(unknowns), len(points)))
+    entries: list[Any] = list(found)
+    for row, each in zip(values, entries, strict=True):
+        row[:] = each.values if type(each) is Column else each
+    return values.T
+
+
+def takes_columns(system: object, residual: Residual, points: Array) -> bool:
+    """Tell whether H computed with columns is H, from a few of the points, moved off the curve."""
+    count, size = points.shape
+    if size - 1 > MOST_UNKNOWNS:
+        return False
+    moved = points[[0, count // 2, -1]]
+    moved[:, :-1] += AWAY * np.abs(moved[:, :-1]).max() * generic(size - 1)
+    attributes = getattr(system, "__dict__", {})
+    before = dict(attributes)
+    found = by_columns(residual, moved)
+    kept = attributes.keys() == before.keys() and all(
+        map(is_, attributes.values(), before.values())
+    )
+    if not kept:
+        attributes.clear()
+        attributes.update(before)
+    if found is None or not kept:
+        return False
+    try:
+        one_by_one = np.array([residual(x[:-1], float(x[-1])) for x in moved])
+    except Exception:  # beside the curve H may be undefined
+        return False
+    return bool(np.abs(found - one_by_one).max() <= SAME * np.abs(one_by_one).max())
