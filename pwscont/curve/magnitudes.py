@@ -91,16 +91,14 @@ class Gauge:
 
     def __init__(self, metric: Metric) -> None:
         self._scale, self._width = metric.scale[:-1], metric.width
-        self._count, self._look, self._alpha = 0, FIRST_LOOK, 0.0
+        self._steps, self._look, self._alpha = 0, FIRST_LOOK, 0.0
         self._away, self._apart, self._farthest, self._size = np.zeros((4, len(self._scale)))
-        self._steps: list[tuple[Array, Array]] = []  # of the current path, not yet added up
         self._first: Array | None = None
         self._begun: Array | None = None
         self._before: tuple[float, float] | None = None  # alpha and distance at the last look
 
     def begin(self) -> None:
         """Take the next step for the first step of another path."""
-        self._add_up()
         self._begun = None
 
     def see(self, x: Array, y: Array) -> None:
@@ -110,32 +108,20 @@ class Gauge:
         ------
         MisjudgedError
         """
-        if self._begun is None:
-            self._begun = x[:-1]
-            self._first = self._begun if self._first is None else self._first
-        self._steps.append((x, y))
-        self._count += 1
-        if len(self._steps) < FIRST_LOOK and self._count < self._look:
-            return
-        self._add_up()
-        if self._count >= self._look:
+        first = self._first = x if self._first is None else self._first
+        begun = self._begun = x if self._begun is None else self._begun
+        change, middle = float(abs(y[-1] - x[-1])), 0.5 * (x + y)
+        away = np.abs(middle - begun)[:-1]
+        self._alpha += change
+        self._away += change * away
+        self._apart += change * np.abs(middle - first)[:-1]
+        self._size = np.maximum(self._size, np.abs(y[:-1]))
+        self._farthest = np.maximum(self._farthest, away)
+        self._steps += 1
+        if self._steps >= self._look:
             self._look *= 2
             if not self._runs_off():
                 self._judge(TOO_SMALL, math.inf)
-
-    def _add_up(self) -> None:
-        """Add up the steps that were seen."""
-        if not self._steps:
-            return
-        starts, ends = map(np.array, zip(*self._steps, strict=True))
-        self._steps.clear()
-        changes, middles = np.abs(ends[:, -1] - starts[:, -1]), 0.5 * (starts + ends)[:, :-1]
-        away = np.abs(middles - self._begun)
-        self._alpha += float(changes.sum())
-        self._away += changes @ away
-        self._apart += changes @ np.abs(middles - self._first)
-        self._size = np.maximum(self._size, np.abs(ends[:, :-1]).max(axis=0))
-        self._farthest = np.maximum(self._farthest, away.max(axis=0))
 
     def _runs_off(self) -> bool:
         """Tell whether alpha changes ever less the farther the path goes; not known at first.
@@ -155,8 +141,7 @@ class Gauge:
         ------
         MisjudgedError
         """
-        self._add_up()
-        if self._count:
+        if self._steps:
             self._judge(TOO_SMALL, TOO_LARGE)
 
     def _judge(self, small: float, large: float) -> None:

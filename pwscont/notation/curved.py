@@ -59,14 +59,11 @@ class SwitchedSystem(Notated, GivesFormula):
 
     def residual(self, z: Array, alpha: float, character: Character) -> Array:
         """Return the user's equations, then the equations of the hidden unknowns, shape (size,)."""
-        modes = self._layout.modes(character.array)
-        if z.dtype == object:  # columns, which have no digits to be remembered by
-            outcome = self._lifted.outcome(z, alpha, modes)
-        else:
-            outcome = self._outcome(z, alpha, character)
+        outcome = self._outcome(z, alpha, character)
         if not len(self._hidden):
             value: Array = outcome.value.copy()
             return value
+        modes = self._layout.modes(character.array)
         rows = z[self.shown :] - outcome.branches[self._hidden_branches(modes)]
         return np.concatenate([outcome.value, rows])
 
@@ -76,6 +73,8 @@ class SwitchedSystem(Notated, GivesFormula):
 
     def _outcome(self, z: Array, alpha: float, character: Character | None) -> Outcome:
         """Return an outcome, from the last call if equal; character None stands for true modes."""
+        if character is not None and z.dtype == object:  # columns have no digits to remember
+            return self._lifted.outcome(z, alpha, self._layout.modes(character.array))
         place, signs = z.tobytes(), bytes(character) if character is not None else b""
         last = self._last
         if last and last[0] == place and last[1] == alpha and signs in (b"", last[2]):

@@ -228,10 +228,7 @@ def is_traced(thing: Any) -> bool:
 
 
 def as_operand(thing: Any) -> Any:
-    """Return a Dual, an array of floats, or an array of columns.
-
-    A list or box that contains Duals becomes one Dual.
-    """
+    """Return an array of floats or columns, or a Dual: also for a list or box with Duals."""
     if isinstance(thing, Dual) or (type(thing) is np.ndarray and thing.dtype == float):
         return thing  # nearly always
     if is_traced(thing):
@@ -240,9 +237,9 @@ def as_operand(thing: Any) -> Any:
     if array.dtype == object:
         entries = array.ravel()
         some = next((entry for entry in entries if isinstance(entry, Dual)), None)
-        if some is None and are_columns(entries):
-            return array
         if some is None:
+            if are_columns(entries):
+                return array
             raise UntraceableError("an array of objects")
         if _are_all_numbers(entries):
             return _of_numbers(entries, some.rows.shape[1]).reshape(array.shape)

@@ -114,8 +114,8 @@ class UserFunction:
         value = self.f(z.copy(), alpha, Switches(switches.choose, switches.forms_of))
         switches.close()
         found = self._checked(value)
-        if type(found) is not np.ndarray or found.dtype != float:
-            _refuse_kept(z, found)
+        if type(found) is not type(z) or found.dtype != z.dtype:
+            _refuse_kept(z)
         return Outcome(found, joined(switches.tests), joined(switches.branches))
 
     def _checked(self, value: Any) -> Any:
@@ -136,14 +136,12 @@ class UserFunction:
         return found if found.shape else found.reshape(1)
 
 
-def _refuse_kept(z: Any, value: Any) -> None:
-    """Refuse a value with derivatives, or of columns, from a call with plain numbers."""
-    is_kept = isinstance(value, Dual) or (isinstance(value, np.ndarray) and value.dtype == object)
-    if is_kept and type(z) is np.ndarray and z.dtype == float:
+def _refuse_kept(z: Any) -> None:
+    """Refuse values with derivatives, or columns, from a call with plain numbers."""
+    if type(z) is np.ndarray and z.dtype == float:
         raise InvalidSystemError(
             "the function keeps numbers of one call for the next, as a warm start does: a call "
-            "with plain numbers returned what a call with derivatives had left; begin every call "
-            "anew"
+            "with plain numbers returned what a call with derivatives had left"
         )
 
 

@@ -1,37 +1,24 @@
 """H at several points by a single call: each number is a column, with an entry for each point.
 
 A method that only computes with numbers computes with columns as well, and the entries of a column
-never meet. A method that does anything else, as to compare, to convert, or to call a function of
-scipy, fails with columns, and H is then evaluated point by point.
-
-Failure modes and answers
--------------------------
-- The method looks at the types of its arguments, and computes something else for columns: before
-  columns are used, H is evaluated both ways next to the first points.
-- The method keeps its arguments for the next call: a system whose attributes the first call has
-  changed is restored, and gets no more columns.
-- Rounding: functions of several numbers at once may differ from functions of one number in the last
-  place.
+never meet. A method that compares, converts or calls functions of scipy fails with columns, and H
+is then evaluated point by point, as for a method that looks at types or keeps its arguments.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from operator import is_
 from typing import Any, final
 
 import numpy as np
 
 from pwscont.basics.arrays import Array, generic
 
-#: Most unknowns of a system for which columns pay: with more, H of a point at a time is faster.
-MOST_UNKNOWNS = 8
-#: Fewest points for which columns pay.
-FEWEST_POINTS = 4
-#: How far from a curve H is evaluated both ways, as a part of the largest unknown.
-AWAY = 0.01
-#: Largest difference of H evaluated both ways, as a part of the largest entry.
-SAME = 1e-9
+#: Most unknowns, and fewest points, for which columns are faster than H of a point at a time.
+MOST_UNKNOWNS, FEWEST_POINTS = 8, 4
+#: How far from a curve H is evaluated both ways, as a part of the largest unknown, and the largest
+#: difference, as a part of the largest entry of H.
+AWAY, SAME = 0.01, 1e-9
 #: Functions of numpy that compute an entry from the same entry of the argument.
 FUNCTIONS = (
     *("exp", "expm1", "exp2", "log", "log1p", "log2", "log10", "sqrt", "cbrt"),
@@ -43,12 +30,7 @@ NUMBERS = frozenset({float, int, np.float64})
 
 @final
 class Column:
-    """A number at each of k points.
-
-    Attributes
-    ----------
-    values : ndarray, shape (k,)
-    """
+    """A number at each of k points: ``values``, shape (k,)."""
 
     __slots__ = ("values",)
     shape, ndim, size = (), 0, 1  # as of a number of numpy
@@ -69,9 +51,6 @@ class Column:
 
     def __neg__(self) -> Column:
         return Column(-self.values)
-
-    def __pos__(self) -> Column:
-        return self
 
     def __abs__(self) -> Column:
         return Column(np.abs(self.values))
@@ -140,15 +119,7 @@ Residual = Callable[[Array, Any], Any]
 def by_columns(residual: Residual, points: Array) -> Array | None:
     """Return H at points by a single call, None if H cannot be computed with columns.
 
-    Parameters
-    ----------
-    residual : callable
-        (z, alpha) -> ndarray, shape (n,)
-    points : ndarray, shape (k, n + 1)
-
-    Returns
-    -------
-    ndarray, shape (k, n), or None
+    ``residual``: (z, alpha) -> ndarray, shape (n,); ``points``: shape (k, n + 1).
     """
     *unknowns, alpha = map(Column, points.T.copy())
     z = np.empty(len(unknowns), dtype=object)
@@ -176,13 +147,10 @@ def takes_columns(system: object, residual: Residual, points: Array) -> bool:
     attributes = getattr(system, "__dict__", {})
     before = dict(attributes)
     found = by_columns(residual, moved)
-    kept = attributes.keys() == before.keys() and all(
-        map(is_, attributes.values(), before.values())
-    )
-    if not kept:
+    kept = all(before.get(name, before) is value for name, value in attributes.items())
+    if found is None or not kept:
         attributes.clear()
         attributes.update(before)
-    if found is None or not kept:
         return False
     try:
         one_by_one = np.array([residual(x[:-1], float(x[-1])) for x in moved])

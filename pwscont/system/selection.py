@@ -111,13 +111,11 @@ class Selection:
         if self._takes_columns is None and len(points) >= FEWEST_POINTS:
             self._takes_columns = takes_columns(self.system, self._method, points)
         found = by_columns(self._method, points) if self._takes_columns else None
-        if found is not None:
+        if found is None:
+            for value, x in zip(values, points, strict=True):
+                value[:] = self.residual_and(x, 0.0)
+        else:
             values[:, :-1] = found
-            return values
-        shape = (points.shape[1] - 1,)
-        for value, x, alpha in zip(values, points, points[:, -1].tolist(), strict=True):
-            there = self._method(x[:-1], alpha)
-            value[:-1] = checked_array(self.system, "residual", there, shape)
         return values
 
     def _method(self, z: Array, alpha: float) -> Array:
