@@ -28,9 +28,12 @@ from pwscont import (
 )
 from pwscont.extending import ExactMode
 from pwscont.graph.records import Track
-from pwscont.proof.cells import Balls, ExactCells, ProvedCells, proved_cells
+from pwscont.proof.cells import ExactCells, residual
+from pwscont.proof.interval import Interval
 from pwscont.proof.pieces import PiecesProof
+from pwscont.proof.prove import proved_solutions
 from pwscont.proof.rates import is_positive_definite
+from pwscont.proof.rational import segment_of
 from pwscont.search.enumeration import Solutions
 
 GAME = LCP([[1, 2], [2, 1]], q=[-1, -1], d=[1, 0])
@@ -58,12 +61,12 @@ def test_integer_problems_agree_with_rational_enumeration(seeds):
         M, q, d, e = integer_family(np.random.default_rng(seed))
         for alpha in (Fraction(-1), Fraction(0), Fraction(1, 2)):
             truth = number_of_solutions(M, q, d, e, alpha, Fraction(0))
-            cells = proved_cells(ExactCells(*LCP(M, q, d).exact_rows(float(alpha))), float(alpha))
-            if not cells.open:
+            cells = ExactCells(*LCP(M, q, d).exact_rows(float(alpha)))
+            boxes, points, undecided = proved_solutions(cells, float(alpha))
+            if not undecided:
                 proved += 1
-                count = len(cells.boxes) + len(cells.points)
-                assert truth in (None, count)
-            assert cells.open or truth != math.inf
+                assert truth in (None, len(boxes) + len(points))
+            assert undecided or truth != math.inf
     assert proved > 2 * len(seeds)
 
 
@@ -108,8 +111,8 @@ def test_data_moved_by_rounding_across_a_kink_moves_the_count():
 def test_units_of_a_complementarity_problem_do_not_hide_an_inequality(stiffness):
     """z - w rounds to -w: a cell with w = 0 and z < 0 has no solution all the same."""
     spring = Complementarity(lambda z, t: stiffness * z + 1.0 + 0.0 * t, n=1, linear=True)
-    cells = proved_cells(ExactCells(*spring.exact_rows(0.0)), 0.0)
-    assert len(cells.boxes) + len(cells.points) == 1
+    boxes, points, _ = proved_solutions(ExactCells(*spring.exact_rows(0.0)), 0.0)
+    assert len(boxes) + len(points) == 1
 
 
 def test_what_is_no_solution_is_not_proved_beside_solutions_that_are_close():
@@ -136,13 +139,22 @@ def bad_boxes(count):
         load = random_bodies.random_vector(body.n, seed)
         system = CoulombLoad(random_bodies.contact_body(body), AffineLoad(load, load), 2.0)
         cells = ExactCells(*system.exact_rows(0.0))
-        for choice, (x, r) in proved_cells(cells, 0.0).boxes.items():
-            exact = ProvedCells()
-            exact.decide(cells, choice, 0.0)
-            (point,) = exact.points
-            pairs = zip(point, x, r, strict=True)
-            bad += any(abs(v - Fraction(float(a))) > Fraction(float(b)) for v, a, b in pairs)
+        for choice, box in proved_solutions(cells, 0.0)[0].items():
+            point, _ = segment_of(*cells.of(choice), (0.0, 0.0))
+            bad += escaped(box, point[:-1]) > 0
     return bad
+
+
+def escaped(found, exact):
+    """Return how many exact numbers are outside of intervals."""
+    triples = zip(found.lo.ravel().tolist(), found.hi.ravel().tolist(), exact, strict=True)
+    return sum(not Fraction(lo) <= x <= Fraction(hi) for lo, hi, x in triples)
+
+
+def narrowed(found, part):
+    """Return intervals with a part of the width around the middle."""
+    far = 0.5 * part * found.width()
+    return Interval(found.middle() - far, found.middle() + far)
 
 
 def test_enclosures_hold_the_rational_solutions():
@@ -152,18 +164,8 @@ def test_enclosures_hold_the_rational_solutions():
 def test_enclosures_that_are_too_narrow_are_caught(monkeypatch):
     solved = pwscont.proof.cells.solved
 
-    def narrow(*args):
-        x = solved(*args)
-        return Balls(x.mid, 1e-6 * x.rad)
-
-    monkeypatch.setattr(pwscont.proof.cells, "solved", narrow)
+    monkeypatch.setattr(pwscont.proof.cells, "solved", lambda *args: narrowed(solved(*args), 1e-6))
     assert bad_boxes(12) > 0
-
-
-def escaped(found, exact):
-    """Return how many exact numbers are outside of balls."""
-    pairs = zip(found.mid.ravel().tolist(), found.rad.ravel().tolist(), exact, strict=True)
-    return sum(abs(Fraction(mid) - x) > Fraction(rad) for mid, rad, x in pairs)
 
 
 def exact_rows(matrix, x, right):
@@ -177,8 +179,8 @@ def exact_rows(matrix, x, right):
 
 
 @pytest.mark.parametrize("is_exact", [True, False])
-def test_balls_hold_exact_products(is_exact):
-    """Of all magnitudes, with and without cancellation; balls without a radius lose results."""
+def test_products_of_matrices_hold_exact_products(is_exact):
+    """Of all magnitudes, with and without cancellation; without a width results are lost."""
     lost = 0
     for seed in range(40):
         rng = np.random.default_rng(seed)
@@ -186,19 +188,20 @@ def test_balls_hold_exact_products(is_exact):
         x = rng.normal(size=(5, 2)) * 2.0 ** rng.integers(-60, 60, size=(5, 2))
         right = -(matrix @ x) if seed % 2 else rng.normal(size=(6, 2))
         near = matrix * (1.0 + 1e-12 * rng.uniform(-1.0, 1.0, matrix.shape))
-        balls = Balls(matrix) if is_exact else Balls(near, 1.1e-12 * np.abs(matrix))
+        far = 1.1e-12 * np.abs(matrix)
+        known = Interval(matrix) if is_exact else Interval(near - far, near + far)
         truth = exact_rows(matrix, x, right)
-        found = pwscont.proof.cells._residual(balls, x, Balls(right))
+        found = residual(known, x, Interval(right))
         assert escaped(found, truth) == 0
-        lost += escaped(Balls(found.mid, 1e-3 * found.rad), truth)
+        lost += escaped(narrowed(found, 1e-3), truth)
     assert lost > 0
 
 
 def test_exact_residuals_have_twice_the_digits():
     rng = np.random.default_rng(2)
     matrix, x = rng.normal(size=(30, 30)), rng.normal(size=(30, 2))
-    found = pwscont.proof.cells._residual(Balls(matrix), x, Balls(-(matrix @ x)))
-    assert found.rad.max() < 1e-19
+    found = residual(Interval(matrix), x, Interval(-(matrix @ x)))
+    assert found.width().max() < 2e-19
 
 
 # -- pieces and transitions ------------------------------------------------------------------------

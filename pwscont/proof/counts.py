@@ -13,7 +13,7 @@ import numpy as np
 from pwscont.basics.arrays import Array
 from pwscont.graph.proved import BoxProof, Corners, CountedStretch, Range
 from pwscont.graph.structure import connected
-from pwscont.proof.contraction import formula, inverse_of, with_slopes
+from pwscont.proof.boxes import evaluated, inverse_of, with_slopes
 from pwscont.proof.cover import FINEST_ALPHA, Cover
 from pwscont.proof.groups import Groups
 from pwscont.proof.interval import FUNCTION_ULPS, Interval, chosen, together
@@ -49,7 +49,8 @@ def counted_proof(tape: Tape, box: Interval, scale: Array, cover: Cover) -> BoxP
         [(*each, groups.turn_of(*each)) for each in unsaid],
         list(zip(left.lo.T, left.hi.T, strict=True)),
         cover.boxes,
-        ASSUMED + (AGREEING_SELECTIONS if tape.has("select") else ""),
+        ASSUMED
+        + (AGREEING_SELECTIONS if any(step.name == "select" for step in tape.steps) else ""),
     )
 
 
@@ -101,10 +102,10 @@ def _enclosed(tape: Tape, tubes: Tubes, alpha: float) -> Interval:
     """Return narrow enclosures of the solutions in tubes at one alpha, shape (n, k)."""
     point = Interval(np.full(len(tubes.first), alpha))
     known = tubes.at(point, tubes.image)
-    slopes = with_slopes(tape, together(np.vstack, known, point))[1]
+    slopes = with_slopes(tape.slopes, together(np.vstack, known, point))[1]
     matrix = inverse_of(slopes.middle()[:, :-1])
     centre = polished(tape, np.vstack([known.middle(), point.lo]), matrix)
-    value = formula(tape, Interval(np.vstack([centre, point.lo])))
+    value = evaluated(tape, Interval(np.vstack([centre, point.lo])))
     far = np.einsum("ijb,jb->ib", np.abs(matrix), value.reach())
     radius = ROOM * far + slack(centre) + slack(tubes.radius)
     thin = Tubes(point.lo, point.lo, point.lo, centre, np.zeros_like(centre), radius, radius)

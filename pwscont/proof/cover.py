@@ -18,7 +18,7 @@ import numpy as np
 
 from pwscont.basics.arrays import Array
 from pwscont.basics.budget import check_budget
-from pwscont.proof.contraction import (
+from pwscont.proof.boxes import (
     consistent,
     eliminated,
     inverse_of,
@@ -97,7 +97,7 @@ def _looked_at(
     """Return the tubes of boxes that are proved, the halves of others, and boxes left open."""
     boxes, empty = consistent(tape, boxes)
     boxes = boxes[:, ~empty]
-    values, slopes = with_slopes(tape, boxes)
+    values, slopes = with_slopes(tape.slopes, boxes)
     boxes, empty = newton(tape, boxes, slopes)
     keeps = ~(empty | values.excludes_zero().any(axis=0))
     boxes, slopes = boxes[:, keeps], slopes[:, :, keeps]

@@ -10,32 +10,26 @@ known where several switches are undecided, or a fold is near a kink or a face o
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import partial
-from typing import Any, final
+from typing import final
 
 import numpy as np
 from scipy.sparse.csgraph import connected_components
 
-from pwscont.basics.arrays import Array, Indices, Signs
-from pwscont.proof.contraction import (
-    along,
-    branched,
-    inverse_of,
-    picked,
-    slopes_of,
-    times,
-    units,
-    values_of,
-)
+from pwscont.basics.arrays import Array, Signs
+from pwscont.proof.boxes import evaluated, inverse_of, times, with_slopes
 from pwscont.proof.interval import Interval, above, below, chosen, together
-from pwscont.proof.operations import SWITCHES
+from pwscont.proof.operations import OPERATIONS, Rule, branch
 from pwscont.proof.tape import Tape
 
 #: Most open boxes that are put together.
 MOST_GROUPED = 4000
 #: Into how many parts the weights of two modes are divided.
 WEIGHTS = 8
-FIRST, SECOND = (partial(branched, both=lambda *pair, k=k: pair[k]) for k in (0, 1))
+#: The rules with which a switch that is undecided has the derivative of one branch.
+MODES = [
+    {**OPERATIONS, "slope": Rule(lambda test, a, b, k=k: branch(test, a, b, (a, b)[k]))}
+    for k in (0, 1)
+]
 
 
 def hulls(boxes: Interval) -> Interval:
@@ -95,17 +89,14 @@ class _Passage:
 
     def __init__(self, tape: Tape, hulls: Interval, scale: Array) -> None:
         self._tape, self.hulls, self._scale = tape, hulls, Interval(scale[:, np.newaxis])
-        values = values_of(tape, hulls)
-        both, *modes = (
-            slopes_of(tape, values, units(hulls), each) for each in (branched, FIRST, SECOND)
-        )
-        self._undecided, test = _undecided(tape, hulls, values, both)
-        self._test, shape = test * self._scale, hulls.lo.shape
-        hull = picked(tape.outputs, both, shape)
-        self._modes = [
-            chosen(self._undecided > 1, hull, picked(tape.outputs, each, shape)) * self._scale
-            for each in modes
-        ]
+        tests, by = with_slopes(tape.tests, hulls)
+        either = ~((tests.lo >= 0.0) | (tests.hi < 0.0))
+        self._undecided = either.sum(axis=0)
+        self._test = Interval(np.zeros_like(hulls.lo))  # of the switch that is undecided
+        for k in range(len(either)):
+            self._test = chosen(either[k], by[k] * self._scale, self._test)
+        hull, *modes = (with_slopes(tape.slopes, hulls, rules)[1] for rules in (OPERATIONS, *MODES))
+        self._modes = [chosen(self._undecided > 1, hull, each) * self._scale for each in modes]
         self._along = np.sum([_tangent(each.middle()) for each in self._modes], axis=0)
 
     def is_passed(self) -> Signs:
@@ -131,11 +122,8 @@ class _Passage:
 
     def _of_folds(self, way: Interval) -> Array:
         """Return the signs of the second derivative of alpha along smooth curves."""
-        way, tape = way * self._scale, along(self._tape)
-        values = values_of(tape, together(np.vstack, self.hulls, way))
-        seeds = [*(way[i] for i in range(len(way.lo))), *[None] * len(way.lo)]
-        bent = picked(tape.outputs, slopes_of(tape, values, seeds, FIRST), way.lo.shape[1:])
-        right = together(np.vstack, bent, Interval(np.zeros(way.lo.shape[1])))
+        bent = evaluated(self._tape.bent, together(np.vstack, self.hulls, way * self._scale))
+        right = together(np.vstack, bent, Interval(np.zeros_like(bent.lo[:1])))
         return -_sign(_solved(self._modes[0], self._along, right)[-1])
 
     def _of_kinks(self, ways: list[Interval]) -> Array:
@@ -155,25 +143,6 @@ class _Passage:
             touched += 1.0 * at_least + at_most
             turns = np.where(at_least, speed, np.where(at_most, -speed, turns))
         return np.where(touched > 1.0, np.nan, turns)
-
-
-def _undecided(
-    tape: Tape, boxes: Interval, values: list[Interval], slopes: list[Any]
-) -> tuple[Indices, Interval]:
-    """Return how many switches may be in either mode, and the slope of the test of such a switch.
-
-    The test is positive where the first branch holds. Shapes (B,) and (n + 1, B).
-    """
-    zero = Interval(np.zeros(boxes.lo.shape))
-    count, slope = np.zeros(boxes.lo.shape[1], dtype=np.intp), zero
-    for step in tape.steps:
-        if step.name in SWITCHES:
-            of = SWITCHES[step.name][0]
-            test = of(*(values[place] for place in step.args))
-            either = ~((test.lo >= 0.0) | (test.hi < 0.0))
-            count += either
-            slope = chosen(either, of(*(slopes[place] or zero for place in step.args)), slope)
-    return count, slope
 
 
 def _sign(x: Interval) -> Array:

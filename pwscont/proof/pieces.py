@@ -25,30 +25,17 @@ import numpy as np
 from pwscont.basics.arrays import Array, Indices
 from pwscont.basics.looks import counted
 from pwscont.graph.branch_graph import BranchGraph
-from pwscont.proof.cells import (
-    MOST_CELLS,
-    Balls,
-    ExactCells,
-    Point,
-    at,
-    rational,
-    segment_of,
-    spans,
-    upper,
-    value,
-)
+from pwscont.proof.cells import MOST_CELLS, ExactCells, Ranges
+from pwscont.proof.interval import Interval
+from pwscont.proof.rational import Point, rational, segment_of, spans, value
 from pwscont.system.abilities import ExactMode, completed
 
-#: Signs are looked at so far beside an end, as parts of the interval of alpha.
-BESIDE = 2.0 ** -np.array([36.0, 28.0, 20.0])
-#: An end in rational numbers is the end of a piece within this part of the typical magnitudes.
+#: An end of a cell is the end of a piece within this part of the typical magnitudes.
 NEAR = 2.0**-20
 #: An equation holds, to tell modes apart, within this part of the sizes of the terms.
 HOLDS = 1e-7
 #: An unknown that is always smaller than this part of the largest unknown is rounding.
 DUST = 1e-6
-#: How far two ranges of a cell must be apart to exclude the cell, as a part of the interval.
-APART = 2.0**-30
 #: Most unknowns of a piece that is looked at in rational numbers.
 MOST_RATIONAL = 80
 #: The least size of a term, to divide by.
@@ -91,10 +78,12 @@ class PiecesProof:
             if len(pieces) > 1 or graph.point(node).alpha not in graph.interval
         ]
         self._points, self._magnitudes = self._full_points()
+        lo, hi = graph.interval
+        self._near = NEAR * np.append(self._magnitudes[:-1], hi - lo)
         self._choices = self._modes()
         #: The inequality that vanishes at the end of a piece, by piece and node.
         self._vanishing: dict[tuple[int, int], Array] = {}
-        left = self._left_pieces(inner)
+        left = self._left_pieces()
         self.open = [f"piece {graph.pieces[k].id}" for k in left]
         self.open += [f"special point {n}" for n in inner if not self._is_joined(n, met[n])]
         self.holds = not self.open
@@ -155,39 +144,32 @@ class PiecesProof:
         ]
         return np.array(choices).T
 
-    def _left_pieces(self, inner: list[int]) -> list[int]:
+    def _left_pieces(self) -> list[int]:
         """Return the pieces that are not proved, and note inequalities that vanish at ends."""
-        alphas, (lo, hi) = self._points[..., -1], self._graph.interval
-        nodes = [(each.start, each.end) for each in self._graph.pieces]
-        is_inner = np.array([[node in inner for node in pair] for pair in nodes], dtype=bool)
-        inward = np.sign(alphas[:, ::-1] - alphas) * is_inner.reshape(alphas.shape)
-        step = np.multiply.outer(BESIDE, inward * (hi - lo))
-        beside = np.array([alphas + step, alphas - step])  # inside or outside, how far, piece, end
         first = set(np.unique(self._choices, axis=0, return_index=True)[1].tolist())
         left = []
-        for some in self._cells.portions(len(nodes)):
+        for some in self._cells.portions(len(self._choices)):
             x, sides = self._cells.lines(self._choices[some])
-            shape = sides.mid.shape[:2] + beside.shape[:2] + (2,)
-            every = np.moveaxis(beside[:, :, some], 2, 0).reshape(len(sides.mid), -1)
-            inside, outside = np.moveaxis(at(sides, every).signs().reshape(shape), 2, 0)
-            known = (inside > 0).all(axis=1)
-            ended = known & (outside != 0).all(axis=1) & ((outside < 0).sum(axis=1) == 1)
+            ranges = Ranges.of((x, sides), self._graph.interval)
             for i, k in enumerate(range(some.start, some.stop)):
-                is_proved = alphas[k, 0] != alphas[k, 1] and known[i].any(axis=0).all()
-                is_proved = is_proved and self._is_near(k, x[i])
+                is_proved = bool(ranges.decided[i]) and self._is_range(k, x[i], ranges, i)
                 if k not in first or not (is_proved or self._rational_ends(k)):
                     left.append(k)  # a cell has one piece: a second piece repeats the first
-                for far, end in np.argwhere(ended[i] & is_proved):
-                    (number,) = np.flatnonzero(outside[i, :, far, end] < 0)
-                    row = self._cells.side(self._choices[k], int(number))
-                    self._vanishing[k, nodes[k][end]] = row
         return left
 
-    def _is_near(self, k: int, line: Balls) -> bool:
-        """Tell whether the ends of a piece are on the line of the cell of the piece."""
-        found = np.array([self._cells.unknowns(line, x[-1])[0] for x in self._points[k]])
-        far: Array = np.abs(found - self._points[k, :, :-1])
-        return bool((far <= NEAR * self._magnitudes[:-1]).all())
+    def _is_range(self, k: int, line: Interval, ranges: Ranges, i: int) -> bool:
+        """Tell whether a piece is the range of its cell, and note what vanishes at the ends."""
+        points, piece = self._points[k], self._graph.pieces[k]
+        alphas = points[:, -1]
+        order = np.argsort(alphas, kind="stable")
+        ends = np.array([ranges.first.middle()[i], ranges.last.middle()[i]])
+        found = np.vstack([self._cells.unknowns(line, alphas).middle(), ends[order]]).T
+        if not (np.abs(found - points) <= self._near).all():
+            return False
+        for end, node in zip(order, (piece.start, piece.end), strict=True):
+            if (number := int(ranges.sides[end, i])) >= 0:
+                self._vanishing[k, node] = self._cells.side(self._choices[k], number)
+        return True
 
     def _is_joined(self, node: int, pieces: list[int]) -> bool:
         """Tell whether proved pieces certainly end in one point.
@@ -212,11 +194,10 @@ class PiecesProof:
         """Return both ends of a piece in rational numbers; nothing if not decided, or elsewhere."""
         if self._cells.size > MOST_RATIONAL:
             return ()
-        lo, hi = self._graph.interval
-        ends: tuple[Point, ...] = segment_of(*self._cells.of(self._choices[k]), (lo, hi)) or ()
-        slack = NEAR * np.append(self._magnitudes[:-1], hi - lo)
+        cell = self._cells.of(self._choices[k])
+        ends: tuple[Point, ...] = segment_of(*cell, self._graph.interval) or ()
         for pair in (ends, ends[::-1]) if len(set(ends)) == 2 else ():
-            if (np.abs(np.array(pair, dtype=float) - self._points[k]) <= slack).all():
+            if (np.abs(np.array(pair, dtype=float) - self._points[k]) <= self._near).all():
                 return pair
         return ()
 
@@ -226,11 +207,7 @@ class PiecesProof:
         """Yield the cells that may hold solutions that are on no piece."""
         proved = set(map(tuple, self._choices.tolist()))
         for choices in self._cells.choices():
-            values = at(self._cells.lines(choices)[1], np.array(self._graph.interval))
-            bounds = upper(np.abs(values.mid) + values.rad, 2) - np.abs(values.mid) + values.mid
-            first, last = _allowed(bounds[..., 0], bounds[..., 1])
-            empty = first.max(axis=-1, initial=0.0) > last.min(axis=-1, initial=1.0) + APART
-            empty &= np.isfinite(bounds).all(axis=(1, 2))
+            empty = Ranges.of(self._cells.lines(choices), self._graph.interval).empty
             for choice in map(tuple, choices[~empty].tolist()):
                 if choice not in proved and not self._is_on_pieces(choice):
                     yield choice
@@ -247,12 +224,3 @@ class PiecesProof:
         equations, sides = self._rational_rows(k)
         on_line = not any(value(row, x) for row in equations)
         return on_line and all(value(row, x) >= 0 for row in sides)
-
-
-def _allowed(lo: Array, hi: Array) -> tuple[Array, Array]:
-    """Return from and up to which part of the interval upper bounds are not negative."""
-    with np.errstate(all="ignore"):
-        root = lo / (lo - hi)
-    first = np.where(lo >= 0.0, 0.0, np.where(hi >= 0.0, root, np.inf))
-    last = np.where(hi >= 0.0, 1.0, np.where(lo >= 0.0, root, -np.inf))
-    return first, last

@@ -13,9 +13,11 @@ from pwscont.basics.looks import counted
 from pwscont.basics.rounding import CONFIDENCE
 from pwscont.graph.branch_graph import BranchGraph
 from pwscont.graph.records import Solution
-from pwscont.proof.cells import MOST_CELLS, ExactCells, proved_cells
+from pwscont.proof.cells import MOST_CELLS, Choice, ExactCells, Ranges
+from pwscont.proof.interval import Interval
 from pwscont.proof.pieces import PiecesProof
 from pwscont.proof.rates import RatesProof
+from pwscont.proof.rational import Point, segment_of
 from pwscont.search.enumeration import Solutions
 from pwscont.system.abilities import ExactData, ExactRates, shown_size
 from pwscont.system.system import PiecewiseSystem
@@ -23,6 +25,7 @@ from pwscont.system.system import PiecewiseSystem
 #: A solution is the proved solution if closer than this part of the largest unknown, or than
 #: errors.
 CLOSE = 1e-6
+ASSUMED = "assumed: arithmetic of IEEE 754 to nearest; the data count as the doubles that they are"
 
 
 @final
@@ -42,13 +45,13 @@ class CountProof:
     """
 
     def __init__(self, cells: ExactCells, alpha: float, known: Sequence[Solution], n: int) -> None:
-        found = proved_cells(cells, alpha)
-        points = (np.array(point, dtype=float) for point in found.points)
-        centres = [x[:n] for x in (*(box[0] for box in found.boxes.values()), *points)]
-        self.open = found.open
+        boxes, points, self.open = proved_solutions(cells, alpha)
+        centres = [each.middle() for each in boxes.values()]
+        centres += [np.array(point, dtype=float) for point in points]
+        found = counted(len(centres), "solution")
         self.count = None if self.open else len(centres)
-        self.holds = self.count == len(known) and _are_matched(centres, known)
-        words = f"exactly {counted(len(centres), 'solution')} at alpha = {alpha:.8g}, proved"
+        self.holds = self.count == len(known) and _are_matched([x[:n] for x in centres], known)
+        words = f"exactly {found} at alpha = {alpha:.8g}, proved"
         if not self.holds:
             words += f"; the {len(known)} given are not these"
         if self.open:
@@ -61,7 +64,47 @@ class CountProof:
         return f"CountProof({self.statements[0]})"
 
 
-ASSUMED = "assumed: arithmetic of IEEE 754 to nearest; the data count as the doubles that they are"
+def proved_solutions(
+    cells: ExactCells, alpha: float
+) -> tuple[dict[Choice, Interval], set[Point], list[Choice]]:
+    """Return enclosures of solutions by cells, all other solutions, and cells that are undecided.
+
+    A cell off all its inequalities has one solution in floating point; if that may be the solution
+    of another cell, or if floating point does not decide a cell, rational numbers decide.
+    """
+    boxes, points, open_cells = dict[Choice, Interval](), set[Point](), list[Choice]()
+    rest: list[Choice] = []
+    for choices in cells.choices():
+        x, sides = cells.lines(choices)
+        ranges = Ranges.of((x, sides), (alpha, alpha))
+        for i in np.flatnonzero(~ranges.empty):
+            choice = tuple(choices[i].tolist())
+            if ranges.decided[i]:
+                boxes[choice] = cells.unknowns(x[i], np.array([alpha]))[:, 0]
+            else:
+                rest.append(choice)
+    while rest:
+        for choice in rest:
+            ends = segment_of(*cells.of(choice), (alpha, alpha))
+            if ends is not None and len(set(ends)) == 1:
+                points.add(ends[0][:-1])
+            elif ends is not None:
+                open_cells.append(choice)
+        rest = _meeting(boxes, points)
+        for choice in rest:
+            del boxes[choice]
+    return boxes, points, open_cells
+
+
+def _meeting(boxes: dict[Choice, Interval], points: set[Point]) -> list[Choice]:
+    """Return the cells with solutions that may be the solution of another cell, or a point."""
+    exact = (np.array(point, dtype=float) for point in points)
+    known = [*boxes.values(), *(Interval.rounded(x, x) for x in exact)]
+    return [
+        choice
+        for choice, x in boxes.items()
+        if any(y is not x and ((x.lo <= y.hi) & (y.lo <= x.hi)).all() for y in known)
+    ]
 
 
 def prove(given: Any, alpha: float | None = None) -> CountProof | PiecesProof | RatesProof:

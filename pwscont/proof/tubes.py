@@ -18,7 +18,7 @@ from typing import Any, final
 import numpy as np
 
 from pwscont.basics.arrays import Array, Signs
-from pwscont.proof.contraction import formula, inverse_of, times, with_slopes
+from pwscont.proof.boxes import evaluated, inverse_of, times, with_slopes
 from pwscont.proof.interval import ULP, Interval, above, together
 from pwscont.proof.tape import Tape
 
@@ -87,7 +87,7 @@ def around(tape: Tape, box: Interval, slopes: Interval, least: Array) -> tuple[T
     centre = polished(tape, middle, matrix)
     tubes = Tubes(alpha.lo, middle[-1], alpha.hi, centre, slope, centre, centre)
     ends = [np.vstack([tubes.at(Interval(end)).middle(), end]) for end in (alpha.lo, alpha.hi)]
-    rough = np.maximum(*(np.abs(_newton(tape, x, matrix)) for x in ends))
+    rough = np.maximum(*(np.abs(_newton_step(tape, x, matrix)) for x in ends))
     radius = WIDER * tubes.far(box[:-1], alpha) + ROOM * rough + slack(centre)
     tubes, is_proved = proved(tape, tubes, radius + least[:, np.newaxis], matrix)
     return tubes, is_proved & tubes.hold(box[:-1], alpha)
@@ -98,10 +98,9 @@ def slack(centre: Array) -> Array:
     return SLACK * ULP * np.abs(centre)
 
 
-def _newton(tape: Tape, x: Array, matrix: Array) -> Array:
+def _newton_step(tape: Tape, x: Array, matrix: Array) -> Array:
     """Return Newton's step at points (n + 1, B): about how far solutions are."""
-    value = formula(tape, Interval(x)).middle()
-    step: Array = np.einsum("ijb,jb->ib", matrix, value)
+    step: Array = np.einsum("ijb,jb->ib", matrix, evaluated(tape, Interval(x)).middle())
     return step
 
 
@@ -109,7 +108,7 @@ def polished(tape: Tape, middle: Array, matrix: Array) -> Array:
     """Return the centres of boxes, moved towards solutions."""
     x = middle.copy()
     for _ in range(POLISHED):
-        step = _newton(tape, x, matrix)
+        step = _newton_step(tape, x, matrix)
         x[:-1] -= np.where(np.isfinite(step), step, 0.0)
     centre: Array = x[:-1]
     return centre
@@ -118,8 +117,8 @@ def polished(tape: Tape, middle: Array, matrix: Array) -> Array:
 def proved(tape: Tape, tubes: Tubes, radius: Array, matrix: Array) -> tuple[Tubes, Signs]:
     """Return tubes of a radius with the radius of their images, and which tubes are proved."""
     alpha = Interval(tubes.first, tubes.last)
-    slopes = with_slopes(tape, together(np.vstack, tubes.at(alpha, radius), alpha))[1]
-    start = formula(tape, Interval(np.vstack([tubes.centre, tubes.middle])))
+    slopes = with_slopes(tape.slopes, together(np.vstack, tubes.at(alpha, radius), alpha))[1]
+    start = evaluated(tape, Interval(np.vstack([tubes.centre, tubes.middle])))
     along = (slopes[:, :-1] * Interval(tubes.slope)).total(axis=1)
     away = (slopes[:, -1] + along) * (alpha - Interval(tubes.middle))
     residual = times(matrix, start + away).reach()
