@@ -30,7 +30,7 @@ from pwscont.extending import ExactMode
 from pwscont.graph.records import Track
 from pwscont.proof.cells import ExactCells, residual
 from pwscont.proof.interval import Interval
-from pwscont.proof.pieces import PiecesProof
+from pwscont.proof.pieces import certified_pieces
 from pwscont.proof.prove import proved_solutions
 from pwscont.proof.rates import is_positive_definite
 from pwscont.proof.rational import segment_of
@@ -345,8 +345,8 @@ def test_transitions_that_only_look_alike_are_not_joined(monkeypatch):
     rows = slip.equations.copy()
     rows[0, -1] += 1e-12
     wrong = [[*parts[0][:3], ExactMode(rows, slip.sides)]]
-    assert PiecesProof(graph, (common, parts)).holds
-    assert not PiecesProof(graph, (common, wrong)).holds
+    assert certified_pieces(graph, (common, parts)).holds
+    assert not certified_pieces(graph, (common, wrong)).holds
 
 
 def test_what_prove_refuses():

@@ -14,11 +14,10 @@ from pwscont.basics.arrays import Array
 from pwscont.graph.proved import BoxProof, Corners, CountedStretch, Range
 from pwscont.graph.structure import connected
 from pwscont.proof.boxes import evaluated, inverse_of, with_slopes
-from pwscont.proof.cover import FINEST_ALPHA, Cover
-from pwscont.proof.groups import Groups
+from pwscont.proof.groups import grouped
 from pwscont.proof.interval import FUNCTION_ULPS, Interval, chosen, together
+from pwscont.proof.search import FINEST_ALPHA, ROOM, Cover, Tubes, polished, proved, slack
 from pwscont.proof.tape import Tape
-from pwscont.proof.tubes import ROOM, Tubes, polished, proved, slack
 
 #: Places, as parts of a stretch between groups, where solutions are counted one after the other,
 #: until counts are certain.
@@ -36,7 +35,7 @@ AGREEING_SELECTIONS = "; selections of a class that agree where tests vanish"
 
 def counted_proof(tape: Tape, box: Interval, scale: Array, cover: Cover) -> BoxProof:
     """Return what a cover of a box (n + 1,) proves; ``scale`` are the magnitudes of (z, alpha)."""
-    groups = Groups.of(tape, cover.open, box, scale)
+    groups = grouped(tape, cover.open, box, scale)
     left = groups.hulls[:, ~groups.passed]
     unsaid = _united(groups.hulls[-1], FINEST_ALPHA * float(scale[-1]))
     interval = float(box.lo[-1]), float(box.hi[-1])
@@ -90,10 +89,10 @@ def _solutions(
     """
     if tubes is None:
         return []
-    tubes = tubes[(tubes.first <= alpha) & (alpha <= tubes.last)]
+    tubes = tubes.only((tubes.first <= alpha) & (alpha <= tubes.last))
     found, whole = _enclosed(tape, tubes, alpha), box[:-1, np.newaxis]
     outside = np.any((found.hi < whole.lo) | (found.lo > whole.hi), axis=0)
-    tubes, found = tubes[~outside], found[:, ~outside]
+    tubes, found = tubes.only(~outside), found[:, ~outside]
     groups = _distinct(tubes, found, alpha) if found.is_within(whole).all() else None
     return None if groups is None else [(found.lo[:, i], found.hi[:, i]) for i in groups]
 
@@ -126,8 +125,8 @@ def _distinct(tubes: Tubes, found: Interval, alpha: float) -> list[int] | None:
         apart = (found.lo[:, others] > found.hi[:, [i]]) | (found.hi[:, others] < found.lo[:, [i]])
         others = others[~apart.any(axis=0)]
         mine, point = np.full(len(others), i), Interval(np.full(len(others), alpha))
-        is_same = tubes[mine].hold(found[:, others], point)
-        if not (is_same | tubes[others].hold(found[:, mine], point)).all():
+        is_same = tubes.only(mine).hold(found[:, others], point)
+        if not (is_same | tubes.only(others).hold(found[:, mine], point)).all():
             return None
         pairs += [(i, int(j)) for j in others]
     return [min(group) for group in connected(range(count), pairs)]

@@ -19,9 +19,9 @@ from pwscont.curve.metric import Metric
 from pwscont.curve.semismooth import semismooth_newton
 from pwscont.graph.proved import BoxProof
 from pwscont.proof.counts import counted_proof
-from pwscont.proof.cover import covered
 from pwscont.proof.formulas import check_tape, tape_of
 from pwscont.proof.interval import Interval
+from pwscont.proof.search import covered
 from pwscont.search.default_search import default_search
 from pwscont.search.search import KnownBranches, NothingKnown, Search, scope_of, starts_of
 from pwscont.system.abilities import completed, formula_of, shown_size

@@ -9,8 +9,7 @@ known where several switches are undecided, or a fold is near a kink or a face o
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import final
+from typing import NamedTuple, final
 
 import numpy as np
 from scipy.sparse.csgraph import connected_components
@@ -32,7 +31,7 @@ MODES = [
 ]
 
 
-def hulls(boxes: Interval) -> Interval:
+def _hulls(boxes: Interval) -> Interval:
     """Return the hulls of groups of boxes (n + 1, k) that touch, in the order of alpha."""
     boxes = boxes[:, np.argsort(boxes.lo[-1])]
     touch = np.ones((boxes.lo.shape[1],) * 2, dtype=bool)
@@ -45,9 +44,7 @@ def hulls(boxes: Interval) -> Interval:
     return Interval(lo.T, hi.T)
 
 
-@final
-@dataclass(frozen=True, slots=True, eq=False)
-class Groups:
+class Groups(NamedTuple):
     """Groups of open boxes: the hulls (n + 1, k), which groups are passed, and their turns.
 
     A turn says whether the number of solutions only grows with alpha (1), only falls (-1), or stays
@@ -58,23 +55,23 @@ class Groups:
     passed: Signs
     turns: Array
 
-    @classmethod
-    def of(cls, tape: Tape, boxes: Interval, whole: Interval, scale: Array) -> Groups:
-        """Return the groups of open boxes of a whole box (n + 1,), or boxes where many are open.
-
-        ``scale`` are the magnitudes of coordinates.
-        """
-        if not 0 < (count := boxes.lo.shape[1]) <= MOST_GROUPED:
-            return cls(boxes, np.zeros(count, dtype=bool), np.full(count, np.nan))
-        passage = _Passage(tape, hulls(boxes), scale)
-        passed = passage.is_passed()
-        return cls(passage.hulls, passed, np.where(passed, passage.turns(whole), np.nan))
-
     def turn_of(self, lo: float, hi: float) -> float:
         """Return the turn of all groups within a range of alpha together."""
         turns = self.turns[(self.hulls.lo[-1] >= lo) & (self.hulls.hi[-1] <= hi)]
         least, largest = float(turns.min()), float(turns.max())
         return float(np.sign(least + largest)) if least * largest >= 0.0 else np.nan
+
+
+def grouped(tape: Tape, boxes: Interval, whole: Interval, scale: Array) -> Groups:
+    """Return the groups of open boxes of a whole box (n + 1,), or boxes where many are open.
+
+    ``scale`` are the magnitudes of coordinates.
+    """
+    if not 0 < (count := boxes.lo.shape[1]) <= MOST_GROUPED:
+        return Groups(boxes, np.zeros(count, dtype=bool), np.full(count, np.nan))
+    passage = _Passage(tape, _hulls(boxes), scale)
+    passed = passage.is_passed()
+    return Groups(passage.hulls, passed, np.where(passed, passage.turns(whole), np.nan))
 
 
 @final
