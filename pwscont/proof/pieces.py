@@ -22,7 +22,7 @@ from pwscont.graph.branch_graph import BranchGraph
 from pwscont.proof.cells import MOST_CELLS, Choice, ExactCells, Ranges
 from pwscont.proof.certificate import ASSUMED, Certificate
 from pwscont.proof.interval import Interval
-from pwscont.proof.rational import Point, rational, segment_of, spans, value
+from pwscont.proof.rational import Point, segment_of, spans, value
 from pwscont.system.abilities import ExactMode, completed
 
 #: An end of a cell is the end of a piece within this part of the typical magnitudes.
@@ -78,7 +78,6 @@ class _Pieces:
     def __init__(self, graph: BranchGraph, cells: ExactCells) -> None:
         self._graph, self.cells = graph, cells
         self._rational_ends = cache(self._ends_of)
-        self._rational_rows = cache(lambda k: [*map(rational, cells.of(self._choices[k]))])
         self._points, self._magnitudes = self._full_points()
         lo, hi = graph.interval
         self._near = NEAR * np.append(self._magnitudes[:-1], hi - lo)
@@ -197,6 +196,6 @@ class _Pieces:
 
     def _holds(self, k: int, x: Point) -> bool:
         """Tell whether a solution of the common rows is a solution of the cell of a piece."""
-        equations, sides = self._rational_rows(k)
+        equations, sides = self.cells.of(self._choices[k])
         on_line = not any(value(row, x) for row in equations)
         return on_line and all(value(row, x) >= 0 for row in sides)

@@ -9,39 +9,15 @@ from typing import Any
 import numpy as np
 
 from pwscont.basics.arrays import Array
+from pwscont.enumeration.echelon import Echelon, independent, integers
 
 Point = tuple[Fraction, ...]
 
 
-def rational(rows: Array) -> list[list[Fraction]]:
-    """Return rows of doubles as the numbers that they are."""
-    return [[Fraction(number) for number in row] for row in rows.tolist()]
-
-
-def value(row: list[Fraction], x: Sequence[Fraction]) -> Fraction:
-    """Return the value of a row (x, constant) at a point."""
-    return sum((a * b for a, b in zip(row, x, strict=False) if a and b), row[-1])
-
-
-def eliminated(rows: list[list[Fraction]]) -> dict[int, list[Fraction]] | None:
-    """Return unit columns with their rows (x, constant); None where no x solves all rows."""
-    left, done = rows, dict[int, list[Fraction]]()
-    for column in range(len(rows[0]) - 1):
-        pivot = next((row for row in left if row[column]), None)
-        if pivot is not None:
-            unit = [number / pivot[column] for number in pivot]
-            left = [_without(row, unit, column) for row in left if row is not pivot]
-            done = {place: _without(row, unit, column) for place, row in done.items()}
-            done[column] = unit
-    return None if any(row[-1] for row in left) else done
-
-
-def _without(row: list[Fraction], unit: list[Fraction], column: int) -> list[Fraction]:
-    """Return a row without a column, by a row that has 1 there."""
-    factor = row[column]
-    if not factor:
-        return row
-    return [a - factor * b if b else a for a, b in zip(row, unit, strict=True)]
+def value(row: Array, x: Sequence[Fraction]) -> Fraction:
+    """Return the value of a row of doubles (x, constant) at a point."""
+    terms = zip(row.tolist(), (*x, Fraction(1)), strict=True)
+    return sum((Fraction(a) * b for a, b in terms if a and b), Fraction(0))
 
 
 def segment_of(equations: Array, sides: Array, interval: tuple[float, float]) -> Any:
@@ -49,37 +25,37 @@ def segment_of(equations: Array, sides: Array, interval: tuple[float, float]) ->
 
     None where there are no solutions, () where they are not a segment or a point.
     """
-    done, columns = eliminated(rational(equations)), equations.shape[1] - 1
-    if done is None or len(done) < columns - 1:
-        return None if done is None else ()
-    free = next((column for column in range(columns) if column not in done), None)
-    base = [-done[k][-1] if k in done else Fraction(0) for k in range(columns)]
-    along = [Fraction(k == free) if free in (None, k) else -done[k][free] for k in range(columns)]
-    ends = np.zeros((2, columns + 1))
+    size = equations.shape[1] - 1
+    echelon = Echelon(size)
+    for row in map(integers, equations):
+        longer = echelon.extended([row])
+        if longer is None and echelon.reduced(row)[-1]:
+            return None
+        echelon = longer or echelon
+    if len(echelon.rows) < size - 1:
+        return ()
+    whole = echelon.determinant
+    free = [whole * (column not in echelon.columns) for column in range(size)]
+    base = [Fraction(y, whole) for y in echelon.solved(size)]
+    along = [Fraction(y, whole) for y in echelon.solved(size, 0, free)]
+    ends = np.zeros((2, size + 1))
     ends[:, -2], ends[:, -1] = (1.0, -1.0), (-interval[0], interval[1])
-    first: Fraction | None = None if free is not None else Fraction(0)
-    last = first
-    for row in rational(np.vstack([sides, ends])):
+    first, last = ([] if any(free) else [Fraction(0)] for _ in range(2))
+    for row in np.vstack([sides, ends]):
         start = value(row, base)
-        slope = value([*row[:-1], Fraction(0)], along)
-        if slope > 0:
-            first = -start / slope if first is None else max(first, -start / slope)
-        elif slope < 0:
-            last = -start / slope if last is None else min(last, -start / slope)
+        slope = value(np.append(row[:-1], 0.0), along)
+        if slope:
+            (first if slope > 0 else last).append(-start / slope)
         elif start < 0:
             return None
-    if first is None or last is None:
+    if not first or not last:
         return ()
-    if first > last:
+    if max(first) > min(last):
         return None
-    return tuple(tuple(a + b * s for a, b in zip(base, along, strict=True)) for s in (first, last))
+    places = max(first), min(last)
+    return tuple(tuple(a + b * s for a, b in zip(base, along, strict=True)) for s in places)
 
 
 def spans(rows: Array, others: Array) -> bool:
     """Tell whether other rows are sums of multiples of rows."""
-    used = (rows != 0.0).any(axis=0) | (others != 0.0).any(axis=0)
-    left, both = (
-        [[*row, Fraction(0)] for row in rational(each[:, used])]
-        for each in (rows, np.vstack([rows, others]))
-    )
-    return len(eliminated(left) or ()) == len(eliminated(both) or ())
+    return not any(independent(np.vstack([rows, others]))[len(rows) :])
