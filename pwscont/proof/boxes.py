@@ -57,7 +57,8 @@ def with_slopes(
     """
     found, by = evaluated(tape, box, rules), tape.size + 1
     count = len(tape.outputs) // (by + 1)
-    return found[:count], found[count:].reshaped(count, by, *box.lo.shape[1:])
+    shape = (count, by, *box.lo.shape[1:])
+    return found[:count], together(lambda ends: ends[0].reshape(shape), found[count:])
 
 
 # -- contraction ----------------------------------------------------------------------------------

@@ -190,10 +190,6 @@ class Interval:
         """Return about how wide each interval is."""
         return self.hi - self.lo
 
-    def reshaped(self, *shape: int) -> Interval:
-        """Return the intervals in another shape."""
-        return Interval(self.lo.reshape(shape), self.hi.reshape(shape))
-
     def total(self, axis: int = 0) -> Interval:
         """Return the sums along an axis."""
         parts = np.moveaxis(self.lo, axis, 0), np.moveaxis(self.hi, axis, 0)

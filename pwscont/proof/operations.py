@@ -1,16 +1,14 @@
-"""The operations of a tape, one table: values and inverses of intervals, derivatives on the tape.
+"""The operations of a tape, one table: values of intervals, and inverses that contract arguments.
 
 Increasing functions take ends to ends; sine and cosine take the value 1 wherever a crest may lie in
-the interval, as far as rounding of the argument can tell. Derivatives are written on the tape as
-well: a second derivative is the derivative of a tape that was written for the first.
+the interval, as far as rounding of the argument can tell. Derivatives are those of the notation.
 """
 
 from __future__ import annotations
 
 import operator
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any, final
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -26,17 +24,13 @@ Known = list[Interval]
 Map = Callable[[Interval], Interval]
 
 
-@final
-@dataclass(frozen=True, slots=True)
-class Rule:
+class Rule(NamedTuple):
     """What is known of an operation y of arguments x; a power takes its exponent last.
 
-    ``values``: intervals x -> y; ``slopes``: nodes y, x -> the derivatives by each argument;
-    ``inverse``: intervals y, x -> for each argument what holds it.
+    ``values``: intervals x -> y; ``inverse``: intervals y, x -> for each argument what holds it.
     """
 
     values: Callable[..., Interval]
-    slopes: Callable[..., tuple[Any, ...]] | None = None
     inverse: Callable[..., Known] | None = None
 
 
@@ -79,15 +73,23 @@ def _wave(function: Callable[[Array], Array], top: float) -> Map:
     return values
 
 
-SQRT, LOG = (
-    _increasing(name, least, INF, 0.0, INF) for name, least in (("sqrt", 0.0), ("log", -INF))
-)
-EXP, EXPM1 = _increasing("exp", 0.0, INF, -INF, INF), _increasing("expm1", -1.0, INF, -INF, INF)
-SINH, ARCSINH = (_increasing(name, -INF, INF, -INF, INF) for name in ("sinh", "arcsinh"))
-TANH, ARCTANH = (
-    _increasing("tanh", -1.0, 1.0, -INF, INF),
-    _increasing("arctanh", -INF, INF, -1.0, 1.0),
-)
+#: Increasing functions by the names of numpy: the least and largest value, the least and largest
+#: argument, and the name of the inverse, if that is increasing everywhere.
+INCREASING = {
+    "sqrt": (0.0, INF, 0.0, INF, "square"),
+    "exp": (0.0, INF, -INF, INF, "log"),
+    "expm1": (-1.0, INF, -INF, INF, "log1p"),
+    "log": (-INF, INF, 0.0, INF, "exp"),
+    "log1p": (-INF, INF, -1.0, INF, "expm1"),
+    "arcsin": (-INF, INF, -1.0, 1.0, ""),
+    "arctan": (-INF, INF, -INF, INF, ""),
+    "sinh": (-INF, INF, -INF, INF, "arcsinh"),
+    "tanh": (-1.0, 1.0, -INF, INF, "arctanh"),
+    "arcsinh": (-INF, INF, -INF, INF, "sinh"),
+    "arctanh": (-INF, INF, -1.0, 1.0, "tanh"),
+}
+VALUES: dict[str, Map] = {name: _increasing(name, *ends) for name, (*ends, _) in INCREASING.items()}
+VALUES["square"] = lambda x: x**2
 RISING_COSH = _increasing("cosh", 1.0, INF, 0.0, INF)
 TAN_BETWEEN_POLES = _increasing("tan", -INF, INF, -FAR, FAR)
 
@@ -107,6 +109,11 @@ def _either(test: Interval, a: Interval, b: Interval) -> Interval:
 
 
 # -- inverses -------------------------------------------------------------------------------------
+
+
+def _of_increasing(name: str) -> Callable[[Interval, Interval], Known] | None:
+    least, most, *_, inverse = INCREASING[name]
+    return (lambda y, x: [VALUES[inverse](_within(y, least, most))]) if inverse else None
 
 
 def _of_max(y: Interval, a: Interval, b: Interval) -> Known:
@@ -130,50 +137,32 @@ def _of_abs(y: Interval, x: Interval) -> Known:
 
 
 def _of_power(y: Interval, x: Interval, k: float) -> Known:
-    return _of_abs(SQRT(_within(y, 0.0, INF)), x) if k == 2.0 else []
+    return _of_abs(VALUES["sqrt"](_within(y, 0.0, INF)), x) if k == 2.0 else []
 
 
 # -- the table ------------------------------------------------------------------------------------
 
 #: Smooth functions of one argument, by the names of numpy.
 ELEMENTARY = {
-    "sqrt": Rule(SQRT, lambda y, x: (0.5 / y,), lambda y, x: [_within(y, 0.0, INF) ** 2]),
-    "exp": Rule(EXP, lambda y, x: (y,), lambda y, x: [LOG(_within(y, 0.0, INF))]),
-    "expm1": Rule(EXPM1, lambda y, x: (x.exp(),)),
-    "log": Rule(LOG, lambda y, x: (1.0 / x,), lambda y, x: [EXP(y)]),
-    "log1p": Rule(
-        _increasing("log1p", -INF, INF, -1.0, INF),
-        lambda y, x: (1.0 / (1.0 + x),),
-        lambda y, x: [EXPM1(y)],
-    ),
-    "sin": Rule(_wave(np.sin, 0.5 * np.pi), lambda y, x: (x.cos(),)),
-    "cos": Rule(_wave(np.cos, 0.0), lambda y, x: (-x.sin(),)),
-    "tan": Rule(_tan, lambda y, x: (1.0 + y**2,)),
-    "arcsin": Rule(
-        _increasing("arcsin", -INF, INF, -1.0, 1.0), lambda y, x: (1.0 / (1.0 - x**2).sqrt(),)
-    ),
-    "arctan": Rule(_increasing("arctan", -INF, INF, -INF, INF), lambda y, x: (1.0 / (1.0 + x**2),)),
-    "sinh": Rule(SINH, lambda y, x: (x.cosh(),), lambda y, x: [ARCSINH(y)]),
-    "cosh": Rule(lambda x: RISING_COSH(abs(x)), lambda y, x: (x.sinh(),)),
-    "tanh": Rule(TANH, lambda y, x: (1.0 - y**2,), lambda y, x: [ARCTANH(_within(y, -1.0, 1.0))]),
-    "arcsinh": Rule(ARCSINH, lambda y, x: (1.0 / (1.0 + x**2).sqrt(),), lambda y, x: [SINH(y)]),
-    "arctanh": Rule(ARCTANH, lambda y, x: (1.0 / (1.0 - x**2),), lambda y, x: [TANH(y)]),
+    **{name: Rule(VALUES[name], _of_increasing(name)) for name in INCREASING},
+    "sin": Rule(_wave(np.sin, 0.5 * np.pi)),
+    "cos": Rule(_wave(np.cos, 0.0)),
+    "tan": Rule(_tan),
+    "cosh": Rule(lambda x: RISING_COSH(abs(x))),
 }
 #: "slope" and "jump" are the derivatives of switches: of continuous ones, and of ``where``, across
 #: whose kinks nothing is known, for f may jump.
 OPERATIONS = {
     "constant": Rule(lambda number: Interval(np.full(1, number))),
-    "negative": Rule(operator.neg, lambda y, x: (-1.0,), lambda y, x: [-y]),
-    "add": Rule(operator.add, lambda y, a, b: (1.0, 1.0), lambda y, a, b: [y - b, y - a]),
-    "subtract": Rule(operator.sub, lambda y, a, b: (1.0, -1.0), lambda y, a, b: [y + b, a - y]),
-    "multiply": Rule(operator.mul, lambda y, a, b: (b, a), lambda y, a, b: [y / b, y / a]),
-    "divide": Rule(
-        operator.truediv, lambda y, a, b: (1.0 / b, -(y / b)), lambda y, a, b: [y * b, a / y]
-    ),
-    "power": Rule(operator.pow, lambda y, x, k: (k * x ** (k - 1.0),), _of_power),
-    "abs": Rule(operator.abs, None, _of_abs),
-    "max": Rule(Interval.maximum, None, _of_max),
-    "min": Rule(Interval.minimum, None, _of_min),
+    "negative": Rule(operator.neg, lambda y, x: [-y]),
+    "add": Rule(operator.add, lambda y, a, b: [y - b, y - a]),
+    "subtract": Rule(operator.sub, lambda y, a, b: [y + b, a - y]),
+    "multiply": Rule(operator.mul, lambda y, a, b: [y / b, y / a]),
+    "divide": Rule(operator.truediv, lambda y, a, b: [y * b, a / y]),
+    "power": Rule(operator.pow, _of_power),
+    "abs": Rule(operator.abs, _of_abs),
+    "max": Rule(Interval.maximum, _of_max),
+    "min": Rule(Interval.minimum, _of_min),
     **dict.fromkeys(["where", "select", "slope"], Rule(_either)),
     "jump": Rule(lambda test, a, b: branch(test, a, b, Interval(np.nan))),
     **ELEMENTARY,

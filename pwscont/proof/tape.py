@@ -19,7 +19,7 @@ from typing import Any, final
 import numpy as np
 from numpy.lib.mixins import NDArrayOperatorsMixin
 
-from pwscont.notation.arithmetic import KINKED
+from pwscont.notation.arithmetic import KINKED, OF_TWO, SMOOTH, refuse_kink
 from pwscont.proof.interval import Interval
 from pwscont.proof.operations import ELEMENTARY, JUMPING, OPERATIONS, SWITCHES
 
@@ -174,10 +174,19 @@ def _derivative(y: Traced, step: Step, x: list[Traced], dx: list[Any]) -> Any:
         test, branches = SWITCHES[step.name]
         either = branches(*(0.0 if each is None else each for each in dx))
         return y.tape.node("jump" if step.name in JUMPING else "slope", test(*x), *either)
-    slopes = OPERATIONS[step.name].slopes
-    assert slopes is not None
-    factors = slopes(y, *x, *step.numbers)
-    return reduce(add, (f * d for f, d in zip(factors, dx, strict=True) if d is not None))
+    parts = zip(_factors(step, x, y), dx, strict=True)
+    return reduce(add, (factor * slope for factor, slope in parts if slope is not None))
+
+
+def _factors(step: Step, x: list[Traced], y: Traced) -> list[Any]:
+    """Return the derivatives of a smooth operation by each argument."""
+    if step.name == "negative":
+        return [-1.0]
+    if step.name == "power":
+        (k,) = step.numbers
+        return [k * x[0] ** (k - 1.0)]
+    rules = OF_TWO.get(step.name) or (SMOOTH[step.name],)
+    return [rule(*x, y) for rule in rules]
 
 
 # -- nodes ----------------------------------------------------------------------------------------
@@ -226,13 +235,9 @@ class Traced(NDArrayOperatorsMixin):
             return self.tape.node(name, *args)
         if name == "power":
             return self._power(*args)
-        better = KINKED.get(name)
-        if better is None:
-            raise NotTracedError(f"the formula takes {name}, which is not known to the tape")
-        raise NotTracedError(
-            f"the formula takes {name} of something that depends on (z, alpha), a decision by a "
-            f"value: {f'write {better}' if better else 'write it with the switches of sw'}"
-        )
+        if name in KINKED:
+            raise refuse_kink(name)
+        raise NotTracedError(f"the formula takes {name}, which is not known to the tape")
 
     def _power(self, base: Any, power: Any) -> Any:
         if not is_number(power):
