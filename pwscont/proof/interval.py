@@ -10,7 +10,6 @@ units.
 
 from __future__ import annotations
 
-import operator
 from collections.abc import Callable
 from functools import reduce
 from typing import Any, final
@@ -126,11 +125,10 @@ class Interval:
         k = int(power)
         if k < 0:
             return 1.0 / self**-k
-        if k % 2:
-            ends = (_repeated(Interval(end), k, operator.mul) for end in (self.lo, self.hi))
-            return Interval(next(ends).lo, next(ends).hi)
-        lo = _repeated(abs(self).lo, k, lambda x, y: np.maximum(below(x * y), 0.0))
-        return Interval(lo, _repeated(abs(self).hi, k, lambda x, y: above(x * y)))
+        x = self if k % 2 else abs(self)  # what is left increases
+        ends = [_powers(end, k) for end in (x.lo, x.hi)]
+        lo = ends[0].lo if k % 2 else np.maximum(ends[0].lo, 0.0)
+        return Interval(lo, ends[1].hi)
 
     def __matmul__(self, other: Interval) -> Interval:
         """Return products of matrices, as products of midpoints with bounds of all errors."""
@@ -207,12 +205,13 @@ def _ends(x: Interval) -> list[Array]:
     return [x.lo] if x.lo is x.hi else [x.lo, x.hi]
 
 
-def _repeated(x: Any, k: int, times: Callable[[Any, Any], Any]) -> Any:
-    """Return the product of k factors x; k at least zero."""
+def _powers(x: Array, k: int) -> Interval:
+    """Return the products of k factors x, by squares; k at least zero."""
     if k <= 1:
-        return x if k else np.ones_like(x)
-    half = _repeated(x, k // 2, times)
-    return times(times(half, half), x) if k % 2 else times(half, half)
+        return Interval(x if k else np.ones_like(x))
+    half = _powers(x, k // 2)
+    square = half * half
+    return square * Interval(x) if k % 2 else square
 
 
 def chosen(condition: Signs, one: Interval, other: Interval) -> Interval:
