@@ -32,7 +32,7 @@ def values_of(tape: Tape, box: Interval, rules: Mapping[str, Rule] = OPERATIONS)
         if place in tape.fixed:
             values.append(tape.fixed[place])
         elif step.name == "variable":
-            values.append(box[int(step.numbers[0])])
+            values.append(box[step.numbers[0]])
         else:
             args = (values[arg] for arg in step.args)
             values.append(rules[step.name].values(*args, *step.numbers))

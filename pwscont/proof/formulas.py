@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 from inspect import signature
+from numbers import Real
 from typing import Any, final
 
 import numpy as np
@@ -16,7 +17,7 @@ from pwscont.basics.errors import InvalidInputError
 from pwscont.notation.curved import SwitchedSystem
 from pwscont.proof.boxes import evaluated
 from pwscont.proof.interval import Interval
-from pwscont.proof.tape import NotTracedError, Tape, as_array, is_number
+from pwscont.proof.tape import NotTracedError, Tape, as_array
 from pwscont.system.system import PiecewiseSystem, SlicewiseLinearSystem
 
 #: At how many points the tape is compared with the formula, and how much they may differ, relative
@@ -50,7 +51,7 @@ def _clip(tape: Tape, a: Any, lower: Any, upper: Any) -> Any:
 
     A clip whose bounds may not be in order is decisions, across which nothing is proved.
     """
-    node, are_known = tape.node, [is_number(each) for each in (lower, upper)]
+    node, are_known = tape.node, [isinstance(each, Real) for each in (lower, upper)]
     if are_known[0] and lower == -np.inf:
         return a if are_known[1] and upper == np.inf else node("min", a, upper)
     if are_known[1] and upper == np.inf:
@@ -96,7 +97,7 @@ def traced(f: Callable[[Any, Any, Any], Any], size: int) -> Tape:
 
 def _write(tape: Tape, f: Callable[[Any, Any, Any], Any]) -> None:
     """Write a formula on an empty tape."""
-    nodes = [tape.variable(i) for i in range(tape.size + 1)]
+    nodes = [tape.node("variable", numbers=(i,)) for i in range(tape.size + 1)]
     z = np.empty(tape.size, dtype=object)
     z[:] = nodes[:-1]
     with np.errstate(all="ignore"):

@@ -99,13 +99,9 @@ def _tan(x: Interval) -> Interval:
     return TAN_BETWEEN_POLES(x).where(~pole)
 
 
-def branch(test: Interval, above: Interval, below: Interval, both: Interval) -> Interval:
-    """Return the branch of a switch in its mode, or ``both`` where the mode is not certain."""
-    return chosen(test.lo >= 0.0, above, chosen(test.hi < 0.0, below, both))
-
-
-def _either(test: Interval, a: Interval, b: Interval) -> Interval:
-    return branch(test, a, b, a.hull(b))
+def branch(test: Interval, a: Interval, b: Interval, either: Interval | None = None) -> Interval:
+    """Return the branch of a switch in its mode; ``either``, or the hull, if it is not certain."""
+    return chosen(test.lo >= 0.0, a, chosen(test.hi < 0.0, b, either or a.hull(b)))
 
 
 # -- inverses -------------------------------------------------------------------------------------
@@ -163,7 +159,7 @@ OPERATIONS = {
     "abs": Rule(operator.abs, _of_abs),
     "max": Rule(Interval.maximum, _of_max),
     "min": Rule(Interval.minimum, _of_min),
-    **dict.fromkeys(["where", "select", "slope"], Rule(_either)),
+    **dict.fromkeys(["where", "select", "slope"], Rule(branch)),
     "jump": Rule(lambda test, a, b: branch(test, a, b, Interval(np.nan))),
     **ELEMENTARY,
 }
@@ -174,9 +170,6 @@ SWITCHES: dict[str, tuple[Callable[..., Any], Callable[..., tuple[Any, Any]]]] =
     "max": (lambda a, b: a - b, lambda da, db: (da, db)),
     "min": (lambda a, b: b - a, lambda da, db: (da, db)),
     **dict.fromkeys(
-        ["where", "select", "slope", "jump"],
-        (lambda s, a, b: s, lambda ds, da, db: (da, db)),
+        ["where", "select", "slope", "jump"], (lambda s, a, b: s, lambda ds, da, db: (da, db))
     ),
 }
-#: Switches that may jump.
-JUMPING = ("where", "jump")

@@ -21,7 +21,7 @@ from numpy.lib.mixins import NDArrayOperatorsMixin
 
 from pwscont.notation.arithmetic import KINKED, OF_TWO, SMOOTH, refuse_kink
 from pwscont.proof.interval import Interval
-from pwscont.proof.operations import ELEMENTARY, JUMPING, OPERATIONS, SWITCHES
+from pwscont.proof.operations import ELEMENTARY, OPERATIONS, SWITCHES
 
 #: Largest whole number that is taken as a power by repeated multiplication.
 LARGEST_POWER = 64
@@ -45,7 +45,7 @@ class Step:
 
     name: str
     args: tuple[int, ...] = ()
-    numbers: tuple[float, ...] = ()
+    numbers: tuple[Any, ...] = ()
 
 
 @final
@@ -63,17 +63,13 @@ class Tape:
     refused: list[NotTracedError] = field(default_factory=list)
     _places: dict[Step, int] = field(default_factory=dict)
 
-    def node(self, name: str, *args: Any, numbers: tuple[float, ...] = ()) -> Traced:
+    def node(self, name: str, *args: Any, numbers: tuple[Any, ...] = ()) -> Traced:
         """Write an operation down, unless it stands there, and return the node of the result."""
         step = Step(name, tuple(self.place_of(each) for each in args), numbers)
         if step not in self._places:
             self._places[step] = len(self.steps)
             self.steps.append(step)
         return Traced(self, self._places[step])
-
-    def variable(self, number: int) -> Traced:
-        """Return the node of a variable."""
-        return self.node("variable", numbers=(float(number),))
 
     def place_of(self, thing: Any) -> int:
         """Return the place of a node or of a constant."""
@@ -134,7 +130,7 @@ class Tape:
         Meant for places without a kink.
         """
         new, count = self._copy(), self.size + 1
-        seeds = {i: new.variable(count + i) for i in range(count)}
+        seeds = {i: new.node("variable", numbers=(count + i,)) for i in range(count)}
         for _ in range(2):
             known = new._derivatives(seeds)
             new.outputs = [new._slope(known, place) for place in new.outputs]
@@ -157,7 +153,7 @@ class Tape:
         known: list[Any] = []
         for place, step in enumerate([*self.steps]):
             if step.name == "variable":
-                known.append(seeds.get(int(step.numbers[0])))
+                known.append(seeds.get(step.numbers[0]))
             else:
                 x = [Traced(self, arg) for arg in step.args]
                 known.append(
@@ -173,7 +169,7 @@ def _derivative(y: Traced, step: Step, x: list[Traced], dx: list[Any]) -> Any:
     if step.name in SWITCHES:
         test, branches = SWITCHES[step.name]
         either = branches(*(0.0 if each is None else each for each in dx))
-        return y.tape.node("jump" if step.name in JUMPING else "slope", test(*x), *either)
+        return y.tape.node("jump" if step.name in ("where", "jump") else "slope", test(*x), *either)
     parts = zip(_factors(step, x, y), dx, strict=True)
     return reduce(add, (factor * slope for factor, slope in parts if slope is not None))
 
@@ -227,7 +223,9 @@ class Traced(NDArrayOperatorsMixin):
         """Write an operation on this number and others down, or refuse the operation in words."""
         if name in DERIVED:
             return DERIVED[name](*args)
-        if name in ("add", "subtract", "multiply") and all(map(_is_known, args)):
+        if name in ("add", "subtract", "multiply") and all(
+            isinstance(each, Real | Traced) for each in args
+        ):
             simple = _simpler(name, *args)
             if simple is not None:
                 return simple
@@ -240,7 +238,7 @@ class Traced(NDArrayOperatorsMixin):
         raise NotTracedError(f"the formula takes {name}, which is not known to the tape")
 
     def _power(self, base: Any, power: Any) -> Any:
-        if not is_number(power):
+        if not isinstance(power, Real):
             return self.tape.node("exp", power * self.tape.node("log", base))
         if float(power).is_integer() and abs(power) <= LARGEST_POWER:
             return base if power == 1 else self.tape.node("power", base, numbers=(float(power),))
@@ -268,19 +266,10 @@ def as_array(thing: Any) -> Any:
     return array
 
 
-def is_number(thing: Any) -> bool:
-    """Tell whether something is a plain real number."""
-    return isinstance(thing, Real)
-
-
-def _is_known(thing: Any) -> bool:
-    return isinstance(thing, Real | Traced)
-
-
 def _simpler(name: str, x: Any, y: Any) -> Any:
     """Return a sum, difference or product that is simpler than it looks, None for others."""
-    number, other = (x, y) if is_number(x) else (y, x)
-    if not is_number(number):
+    number, other = (x, y) if isinstance(x, Real) else (y, x)
+    if not isinstance(number, Real):
         return x**2 if name == "multiply" and x.place == y.place else None
     if name == "multiply":
         is_nothing = number == 0.0 and other.tape.steps[other.place].name == "variable"
