@@ -28,12 +28,11 @@ from pwscont import (
 )
 from pwscont.extending import ExactMode
 from pwscont.graph.records import Track
-from pwscont.proof.cells import ExactCells, residual
+from pwscont.proof.cells import ExactCells, residual, segment_of
 from pwscont.proof.interval import Interval
 from pwscont.proof.pieces import certified_pieces
 from pwscont.proof.prove import proved_solutions
 from pwscont.proof.rates import is_positive_definite
-from pwscont.proof.rational import segment_of
 from pwscont.search.enumeration import Solutions
 
 GAME = LCP([[1, 2], [2, 1]], q=[-1, -1], d=[1, 0])

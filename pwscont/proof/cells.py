@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from fractions import Fraction
 from math import prod
 from typing import Any, final
 
@@ -21,6 +22,7 @@ import numpy as np
 from scipy.linalg import qr
 
 from pwscont.basics.arrays import Array, Indices, Signs
+from pwscont.enumeration.echelon import Echelon, independent, integers
 from pwscont.proof.boxes import inverses
 from pwscont.proof.interval import INF, SMALLEST, Interval, together, upper
 from pwscont.system.abilities import ExactMode
@@ -32,6 +34,7 @@ TOGETHER = 2**16
 #: The least radius of an enclosure, far above all numbers that underflow.
 LEAST = 1e-290
 Choice = tuple[int, ...]
+Point = tuple[Fraction, ...]
 
 
 def solved(matrix: Interval, right: Interval) -> Interval:
@@ -49,7 +52,7 @@ def solved(matrix: Interval, right: Interval) -> Interval:
     off = (Interval(inverse) @ matrix - np.eye(n)).reach()
     radius = 2.0 * (start + off @ (2.0 * start)) + LEAST
     image = upper(start + off @ radius, n + 1)
-    holds = (image < radius).all(axis=(-2, -1), keepdims=True)
+    holds: Signs = np.all(image < radius, axis=(-2, -1), keepdims=True)
     return Interval.rounded(x - image, x + image).where(holds)
 
 
@@ -97,7 +100,7 @@ class Ranges:
         """Return the ranges of unknowns and inequalities that are affine in alpha, (B, k, 2)."""
         x, sides = lines
         ends = sides @ Interval(np.array([interval, (1.0, 1.0)]))
-        holds, fails = (ends.lo > 0.0).all(axis=-1), (ends.hi < 0.0).all(axis=-1)
+        holds, fails = np.all(ends.lo > 0.0, axis=-1), np.all(ends.hi < 0.0, axis=-1)
         slope = sides[..., 0]
         with np.errstate(all="ignore"):
             roots = -sides[..., 1] / slope
@@ -217,3 +220,53 @@ def _chosen(tables: list[Indices], choices: Indices) -> Indices:
     """Return the rows of cells, shape (B, k), from the rows of the modes of every part."""
     pairs = zip(tables, choices.T, strict=True)
     return np.concatenate([table[k] for table, k in pairs], axis=1)
+
+
+# -- rational numbers -----------------------------------------------------------------------------
+
+
+def value(row: Array, x: Sequence[Fraction]) -> Fraction:
+    """Return the value of a row of doubles (x, constant) at a point."""
+    terms = zip(row.tolist(), (*x, Fraction(1)), strict=True)
+    return sum((Fraction(a) * b for a, b in terms if a and b), Fraction(0))
+
+
+def segment_of(equations: Array, sides: Array, interval: tuple[float, float]) -> Any:
+    """Return both ends (z, alpha) of all solutions of a cell over an interval of alpha.
+
+    None where there are no solutions, () where they are not a segment or a point.
+    """
+    size = equations.shape[1] - 1
+    echelon = Echelon(size)
+    for row in map(integers, equations):
+        longer = echelon.extended([row])
+        if longer is None and echelon.reduced(row)[-1]:
+            return None
+        echelon = longer or echelon
+    if len(echelon.rows) < size - 1:
+        return ()
+    whole = echelon.determinant
+    free = [whole * (column not in echelon.columns) for column in range(size)]
+    base = [Fraction(y, whole) for y in echelon.solved(size)]
+    along = [Fraction(y, whole) for y in echelon.solved(size, 0, free)]
+    ends = np.zeros((2, size + 1))
+    ends[:, -2], ends[:, -1] = (1.0, -1.0), (-interval[0], interval[1])
+    first, last = ([] if any(free) else [Fraction(0)] for _ in range(2))
+    for row in np.vstack([sides, ends]):
+        start = value(row, base)
+        slope = value(np.append(row[:-1], 0.0), along)
+        if slope:
+            (first if slope > 0 else last).append(-start / slope)
+        elif start < 0:
+            return None
+    if not first or not last:
+        return ()
+    if max(first) > min(last):
+        return None
+    places = max(first), min(last)
+    return tuple(tuple(a + b * s for a, b in zip(base, along, strict=True)) for s in places)
+
+
+def spans(rows: Array, others: Array) -> bool:
+    """Tell whether other rows are sums of multiples of rows."""
+    return not any(independent(np.vstack([rows, others]))[len(rows) :])

@@ -244,19 +244,15 @@ class _Provable(KnownBranches):
         self._known, self._prove = known, prove
 
     def at(self, alpha: float) -> list[Array]:
-        """Return a point (z, alpha) for each known solution."""
         return self._known.at(alpha)
 
     def near(self, x: Array, metric: Metric) -> Array | None:
-        """Return the nearest known point, if any is near."""
         return self._known.near(x, metric)
 
     def extremes(self) -> list[Array]:
-        """Return the points (z, alpha) at which alpha or an unknown is extremal."""
         return self._known.extremes()
 
     def are_all(self) -> bool:
-        """Tell whether all branches are proved."""
         return self._prove() is not None
 
 

@@ -19,10 +19,18 @@ import numpy as np
 from pwscont.basics.arrays import Array, Indices
 from pwscont.basics.looks import counted
 from pwscont.graph.branch_graph import BranchGraph
-from pwscont.proof.cells import MOST_CELLS, Choice, ExactCells, Ranges
+from pwscont.proof.cells import (
+    MOST_CELLS,
+    Choice,
+    ExactCells,
+    Point,
+    Ranges,
+    segment_of,
+    spans,
+    value,
+)
 from pwscont.proof.certificate import ASSUMED, Certificate
 from pwscont.proof.interval import Interval
-from pwscont.proof.rational import Point, segment_of, spans, value
 from pwscont.system.abilities import ExactMode, completed
 
 #: An end of a cell is the end of a piece within this part of the typical magnitudes.

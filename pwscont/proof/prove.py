@@ -13,12 +13,11 @@ from pwscont.basics.looks import counted
 from pwscont.basics.rounding import CONFIDENCE
 from pwscont.graph.branch_graph import BranchGraph
 from pwscont.graph.records import Solution
-from pwscont.proof.cells import MOST_CELLS, Choice, ExactCells, Ranges
+from pwscont.proof.cells import MOST_CELLS, Choice, ExactCells, Point, Ranges, segment_of
 from pwscont.proof.certificate import ASSUMED, Certificate
 from pwscont.proof.interval import Interval
 from pwscont.proof.pieces import certified_pieces
 from pwscont.proof.rates import certified_rates
-from pwscont.proof.rational import Point, segment_of
 from pwscont.search.enumeration import Solutions
 from pwscont.system.abilities import ExactData, ExactRates, shown_size
 from pwscont.system.system import PiecewiseSystem

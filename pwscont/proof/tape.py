@@ -181,7 +181,7 @@ def _factors(step: Step, x: list[Traced], y: Traced) -> list[Any]:
     if step.name == "power":
         (k,) = step.numbers
         return [k * x[0] ** (k - 1.0)]
-    rules = OF_TWO.get(step.name) or (SMOOTH[step.name],)
+    rules: Any = OF_TWO.get(step.name) or (SMOOTH[step.name],)
     return [rule(*x, y) for rule in rules]
 
 
@@ -240,9 +240,10 @@ class Traced(NDArrayOperatorsMixin):
     def _power(self, base: Any, power: Any) -> Any:
         if not isinstance(power, Real):
             return self.tape.node("exp", power * self.tape.node("log", base))
-        if float(power).is_integer() and abs(power) <= LARGEST_POWER:
-            return base if power == 1 else self.tape.node("power", base, numbers=(float(power),))
-        return base.sqrt() if power == 0.5 else (_exact(power) * base.log()).exp()
+        k = _exact(power)
+        if k.is_integer() and abs(k) <= LARGEST_POWER:
+            return base if k == 1.0 else self.tape.node("power", base, numbers=(k,))
+        return base.sqrt() if k == 0.5 else (k * base.log()).exp()
 
     def copy(self) -> Traced:
         """Return the number itself, which never changes."""
