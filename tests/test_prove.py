@@ -303,6 +303,20 @@ def test_a_piece_that_ends_at_a_wrong_place_is_not_proved():
         assert proof.open
 
 
+def test_a_kink_just_before_the_end_of_the_interval_is_not_passed_over():
+    """The last piece is narrower than any tolerance, and is missing."""
+    near = 1.0 - 2.0**-30
+    bent = Switched(1, lambda z, t, sw: z - sw.max(t - near, 0.0), linear=True)
+    graph = trace(bent, ([0.0], 0.0), (-1.0, 1.0))
+    assert len(graph.pieces) == 2
+    assert prove(graph).is_complete
+    one = Switched(1, lambda z, t, sw: z - sw.max(t - 2.0, 0.0), linear=True)
+    short = trace(one, ([0.0], 0.0), (-1.0, 1.0))
+    wrong = BranchGraph(short.nodes, short.pieces, short.interval, system=bent)
+    assert prove(short).is_complete
+    assert not prove(wrong).holds
+
+
 FLAT = Switched(
     1, lambda z, t, sw: sw.clip(z, -1, 1) - sw.max(z - 2, 0) - 2 * sw.min(z + 2, 0) - t, linear=True
 )

@@ -86,7 +86,8 @@ class Ranges:
     """From where to where in an interval of alpha the inequalities of B cells hold.
 
     ``empty`` cells certainly have no solution, ``decided`` cells one at every alpha from ``first``
-    to ``last``. ``sides`` (2, B) are the inequalities that alone end a range, -1 where none does.
+    to ``last``. ``sides`` (2, B) are the inequalities that alone end a range; -1 where the interval
+    ends the range, -2 where that is not certain.
     """
 
     first: Interval
@@ -115,7 +116,7 @@ class Ranges:
 
 
 def _largest(numbers: Interval, which: Signs, end: float) -> tuple[Interval, Indices]:
-    """Return the largest of some numbers and of an end, and which number certainly is, or -1."""
+    """Return the largest of some numbers and an end, and which is: -1 the end, -2 not certain."""
     column = np.full((len(which), 1), end)
     lo, hi = (
         np.concatenate([column, np.where(which, x, -INF)], axis=1) for x in (numbers.lo, numbers.hi)
@@ -123,7 +124,7 @@ def _largest(numbers: Interval, which: Signs, end: float) -> tuple[Interval, Ind
     best, each = lo.argmax(axis=1), np.arange(len(lo))
     largest = Interval(lo.max(axis=1), hi.max(axis=1))
     hi[each, best] = -INF
-    return largest, np.where(largest.lo > hi.max(axis=1), best - 1, -1)
+    return largest, np.where(largest.lo > hi.max(axis=1), best - 1, -2)
 
 
 @final

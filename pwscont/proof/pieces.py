@@ -58,7 +58,7 @@ def certified_pieces(
         for node, pieces in met.items()
         if len(pieces) > 1 or graph.point(node).alpha not in graph.interval
     }
-    proof = _Pieces(graph, ExactCells(*rows))
+    proof = _Pieces(graph, ExactCells(*rows), set(inner))
     undecided = [f"piece {graph.pieces[k].id}" for k in proof.left_pieces()]
     undecided += [f"special point {n}" for n in inner if not proof.is_joined(n, inner[n])]
     is_few = proof.cells.number <= MOST_CELLS
@@ -81,10 +81,13 @@ def certified_pieces(
 
 @final
 class _Pieces:
-    """The pieces of a graph beside the cells in which the pieces lie."""
+    """The pieces of a graph beside the cells in which the pieces lie.
 
-    def __init__(self, graph: BranchGraph, cells: ExactCells) -> None:
-        self._graph, self.cells = graph, cells
+    Pieces end at ``inner`` nodes, or exactly at an end of the interval.
+    """
+
+    def __init__(self, graph: BranchGraph, cells: ExactCells, inner: set[int]) -> None:
+        self._graph, self.cells, self._inner = graph, cells, inner
         self._rational_ends = cache(self._ends_of)
         self._points, self._magnitudes = self._full_points()
         lo, hi = graph.interval
@@ -150,7 +153,10 @@ class _Pieces:
         if not (np.abs(found - points) <= self._near).all():
             return False
         for end, node in zip(order, (piece.start, piece.end), strict=True):
-            if (number := int(ranges.sides[end, i])) >= 0:
+            number = int(ranges.sides[end, i])
+            if node not in self._inner and number != -1:
+                return False
+            if number >= 0:
                 self._vanishing[k, node] = self.cells.side(self._choices[k], number)
         return True
 
@@ -177,10 +183,13 @@ class _Pieces:
         """Return both ends of a piece in rational numbers; nothing if not decided, or elsewhere."""
         if self.cells.size > MOST_RATIONAL:
             return ()
-        cell = self.cells.of(self._choices[k])
+        cell, piece = self.cells.of(self._choices[k]), self._graph.pieces[k]
         ends: tuple[Point, ...] = segment_of(*cell, self._graph.interval) or ()
         for pair in (ends, ends[::-1]) if len(set(ends)) == 2 else ():
-            if (np.abs(np.array(pair, dtype=float) - self._points[k]) <= self._near).all():
+            near = np.abs(np.array(pair, dtype=float) - self._points[k]) <= self._near
+            nodes = zip((piece.start, piece.end), pair, strict=True)
+            outer = [x[-1] in self._graph.interval for node, x in nodes if node not in self._inner]
+            if near.all() and all(outer):
                 return pair
         return ()
 
