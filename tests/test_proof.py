@@ -4,7 +4,7 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from proof_families import Mixed, PiecewisePolynomial, cover_of, proved
+from proof_families import Mixed, PiecewisePolynomial, proved, tubes_of
 from sweeps import swept
 
 import pwscont.proof.counts
@@ -92,7 +92,7 @@ def bad_certificates(seeds):
     bad = total = 0
     for seed in seeds:
         f = PiecewisePolynomial(np.random.default_rng(seed))
-        tubes = cover_of(f, 1, (-3.0, 3.0), (-1.0, 1.0)).tubes
+        tubes = tubes_of(f, 1, (-3.0, 3.0), (-1.0, 1.0))
         for i in range(0, len(tubes.first), 7):
             for alpha in (tubes.first[i], tubes.middle[i], tubes.last[i]):
                 bad += not _is_certified(f, tubes, i, Fraction(alpha))

@@ -16,7 +16,7 @@ from pwscont.graph.structure import connected
 from pwscont.proof.boxes import evaluated, inverse_of, with_slopes
 from pwscont.proof.groups import grouped
 from pwscont.proof.interval import FUNCTION_ULPS, Interval, chosen, together
-from pwscont.proof.search import FINEST_ALPHA, ROOM, Cover, Tubes, polished, proved, slack
+from pwscont.proof.search import FINEST_ALPHA, ROOM, Tubes, polished, proved, slack
 from pwscont.proof.tape import Tape
 
 #: Places, as parts of a stretch between groups, where solutions are counted one after the other,
@@ -33,24 +33,35 @@ ASSUMED = (
 AGREEING_SELECTIONS = "; selections of a class that agree where tests vanish"
 
 
-def counted_proof(tape: Tape, box: Interval, scale: Array, cover: Cover) -> BoxProof:
-    """Return what a cover of a box (n + 1,) proves; ``scale`` are the magnitudes of (z, alpha)."""
-    groups = grouped(tape, cover.open, box, scale)
-    left = groups.hulls[:, ~groups.passed]
-    unsaid = _united(groups.hulls[-1], FINEST_ALPHA * float(scale[-1]))
+def counted_proof(
+    tape: Tape, box: Interval, scale: Array, tubes: Tubes | None, open_boxes: Interval, boxes: int
+) -> BoxProof:
+    """Return what tubes and open boxes, with all solutions in a box (n + 1,), prove.
+
+    ``scale`` are the magnitudes of (z, alpha), and ``boxes`` is how many boxes were looked at.
+    """
+    hulls, passed, turns = grouped(tape, open_boxes, box, scale)
+    unsaid = _united(hulls[-1], FINEST_ALPHA * float(scale[-1]))
     interval = float(box.lo[-1]), float(box.hi[-1])
     ends = [interval[0], *(end for each in unsaid for end in each), interval[1]]
     pairs = [(lo, hi) for lo, hi in zip(ends[::2], ends[1::2], strict=True) if lo < hi]
+    has_class = any(step.name == "select" for step in tape.steps)
     return BoxProof(
         (box.lo[:-1], box.hi[:-1]),
         interval,
-        [_counted(tape, box, cover.tubes, each) for each in pairs],
-        [(*each, groups.turn_of(*each)) for each in unsaid],
-        list(zip(left.lo.T, left.hi.T, strict=True)),
-        cover.boxes,
-        ASSUMED
-        + (AGREEING_SELECTIONS if any(step.name == "select" for step in tape.steps) else ""),
+        [_counted(tape, box, tubes, each) for each in pairs],
+        [(*each, _turn_of(turns, hulls[-1], *each)) for each in unsaid],
+        list(zip(hulls.lo.T[~passed], hulls.hi.T[~passed], strict=True)),
+        boxes,
+        ASSUMED + (AGREEING_SELECTIONS if has_class else ""),
     )
+
+
+def _turn_of(turns: Array, alphas: Interval, lo: float, hi: float) -> float:
+    """Return the turn of all groups within a range of alpha together."""
+    own = turns[(alphas.lo >= lo) & (alphas.hi <= hi)]
+    least, largest = float(own.min()), float(own.max())
+    return float(np.sign(least + largest)) if least * largest >= 0.0 else np.nan
 
 
 def _united(ranges: Interval, apart: float) -> list[Range]:

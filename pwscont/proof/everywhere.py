@@ -150,7 +150,7 @@ class Everywhere(Search):
         check_tape(tape, system, box)
         with np.errstate(all="ignore"):
             cover = covered(tape, box, scale, self.seconds, most)
-            proof = counted_proof(tape, box, scale, cover)
+            proof = counted_proof(tape, box, scale, *cover)
         self._last.update(formula=_formula(system), interval=interval, key=key, proof=proof)
         return proof
 

@@ -9,7 +9,7 @@ known where several switches are undecided, or a fold is near a kink or a face o
 
 from __future__ import annotations
 
-from typing import NamedTuple, final
+from typing import final
 
 import numpy as np
 from scipy.sparse.csgraph import connected_components
@@ -44,34 +44,20 @@ def _hulls(boxes: Interval) -> Interval:
     return Interval(lo.T, hi.T)
 
 
-class Groups(NamedTuple):
-    """Groups of open boxes: the hulls (n + 1, k), which groups are passed, and their turns.
+def grouped(
+    tape: Tape, boxes: Interval, whole: Interval, scale: Array
+) -> tuple[Interval, Signs, Array]:
+    """Return the hulls of groups of open boxes (n + 1, k), which are passed, and their turns.
 
-    A turn says whether the number of solutions only grows with alpha (1), only falls (-1), or stays
-    (0); a turn that is not known is not a number.
-    """
-
-    hulls: Interval
-    passed: Signs
-    turns: Array
-
-    def turn_of(self, lo: float, hi: float) -> float:
-        """Return the turn of all groups within a range of alpha together."""
-        turns = self.turns[(self.hulls.lo[-1] >= lo) & (self.hulls.hi[-1] <= hi)]
-        least, largest = float(turns.min()), float(turns.max())
-        return float(np.sign(least + largest)) if least * largest >= 0.0 else np.nan
-
-
-def grouped(tape: Tape, boxes: Interval, whole: Interval, scale: Array) -> Groups:
-    """Return the groups of open boxes of a whole box (n + 1,), or boxes where many are open.
-
-    ``scale`` are the magnitudes of coordinates.
+    ``whole`` is the whole box (n + 1,), and ``scale`` are the magnitudes of coordinates. A turn
+    says whether the number of solutions only grows with alpha (1), only falls (-1), or stays (0); a
+    turn that is not known is not a number. Where many boxes are open, every box is a group.
     """
     if not 0 < (count := boxes.lo.shape[1]) <= MOST_GROUPED:
-        return Groups(boxes, np.zeros(count, dtype=bool), np.full(count, np.nan))
+        return boxes, np.zeros(count, dtype=bool), np.full(count, np.nan)
     passage = _Passage(tape, _hulls(boxes), scale)
     passed = passage.is_passed()
-    return Groups(passage.hulls, passed, np.where(passed, passage.turns(whole), np.nan))
+    return passage.hulls, passed, np.where(passed, passage.turns(whole), np.nan)
 
 
 @final

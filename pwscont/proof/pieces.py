@@ -31,7 +31,7 @@ from pwscont.proof.cells import (
 )
 from pwscont.proof.certificate import ASSUMED, Certificate
 from pwscont.proof.interval import Interval
-from pwscont.system.abilities import ExactMode, completed
+from pwscont.system.abilities import ExactMode, completed_point
 
 #: An end of a cell is the end of a piece within this part of the typical magnitudes.
 NEAR = 2.0**-20
@@ -98,17 +98,12 @@ class _Pieces:
 
     def _full_points(self) -> tuple[Array, Array]:
         """Return both ends (z, alpha) of each piece, shape (k, 2, n + 1), and magnitudes."""
-        pieces: list[Array] = [each.points for each in self._graph.pieces]
-        if not pieces:
-            return np.zeros((0, 2, self.cells.size + 1)), np.ones(self.cells.size + 1)
-        ends = np.array([[points[0], points[-1]] for points in pieces])
-        sizes = np.abs(np.vstack(pieces)).max(axis=0)
-        if ends.shape[2] != self.cells.size + 1:
-            system: Any = self._graph.system
-            full = [[completed(system, x[:-1], float(x[-1])) for x in pair] for pair in ends]
-            ends = np.concatenate([np.array(full), ends[..., -1:]], axis=2)
-            sizes = np.append(np.full(self.cells.size, sizes[:-1].max()), sizes[-1])
-        sizes[:-1] = np.maximum(sizes[:-1], DUST * sizes[:-1].max())
+        system: Any = self._graph.system
+        points = [each.points for each in self._graph.pieces]
+        full = [[completed_point(system, each[k]) for k in (0, -1)] for each in points]
+        ends = np.array(full).reshape(-1, 2, self.cells.size + 1)
+        sizes = np.abs(ends).max(axis=(0, 1), initial=0.0)
+        sizes[:-1] = np.maximum(sizes[:-1], DUST * sizes[:-1].max(initial=0.0))
         return ends, sizes
 
     def _modes(self) -> Indices:

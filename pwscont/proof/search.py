@@ -92,24 +92,14 @@ class Tubes(NamedTuple):
         return held
 
 
-class Cover(NamedTuple):
-    """What a search has left of a box: every solution lies in a proved tube or in an open box.
-
-    ``open`` are boxes (n + 1, k), and ``boxes`` is how many boxes were looked at.
-    """
-
-    tubes: Tubes | None
-    open: Interval
-    boxes: int
-
-
 def covered(
     tape: Tape, box: Interval, scale: Array, seconds: float, most: int | None = None
-) -> Cover:
-    """Return the cover of all zeros of a formula in a box (n + 1,), in some ``seconds`` at most.
+) -> tuple[Tubes | None, Interval, int]:
+    """Return proved tubes and open boxes (n + 1, k) that hold all zeros of a formula in a box.
 
-    ``scale`` are the typical magnitudes of (z, alpha), shape (n + 1,). A generation with which more
-    than ``most`` boxes would be looked at is not begun.
+    And how many boxes were looked at, in some ``seconds`` at most. ``scale`` are the typical
+    magnitudes of (z, alpha), shape (n + 1,). A generation with which more than ``most`` boxes would
+    be looked at is not begun.
     """
     whole = waiting = box[:, np.newaxis]
     tubes: list[Tubes] = []
@@ -130,7 +120,7 @@ def covered(
             following += rest
         waiting = together(np.hstack, *following)
     joined = [np.concatenate(each, axis=-1) for each in zip(*tubes, strict=True)]
-    return Cover(Tubes(*joined) if tubes else None, together(np.hstack, *left), boxes)
+    return Tubes(*joined) if tubes else None, together(np.hstack, *left), boxes
 
 
 def _looked_at(
