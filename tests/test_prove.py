@@ -196,6 +196,16 @@ def test_products_of_matrices_hold_exact_products(is_exact):
     assert lost > 0
 
 
+def test_products_of_the_largest_and_the_smallest_numbers_hold_exact_products():
+    """A bound on the rounding of the smallest numbers is itself smaller than any number."""
+    rng = np.random.default_rng(5)
+    for power in (900, 1000, 1020):
+        matrix = rng.normal(size=(5, 4)) * 2.0**power
+        x = rng.normal(size=(4, 3)) * 2.0 ** rng.integers(-1070, -1000, size=(4, 3))
+        found = Interval(matrix) @ Interval(x)
+        assert escaped(found, exact_rows(matrix, x, np.zeros((5, 3)))) == 0
+
+
 def exact_range(sides, interval):
     """Return from where to where rows (slope, constant) are not negative, None for nowhere."""
     first, last = map(Fraction, interval)

@@ -201,11 +201,7 @@ def _default_box(
     lower, upper, period = (end[:size] for end in (own.lower, own.upper, own.period))
     reach = np.minimum(FAR * scale, 0.5 * period)
     points = [] if np.isfinite(period).any() else [x[:size] for x in known.extremes()]
-    far = np.abs(
-        np.array(
-            [[np.maximum(side * x, 0.0) for x in (0.0 * scale, *points)] for side in (-1.0, 1.0)]
-        )
-    ).max(axis=1)
+    far = np.max([np.maximum([-x, x], 0.0) for x in (0.0 * scale, *points)], axis=0)
     least, most = (np.where(far > reach, np.ceil(far / reach), 0.0) + 1.0) * reach
     lower = np.where(np.isfinite(lower), lower, -least)
     return lower, np.where(np.isfinite(upper), upper, most)

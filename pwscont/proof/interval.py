@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import reduce
+from operator import add
 from typing import Any, final
 
 import numpy as np
@@ -135,7 +136,7 @@ class Interval:
         (a, r), (b, s) = self._balls(), other._balls()
         terms, filled = a.shape[-1], int(np.count_nonzero(a, axis=-1).max(initial=0))
         size = np.abs(b)
-        width = (filled + 2) * ULP * size + s
+        width = (filled + 2) * (ULP * size + SMALLEST * (size > 0.0)) + s
         far = np.abs(a) @ width
         if self.lo is not self.hi:
             far = far + r @ (size + width)
@@ -190,11 +191,8 @@ class Interval:
 
     def total(self, axis: int = 0) -> Interval:
         """Return the sums along an axis."""
-        parts = np.moveaxis(self.lo, axis, 0), np.moveaxis(self.hi, axis, 0)
-        found = Interval(parts[0][0], parts[1][0])
-        for lo, hi in zip(parts[0][1:], parts[1][1:], strict=True):
-            found = found + Interval(lo, hi)
-        return found
+        ends = (np.moveaxis(end, axis, 0) for end in (self.lo, self.hi))
+        return reduce(add, (Interval(lo, hi) for lo, hi in zip(*ends, strict=True)))
 
 
 def _interval(thing: Any) -> Interval:

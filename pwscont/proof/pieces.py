@@ -113,17 +113,15 @@ class _Pieces:
         sizes = np.abs(rows[:, :-1]) @ self._magnitudes + np.abs(rows[:, -1])
         off = np.abs(values) <= HOLDS * sizes[:, np.newaxis]
         room = values / np.maximum(sizes, LEAST)[:, np.newaxis]
-        choices = [
-            np.argmax(
-                [
-                    np.where(off[own].all(axis=0), 2.0, 0.0) + room[sides].min(axis=0, initial=1.0)
-                    for own, sides in modes
-                ],
-                axis=0,
-            )
+        # the mode whose equations hold; of several, the mode with the most room
+        marks = [
+            [
+                2.0 * off[own].all(axis=0) + room[sides].min(axis=0, initial=1.0)
+                for own, sides in modes
+            ]
             for modes in self.cells.modes
         ]
-        return np.array(choices).T
+        return np.array([np.argmax(each, axis=0) for each in marks]).T
 
     def left_pieces(self) -> list[int]:
         """Return the pieces that are not proved, and note inequalities that vanish at ends."""
