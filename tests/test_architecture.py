@@ -66,7 +66,7 @@ BUDGET = {
     "search": (9, 1980),
     "continuation": (8, 2880),
     "kit": (4, 940),
-    "proof": (15, 2860),
+    "proof": (15, 2675),
     "scenes": (14, 2650),
     "view": (6, 940),
     "evolution": (14, 3000),

@@ -4,19 +4,18 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from proof_families import Mixed, PiecewisePolynomial, cover_of, proved
+from proof_families import Mixed, PiecewisePolynomial, proved, tubes_of
 from sweeps import swept
 
 import pwscont.proof.counts
-import pwscont.proof.cover
 import pwscont.proof.groups
 import pwscont.proof.operations
-import pwscont.proof.tubes
+import pwscont.proof.search
 from pwscont import (
     Switched,
 )
-from pwscont.proof.cover import MOST_BOXES
 from pwscont.proof.interval import Interval
+from pwscont.proof.search import MOST_BOXES
 
 pytestmark = pytest.mark.sweep(4)  # the others take too long for the README's command
 
@@ -93,7 +92,7 @@ def bad_certificates(seeds):
     bad = total = 0
     for seed in seeds:
         f = PiecewisePolynomial(np.random.default_rng(seed))
-        tubes = cover_of(f, 1, (-3.0, 3.0), (-1.0, 1.0)).tubes
+        tubes = tubes_of(f, 1, (-3.0, 3.0), (-1.0, 1.0))
         for i in range(0, len(tubes.first), 7):
             for alpha in (tubes.first[i], tubes.middle[i], tubes.last[i]):
                 bad += not _is_certified(f, tubes, i, Fraction(alpha))
@@ -127,16 +126,16 @@ def single_selection(dx):
 
 def accepted_outside(*args):
     tubes, _ = original(*args)
-    tubes = tubes.__class__(*(getattr(tubes, n) for n in tubes.__slots__[:-1]), 0.05 * tubes.radius)
+    tubes = tubes._replace(image=0.05 * tubes.radius)
     return tubes, (tubes.image < tubes.radius).all(axis=0)
 
 
-original = pwscont.proof.tubes.proved
+original = pwscont.proof.search.proved
 
 
 def test_a_krawczyk_image_accepted_outside_its_box_is_caught(monkeypatch):
     """A wrong count does not show this fault: the certificates do."""
-    monkeypatch.setattr(pwscont.proof.tubes, "proved", accepted_outside)
+    monkeypatch.setattr(pwscont.proof.search, "proved", accepted_outside)
     assert bad_certificates(range(4))[0] > 0
 
 
@@ -171,7 +170,7 @@ def test_no_check_at_the_boundary_is_caught(monkeypatch):
     def inside(boxes, slopes):
         return Interval.is_within(boxes, slopes) | True
 
-    kept = pwscont.proof.cover.Interval.is_within
+    kept = pwscont.proof.search.Interval.is_within
     monkeypatch.setattr(
         Interval, "is_within", lambda a, b: kept(a, b) | np.ones_like(a.lo, dtype=bool)
     )

@@ -28,8 +28,10 @@ from pwscont import (
 )
 from pwscont.extending import ExactMode
 from pwscont.graph.records import Track
-from pwscont.proof.cells import Balls, ExactCells, ProvedCells, proved_cells
-from pwscont.proof.pieces import PiecesProof
+from pwscont.proof.cells import ExactCells, Ranges, residual, segment_of
+from pwscont.proof.interval import Interval
+from pwscont.proof.pieces import certified_pieces
+from pwscont.proof.prove import proved_solutions
 from pwscont.proof.rates import is_positive_definite
 from pwscont.search.enumeration import Solutions
 
@@ -58,12 +60,12 @@ def test_integer_problems_agree_with_rational_enumeration(seeds):
         M, q, d, e = integer_family(np.random.default_rng(seed))
         for alpha in (Fraction(-1), Fraction(0), Fraction(1, 2)):
             truth = number_of_solutions(M, q, d, e, alpha, Fraction(0))
-            cells = proved_cells(ExactCells(*LCP(M, q, d).exact_rows(float(alpha))), float(alpha))
-            if not cells.open:
+            cells = ExactCells(*LCP(M, q, d).exact_rows(float(alpha)))
+            boxes, points, undecided = proved_solutions(cells, float(alpha))
+            if not undecided:
                 proved += 1
-                count = len(cells.boxes) + len(cells.points)
-                assert truth in (None, count)
-            assert cells.open or truth != math.inf
+                assert truth in (None, len(boxes) + len(points))
+            assert undecided or truth != math.inf
     assert proved > 2 * len(seeds)
 
 
@@ -108,8 +110,8 @@ def test_data_moved_by_rounding_across_a_kink_moves_the_count():
 def test_units_of_a_complementarity_problem_do_not_hide_an_inequality(stiffness):
     """z - w rounds to -w: a cell with w = 0 and z < 0 has no solution all the same."""
     spring = Complementarity(lambda z, t: stiffness * z + 1.0 + 0.0 * t, n=1, linear=True)
-    cells = proved_cells(ExactCells(*spring.exact_rows(0.0)), 0.0)
-    assert len(cells.boxes) + len(cells.points) == 1
+    boxes, points, _ = proved_solutions(ExactCells(*spring.exact_rows(0.0)), 0.0)
+    assert len(boxes) + len(points) == 1
 
 
 def test_what_is_no_solution_is_not_proved_beside_solutions_that_are_close():
@@ -136,13 +138,22 @@ def bad_boxes(count):
         load = random_bodies.random_vector(body.n, seed)
         system = CoulombLoad(random_bodies.contact_body(body), AffineLoad(load, load), 2.0)
         cells = ExactCells(*system.exact_rows(0.0))
-        for choice, (x, r) in proved_cells(cells, 0.0).boxes.items():
-            exact = ProvedCells()
-            exact.decide(cells, choice, 0.0)
-            (point,) = exact.points
-            pairs = zip(point, x, r, strict=True)
-            bad += any(abs(v - Fraction(float(a))) > Fraction(float(b)) for v, a, b in pairs)
+        for choice, box in proved_solutions(cells, 0.0)[0].items():
+            point, _ = segment_of(*cells.of(choice), (0.0, 0.0))
+            bad += escaped(box, point[:-1]) > 0
     return bad
+
+
+def escaped(found, exact):
+    """Return how many exact numbers are outside of intervals."""
+    triples = zip(found.lo.ravel().tolist(), found.hi.ravel().tolist(), exact, strict=True)
+    return sum(not Fraction(lo) <= x <= Fraction(hi) for lo, hi, x in triples)
+
+
+def narrowed(found, part):
+    """Return intervals with a part of the width around the middle."""
+    far = 0.5 * part * found.width()
+    return Interval(found.middle() - far, found.middle() + far)
 
 
 def test_enclosures_hold_the_rational_solutions():
@@ -152,18 +163,8 @@ def test_enclosures_hold_the_rational_solutions():
 def test_enclosures_that_are_too_narrow_are_caught(monkeypatch):
     solved = pwscont.proof.cells.solved
 
-    def narrow(*args):
-        x = solved(*args)
-        return Balls(x.mid, 1e-6 * x.rad)
-
-    monkeypatch.setattr(pwscont.proof.cells, "solved", narrow)
+    monkeypatch.setattr(pwscont.proof.cells, "solved", lambda *args: narrowed(solved(*args), 1e-6))
     assert bad_boxes(12) > 0
-
-
-def escaped(found, exact):
-    """Return how many exact numbers are outside of balls."""
-    pairs = zip(found.mid.ravel().tolist(), found.rad.ravel().tolist(), exact, strict=True)
-    return sum(abs(Fraction(mid) - x) > Fraction(rad) for mid, rad, x in pairs)
 
 
 def exact_rows(matrix, x, right):
@@ -177,8 +178,8 @@ def exact_rows(matrix, x, right):
 
 
 @pytest.mark.parametrize("is_exact", [True, False])
-def test_balls_hold_exact_products(is_exact):
-    """Of all magnitudes, with and without cancellation; balls without a radius lose results."""
+def test_products_of_matrices_hold_exact_products(is_exact):
+    """Of all magnitudes, with and without cancellation; without a width results are lost."""
     lost = 0
     for seed in range(40):
         rng = np.random.default_rng(seed)
@@ -186,19 +187,93 @@ def test_balls_hold_exact_products(is_exact):
         x = rng.normal(size=(5, 2)) * 2.0 ** rng.integers(-60, 60, size=(5, 2))
         right = -(matrix @ x) if seed % 2 else rng.normal(size=(6, 2))
         near = matrix * (1.0 + 1e-12 * rng.uniform(-1.0, 1.0, matrix.shape))
-        balls = Balls(matrix) if is_exact else Balls(near, 1.1e-12 * np.abs(matrix))
+        far = 1.1e-12 * np.abs(matrix)
+        known = Interval(matrix) if is_exact else Interval(near - far, near + far)
         truth = exact_rows(matrix, x, right)
-        found = pwscont.proof.cells._residual(balls, x, Balls(right))
+        found = residual(known, x, Interval(right))
         assert escaped(found, truth) == 0
-        lost += escaped(Balls(found.mid, 1e-3 * found.rad), truth)
+        lost += escaped(narrowed(found, 1e-3), truth)
     assert lost > 0
+
+
+def test_products_of_the_largest_and_the_smallest_numbers_hold_exact_products():
+    """A bound on the rounding of the smallest numbers is itself smaller than any number."""
+    rng = np.random.default_rng(5)
+    for power in (900, 1000, 1020):
+        matrix = rng.normal(size=(5, 4)) * 2.0**power
+        x = rng.normal(size=(4, 3)) * 2.0 ** rng.integers(-1070, -1000, size=(4, 3))
+        matrix[:, 2:], x[2:] = -matrix[:, :2] * (1.0 + 2.0**-40), x[:2]  # terms cancel
+        found = Interval(matrix) @ Interval(x)
+        assert escaped(found, exact_rows(matrix, x, np.zeros((5, 3)))) == 0
+
+
+def exact_range(sides, interval):
+    """Return from where to where rows (slope, constant) are not negative, None for nowhere."""
+    first, last = map(Fraction, interval)
+    for slope, constant in ((Fraction(a), Fraction(b)) for a, b in sides.tolist()):
+        if slope:
+            root = -constant / slope
+            first, last = (max(first, root), last) if slope > 0 else (first, min(last, root))
+        elif constant < 0:
+            return None
+    return (first, last) if first <= last else None
+
+
+def wrong_ranges(seeds):
+    """Return how many ranges of random rows, many tied, say what is wrong in rational numbers."""
+    wrong = 0
+    for seed in seeds:
+        rng = np.random.default_rng(seed)
+        whole, interval = rng.integers(-2, 3, size=(30, 4, 2)).astype(float), (-1.0, 1.0)
+        sides = whole if seed % 2 else whole + 1e-3 * rng.normal(size=whole.shape)
+        far = 10.0 ** -rng.uniform(1.0, 16.0) * np.abs(sides) * (seed % 3)
+        line = Interval(np.zeros((30, 1, 2)))
+        ranges = Ranges.of((line, Interval(sides - far, sides + far)), interval)
+        for i, rows in enumerate(sides):
+            wrong += not is_right(ranges, i, rows, exact_range(rows, interval))
+    return wrong
+
+
+def is_right(ranges, i, rows, truth):
+    """Tell whether a range agrees with the true one, and which inequality alone ends the range."""
+    if truth is None or not ranges.decided[i]:
+        return not (ranges.decided[i] if truth is None else ranges.empty[i])
+    for place, known, side in zip(
+        truth, (ranges.first[i], ranges.last[i]), ranges.sides[:, i], strict=True
+    ):
+        values = [Fraction(a) * place + Fraction(b) for a, b in rows.tolist()]
+        alone = [k for k, value in enumerate(values) if value <= 0]
+        ends = alone == ([] if side == -1 else [side]) or side == -2
+        if not (Fraction(known.lo) <= place <= Fraction(known.hi) and ends):
+            return False
+    return True
+
+
+def test_ranges_of_cells_are_those_of_rational_numbers():
+    assert wrong_ranges(range(60)) == 0
+
+
+def test_ranges_that_pass_over_ties_are_caught(monkeypatch):
+    """An inequality that only seems to be the last one, and roots without their width."""
+    largest, division = pwscont.proof.cells._largest, Interval.__truediv__
+
+    def rash(numbers, which, end):
+        found = np.where(which, numbers.lo, -np.inf)
+        return largest(numbers, which, end)[0], found.argmax(axis=1)
+
+    monkeypatch.setattr(pwscont.proof.cells, "_largest", rash)
+    assert wrong_ranges(range(60)) > 0
+    monkeypatch.setattr(pwscont.proof.cells, "_largest", largest)
+    thin = lambda x, y: Interval(division(x, y).middle())  # noqa: E731
+    monkeypatch.setattr(Interval, "__truediv__", thin)
+    assert wrong_ranges(range(60)) > 0
 
 
 def test_exact_residuals_have_twice_the_digits():
     rng = np.random.default_rng(2)
     matrix, x = rng.normal(size=(30, 30)), rng.normal(size=(30, 2))
-    found = pwscont.proof.cells._residual(Balls(matrix), x, Balls(-(matrix @ x)))
-    assert found.rad.max() < 1e-19
+    found = residual(Interval(matrix), x, Interval(-(matrix @ x)))
+    assert found.width().max() < 2e-19
 
 
 # -- pieces and transitions ------------------------------------------------------------------------
@@ -301,6 +376,20 @@ def test_a_piece_that_ends_at_a_wrong_place_is_not_proved():
         assert proof.open
 
 
+def test_a_kink_just_before_the_end_of_the_interval_is_not_passed_over():
+    """The last piece is narrower than any tolerance, and is missing."""
+    near = 1.0 - 2.0**-30
+    bent = Switched(1, lambda z, t, sw: z - sw.max(t - near, 0.0), linear=True)
+    graph = trace(bent, ([0.0], 0.0), (-1.0, 1.0))
+    assert len(graph.pieces) == 2
+    assert prove(graph).is_complete
+    one = Switched(1, lambda z, t, sw: z - sw.max(t - 2.0, 0.0), linear=True)
+    short = trace(one, ([0.0], 0.0), (-1.0, 1.0))
+    wrong = BranchGraph(short.nodes, short.pieces, short.interval, system=bent)
+    assert prove(short).is_complete
+    assert not prove(wrong).holds
+
+
 FLAT = Switched(
     1, lambda z, t, sw: sw.clip(z, -1, 1) - sw.max(z - 2, 0) - 2 * sw.min(z + 2, 0) - t, linear=True
 )
@@ -342,8 +431,8 @@ def test_transitions_that_only_look_alike_are_not_joined(monkeypatch):
     rows = slip.equations.copy()
     rows[0, -1] += 1e-12
     wrong = [[*parts[0][:3], ExactMode(rows, slip.sides)]]
-    assert PiecesProof(graph, (common, parts)).holds
-    assert not PiecesProof(graph, (common, wrong)).holds
+    assert certified_pieces(graph, (common, parts)).holds
+    assert not certified_pieces(graph, (common, wrong)).holds
 
 
 def test_what_prove_refuses():

@@ -21,7 +21,7 @@ from pwscont import (
     trace,
 )
 from pwscont.curve.metric import Metric
-from pwscont.proof.tape import traced
+from pwscont.proof.formulas import traced
 
 pytestmark = pytest.mark.sweep(3)  # the others take too long for the README's command
 

@@ -6,7 +6,7 @@ The theorem stands on the page "Proofs" of the manual; the room ``proof`` makes 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cached_property
 from itertools import pairwise
 from typing import Any, Protocol, final
@@ -240,15 +240,7 @@ class BoxProof:
 
     def plain(self) -> dict[str, Any]:
         """Return the proof as lists and numbers, for a file."""
-        return {
-            "box": _lists([self.box])[0],
-            "interval": self.interval,
-            "stretches": [[s.lo, s.hi, s.alpha, _lists(s.solutions)] for s in self.stretches],
-            "turns": [[lo, hi, None if np.isnan(turn) else turn] for lo, hi, turn in self.turns],
-            "open": _lists(self.open),
-            "boxes": self.boxes,
-            "assumed": self.assumed,
-        }
+        return {each.name: _plain(getattr(self, each.name)) for each in fields(self)}
 
     @classmethod
     def read(cls, plain: Mapping[str, Any]) -> BoxProof:
@@ -298,8 +290,15 @@ def _is_found(proved: Corners, found: list[Corners]) -> bool:
     )
 
 
-def _lists(pairs: list[Corners] | None) -> Any:
-    return None if pairs is None else [[lo.tolist(), hi.tolist()] for lo, hi in pairs]
+def _plain(thing: Any) -> Any:
+    """Return arrays, tuples and stretches as lists; a number that is not known becomes None."""
+    if isinstance(thing, np.ndarray):
+        return thing.tolist()
+    if isinstance(thing, CountedStretch):
+        return [_plain(getattr(thing, each.name)) for each in fields(thing)]
+    if isinstance(thing, list | tuple):
+        return [_plain(each) for each in thing]
+    return None if isinstance(thing, float) and np.isnan(thing) else thing
 
 
 def _corners(lists: Any) -> list[Corners]:

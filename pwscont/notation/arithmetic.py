@@ -16,7 +16,7 @@ from numpy.lib.mixins import NDArrayOperatorsMixin
 from pwscont import InvalidSystemError
 from pwscont.extending import Array, Matrix, dense
 
-#: Smooth functions of one argument: the derivative from the argument and the value.
+#: Smooth functions of one argument: the derivative, exact for proofs, from argument and value.
 SMOOTH: dict[str, Callable[[Any, Any], Any]] = {
     "negative": lambda x, y: -np.ones_like(x),
     "positive": lambda x, y: np.ones_like(x),

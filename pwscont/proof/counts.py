@@ -13,12 +13,11 @@ import numpy as np
 from pwscont.basics.arrays import Array
 from pwscont.graph.proved import BoxProof, Corners, CountedStretch, Range
 from pwscont.graph.structure import connected
-from pwscont.proof.contraction import formula, inverse_of, with_slopes
-from pwscont.proof.cover import FINEST_ALPHA, Cover
-from pwscont.proof.groups import Groups
+from pwscont.proof.boxes import evaluated, inverse_of, with_slopes
+from pwscont.proof.groups import grouped
 from pwscont.proof.interval import FUNCTION_ULPS, Interval, chosen, together
+from pwscont.proof.search import FINEST_ALPHA, ROOM, Tubes, polished, proved, slack
 from pwscont.proof.tape import Tape
-from pwscont.proof.tubes import ROOM, Tubes, polished, proved, slack
 
 #: Places, as parts of a stretch between groups, where solutions are counted one after the other,
 #: until counts are certain.
@@ -34,23 +33,35 @@ ASSUMED = (
 AGREEING_SELECTIONS = "; selections of a class that agree where tests vanish"
 
 
-def counted_proof(tape: Tape, box: Interval, scale: Array, cover: Cover) -> BoxProof:
-    """Return what a cover of a box (n + 1,) proves; ``scale`` are the magnitudes of (z, alpha)."""
-    groups = Groups.of(tape, cover.open, box, scale)
-    left = groups.hulls[:, ~groups.passed]
-    unsaid = _united(groups.hulls[-1], FINEST_ALPHA * float(scale[-1]))
+def counted_proof(
+    tape: Tape, box: Interval, scale: Array, tubes: Tubes | None, open_boxes: Interval, boxes: int
+) -> BoxProof:
+    """Return what tubes and open boxes, with all solutions in a box (n + 1,), prove.
+
+    ``scale`` are the magnitudes of (z, alpha), and ``boxes`` is how many boxes were looked at.
+    """
+    hulls, passed, turns = grouped(tape, open_boxes, box, scale)
+    unsaid = _united(hulls[-1], FINEST_ALPHA * float(scale[-1]))
     interval = float(box.lo[-1]), float(box.hi[-1])
     ends = [interval[0], *(end for each in unsaid for end in each), interval[1]]
     pairs = [(lo, hi) for lo, hi in zip(ends[::2], ends[1::2], strict=True) if lo < hi]
+    has_class = any(step.name == "select" for step in tape.steps)
     return BoxProof(
         (box.lo[:-1], box.hi[:-1]),
         interval,
-        [_counted(tape, box, cover.tubes, each) for each in pairs],
-        [(*each, groups.turn_of(*each)) for each in unsaid],
-        list(zip(left.lo.T, left.hi.T, strict=True)),
-        cover.boxes,
-        ASSUMED + (AGREEING_SELECTIONS if tape.has("select") else ""),
+        [_counted(tape, box, tubes, each) for each in pairs],
+        [(*each, _turn_of(turns, hulls[-1], *each)) for each in unsaid],
+        list(zip(hulls.lo.T[~passed], hulls.hi.T[~passed], strict=True)),
+        boxes,
+        ASSUMED + (AGREEING_SELECTIONS if has_class else ""),
     )
+
+
+def _turn_of(turns: Array, alphas: Interval, lo: float, hi: float) -> float:
+    """Return the turn of all groups within a range of alpha together."""
+    own = turns[(alphas.lo >= lo) & (alphas.hi <= hi)]
+    least, largest = float(own.min()), float(own.max())
+    return float(np.sign(least + largest)) if least * largest >= 0.0 else np.nan
 
 
 def _united(ranges: Interval, apart: float) -> list[Range]:
@@ -89,10 +100,10 @@ def _solutions(
     """
     if tubes is None:
         return []
-    tubes = tubes[(tubes.first <= alpha) & (alpha <= tubes.last)]
+    tubes = tubes.only((tubes.first <= alpha) & (alpha <= tubes.last))
     found, whole = _enclosed(tape, tubes, alpha), box[:-1, np.newaxis]
     outside = np.any((found.hi < whole.lo) | (found.lo > whole.hi), axis=0)
-    tubes, found = tubes[~outside], found[:, ~outside]
+    tubes, found = tubes.only(~outside), found[:, ~outside]
     groups = _distinct(tubes, found, alpha) if found.is_within(whole).all() else None
     return None if groups is None else [(found.lo[:, i], found.hi[:, i]) for i in groups]
 
@@ -101,10 +112,10 @@ def _enclosed(tape: Tape, tubes: Tubes, alpha: float) -> Interval:
     """Return narrow enclosures of the solutions in tubes at one alpha, shape (n, k)."""
     point = Interval(np.full(len(tubes.first), alpha))
     known = tubes.at(point, tubes.image)
-    slopes = with_slopes(tape, together(np.vstack, known, point))[1]
+    slopes = with_slopes(tape.slopes, together(np.vstack, known, point))[1]
     matrix = inverse_of(slopes.middle()[:, :-1])
     centre = polished(tape, np.vstack([known.middle(), point.lo]), matrix)
-    value = formula(tape, Interval(np.vstack([centre, point.lo])))
+    value = evaluated(tape, Interval(np.vstack([centre, point.lo])))
     far = np.einsum("ijb,jb->ib", np.abs(matrix), value.reach())
     radius = ROOM * far + slack(centre) + slack(tubes.radius)
     thin = Tubes(point.lo, point.lo, point.lo, centre, np.zeros_like(centre), radius, radius)
@@ -125,8 +136,8 @@ def _distinct(tubes: Tubes, found: Interval, alpha: float) -> list[int] | None:
         apart = (found.lo[:, others] > found.hi[:, [i]]) | (found.hi[:, others] < found.lo[:, [i]])
         others = others[~apart.any(axis=0)]
         mine, point = np.full(len(others), i), Interval(np.full(len(others), alpha))
-        is_same = tubes[mine].hold(found[:, others], point)
-        if not (is_same | tubes[others].hold(found[:, mine], point)).all():
+        is_same = tubes.only(mine).hold(found[:, others], point)
+        if not (is_same | tubes.only(others).hold(found[:, mine], point)).all():
             return None
         pairs += [(i, int(j)) for j in others]
     return [min(group) for group in connected(range(count), pairs)]

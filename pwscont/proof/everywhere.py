@@ -19,9 +19,9 @@ from pwscont.curve.metric import Metric
 from pwscont.curve.semismooth import semismooth_newton
 from pwscont.graph.proved import BoxProof
 from pwscont.proof.counts import counted_proof
-from pwscont.proof.cover import covered
 from pwscont.proof.formulas import check_tape, tape_of
 from pwscont.proof.interval import Interval
+from pwscont.proof.search import covered
 from pwscont.search.default_search import default_search
 from pwscont.search.search import KnownBranches, NothingKnown, Search, scope_of, starts_of
 from pwscont.system.abilities import completed, formula_of, shown_size
@@ -135,10 +135,14 @@ class Everywhere(Search):
         default box reaches as far around ``known`` branches as around zero.
         """
         tape = tape_of(system)
-        size = tape.size
-        lower, upper = self._limits(system, metric.scale[:size], known or NothingKnown())
-        box = Interval(np.append(lower, interval[0]), np.append(upper, interval[1]))
-        scale = np.append(metric.scale[:size], interval[1] - interval[0])
+        scale = np.append(metric.scale[: tape.size], interval[1] - interval[0])
+        lower, upper = self.box or _default_box(system, scale[:-1], known or NothingKnown())
+        try:
+            ends = [np.broadcast_to(end, (tape.size,)) for end in (lower, upper)]
+        except ValueError as error:
+            words = f"box must broadcast to {tape.size} unknowns, got {self.box}"
+            raise InvalidInputError(words) from error
+        box = Interval(*(np.append(*each) for each in zip(ends, interval, strict=True)))
         key = [each.tobytes() for each in (box.lo, box.hi, scale)], tape.steps, tape.outputs
         last = self.proved(system, interval)
         if last is not None and self._last["key"] == key:
@@ -146,30 +150,9 @@ class Everywhere(Search):
         check_tape(tape, system, box)
         with np.errstate(all="ignore"):
             cover = covered(tape, box, scale, self.seconds, most)
-            proof = counted_proof(tape, box, scale, cover)
+            proof = counted_proof(tape, box, scale, *cover)
         self._last.update(formula=_formula(system), interval=interval, key=key, proof=proof)
         return proof
-
-    def _limits(
-        self, system: PiecewiseSystem, scale: Array, known: KnownBranches
-    ) -> tuple[Array, Array]:
-        """Return the least and largest unknowns."""
-        size = len(scale)
-        if self.box is not None:
-            lower, upper = _checked_box(self.box)
-            if any(end.shape not in ((), (1,), (size,)) for end in (lower, upper)):
-                raise InvalidInputError(f"box must broadcast to {size} unknowns, got {self.box}")
-            return np.broadcast_to(lower, (size,)), np.broadcast_to(upper, (size,))
-        own = Box.of(system)
-        lower, upper, period = (end[:size] for end in (own.lower, own.upper, own.period))
-        is_periodic = np.isfinite(period).any()
-        around = np.array(
-            [np.zeros(size), *(x[:size] for x in known.extremes() if not is_periodic)]
-        )
-        reach = np.minimum(FAR * scale, 0.5 * period)
-        least, most = (_beyond(side * around, reach) * side for side in (-1.0, 1.0))
-        lower = np.where(np.isfinite(lower), lower, least)
-        return lower, np.where(np.isfinite(upper), upper, most)
 
     def proved(self, system: PiecewiseSystem, interval: tuple[float, float]) -> BoxProof | None:
         """Return the proof of the last run, if the run was of this formula and interval."""
@@ -188,16 +171,6 @@ class Everywhere(Search):
         )
 
 
-def _beyond(points: Array, reach: Array) -> Array:
-    """Return numbers of reaches that are one reach beyond zero, and beyond points that are far out.
-
-    A box that fits the known branches less closely is the same box when a run is resumed.
-    """
-    farthest = np.maximum(points.max(axis=0), 0.0)
-    far: Array = np.where(farthest > reach, np.ceil(farthest / reach), 0.0)
-    return (far + 1.0) * reach
-
-
 def _formula(system: PiecewiseSystem) -> Any:
     return formula_of(system) or system
 
@@ -214,6 +187,24 @@ def _checked_box(box: Any) -> tuple[Array, Array]:
     if not is_ordered:
         raise InvalidInputError(f"box needs least < largest, got {box!r}")
     return lower, upper
+
+
+def _default_box(
+    system: PiecewiseSystem, scale: Array, known: KnownBranches
+) -> tuple[Array, Array]:
+    """Return the bounds of the shown unknowns; where there are none, about FAR magnitudes.
+
+    The box reaches a whole number of reaches beyond known branches that are far out: a box that
+    fits the known branches less closely is the same box when a run is resumed.
+    """
+    own, size = Box.of(system), len(scale)
+    lower, upper, period = (end[:size] for end in (own.lower, own.upper, own.period))
+    reach = np.minimum(FAR * scale, 0.5 * period)
+    points = [] if np.isfinite(period).any() else [x[:size] for x in known.extremes()]
+    far = np.max([np.maximum([-x, x], 0.0) for x in (0.0 * scale, *points)], axis=0)
+    least, most = (np.where(far > reach, np.ceil(far / reach), 0.0) + 1.0) * reach
+    lower = np.where(np.isfinite(lower), lower, -least)
+    return lower, np.where(np.isfinite(upper), upper, most)
 
 
 def _proved_starts(
@@ -249,19 +240,15 @@ class _Provable(KnownBranches):
         self._known, self._prove = known, prove
 
     def at(self, alpha: float) -> list[Array]:
-        """Return a point (z, alpha) for each known solution."""
         return self._known.at(alpha)
 
     def near(self, x: Array, metric: Metric) -> Array | None:
-        """Return the nearest known point, if any is near."""
         return self._known.near(x, metric)
 
     def extremes(self) -> list[Array]:
-        """Return the points (z, alpha) at which alpha or an unknown is extremal."""
         return self._known.extremes()
 
     def are_all(self) -> bool:
-        """Tell whether all branches are proved."""
         return self._prove() is not None
 
 

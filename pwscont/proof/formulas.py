@@ -1,9 +1,13 @@
-"""The tape of a system, compared with what the system says."""
+"""The tape of a system: the formula is called with traced numbers, then compared with the tape."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any
+from inspect import signature
+from numbers import Real
+from typing import Any, final
 
 import numpy as np
 
@@ -11,9 +15,9 @@ from pwscont.basics.arrays import Array, generic
 from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidInputError
 from pwscont.notation.curved import SwitchedSystem
-from pwscont.proof.contraction import formula, picked, values_of
+from pwscont.proof.boxes import evaluated
 from pwscont.proof.interval import Interval
-from pwscont.proof.tape import NotTracedError, Tape, TracedSwitches, traced
+from pwscont.proof.tape import NotTracedError, Tape, as_array
 from pwscont.system.system import PiecewiseSystem, SlicewiseLinearSystem
 
 #: At how many points the tape is compared with the formula, and how much they may differ, relative
@@ -23,6 +27,84 @@ COMPARED, ALIKE, ROUNDINGS = 40, 1e-9, 100.0
 MOST_TESTS = 8
 #: How often an interface is looked for, and by how many bisections.
 LOOKS, BISECTIONS = 200, 60
+
+
+def _each(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Return a switch of arrays from a function of a tape and numbers."""
+    names = signature(function)
+
+    def switch(switches: TracedSwitches, *args: Any, **named: Any) -> Any:
+        own = names.bind(switches.tape, *args, **named).args[1:]
+        entry = partial(function, switches.tape)
+        return np.frompyfunc(entry, len(own), 1)(*map(as_array, own))
+
+    return switch
+
+
+def _select(tape: Tape, s: Any, a: Any, b: Any) -> Any:
+    """Return ``a`` where ``s >= 0``, and ``b`` elsewhere, promised to agree where s is 0."""
+    return a if tape.place_of(a) == tape.place_of(b) else tape.node("select", s, a, b)
+
+
+def _clip(tape: Tape, a: Any, lower: Any, upper: Any) -> Any:
+    """Return a clipped number; with bounds in the wrong order, what the notation returns.
+
+    A clip whose bounds may not be in order is decisions, across which nothing is proved.
+    """
+    node, are_known = tape.node, [isinstance(each, Real) for each in (lower, upper)]
+    if are_known[0] and lower == -np.inf:
+        return a if are_known[1] and upper == np.inf else node("min", a, upper)
+    if are_known[1] and upper == np.inf:
+        return node("max", a, lower)
+    clipped = node("max", lower, node("min", a, upper))
+    (low, least), (high, most) = (tape.parted(each) for each in (lower, upper))
+    if low == high and least <= most:
+        return clipped
+    crossed = node("where", a - lower, upper, node("where", a - upper, a, lower))
+    return node("where", upper - lower, clipped, crossed)
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class TracedSwitches:
+    """The switches ``sw`` of a formula that is traced; every entry is a step of its own."""
+
+    tape: Tape
+    max = _each(lambda tape, a, b: tape.node("max", a, b))
+    min = _each(lambda tape, a, b: tape.node("min", a, b))
+    abs = _each(lambda tape, a: tape.node("abs", a))
+    relu = _each(lambda tape, a: tape.node("max", a, 0.0))
+    where = _each(lambda tape, s, a, b: tape.node("where", s, a, b))
+    select, clip = _each(_select), _each(_clip)
+
+
+def traced(f: Callable[[Any, Any, Any], Any], size: int) -> Tape:
+    """Return the tape of a formula f(z, alpha, sw), or say why the formula cannot be traced."""
+    tape, again = Tape(size), Tape(size)
+    try:
+        for each in (tape, again):
+            _write(each, f)
+        if (tape.steps, tape.outputs) != (again.steps, again.outputs):
+            raise NotTracedError("the formula is another one each time")
+    except Exception as error:
+        raise InvalidInputError(
+            f"the formula cannot be traced, so that nothing can be proved: {error}"
+        ) from error
+    if len(tape.outputs) != size:
+        raise InvalidInputError(f"the formula returned {len(tape.outputs)} numbers, not {size}")
+    return tape
+
+
+def _write(tape: Tape, f: Callable[[Any, Any, Any], Any]) -> None:
+    """Write a formula on an empty tape."""
+    nodes = [tape.node("variable", numbers=(i,)) for i in range(tape.size + 1)]
+    z = np.empty(tape.size, dtype=object)
+    z[:] = nodes[:-1]
+    with np.errstate(all="ignore"):
+        found = np.asarray(f(z, nodes[-1], TracedSwitches(tape)), dtype=object).ravel()
+    for error in tape.refused:  # the formula went on without the number
+        raise error
+    tape.outputs = [tape.place_of(each) for each in found]
 
 
 def tape_of(system: PiecewiseSystem) -> Tape:
@@ -56,7 +138,7 @@ def check_tape(tape: Tape, system: Any, box: Interval) -> None:
     for x in _points(box, COMPARED).T:
         with np.errstate(all="ignore"):
             value = _value(system, x[:-1], float(x[-1]))
-            known = formula(tape, Interval(x[:, np.newaxis]))[:, 0]
+            known = evaluated(tape, Interval(x[:, np.newaxis]))[:, 0]
             slack = ALIKE * np.abs(value) + ROUNDINGS * known.width()
             differs = (value < known.lo - slack) | (value > known.hi + slack)
         if differs.any():
@@ -90,9 +172,10 @@ def _value(system: Any, z: Array, alpha: float) -> Array:
 def _check_interface(tape: Tape, places: tuple[int, ...], box: Interval) -> None:
     """Refuse a class whose selections differ where a test vanishes, on many segments at once."""
     a, b = _points(box, LOOKS), _points(box, LOOKS, LOOKS)
+    select = replace(tape, outputs=[*places])
 
     def test(x: Array) -> Array:
-        return picked(places, values_of(tape, Interval(x)), x.shape[1:])[0].middle()
+        return evaluated(select, Interval(x))[0].middle()
 
     first = test(a)
     crossed = first * test(b) < 0.0
@@ -101,8 +184,7 @@ def _check_interface(tape: Tape, places: tuple[int, ...], box: Interval) -> None
         middle = 0.5 * (a + b)
         same = test(middle) * first > 0.0
         a, b = np.where(same, middle, a), np.where(same, b, middle)
-    ends = values_of(tape, Interval(np.minimum(a, b), np.maximum(a, b)))
-    known = picked(places, ends, a.shape[1:])
+    known = evaluated(select, Interval(np.minimum(a, b), np.maximum(a, b)))
     one, other = known[1], known[2]
     slack = ALIKE * (1.0 + one.reach()) + ROUNDINGS * (one.width() + other.width())
     if (np.abs(one.middle() - other.middle()) > slack).any():

@@ -9,36 +9,29 @@ known where several switches are undecided, or a fold is near a kink or a face o
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from functools import partial
-from typing import Any, final
+from typing import final
 
 import numpy as np
 from scipy.sparse.csgraph import connected_components
 
-from pwscont.basics.arrays import Array, Indices, Signs
-from pwscont.proof.contraction import (
-    along,
-    branched,
-    inverse_of,
-    picked,
-    slopes_of,
-    times,
-    units,
-    values_of,
-)
+from pwscont.basics.arrays import Array, Signs
+from pwscont.proof.boxes import evaluated, inverse_of, times, with_slopes
 from pwscont.proof.interval import Interval, above, below, chosen, together
-from pwscont.proof.operations import SWITCHES
+from pwscont.proof.operations import OPERATIONS, Rule, branch
 from pwscont.proof.tape import Tape
 
 #: Most open boxes that are put together.
 MOST_GROUPED = 4000
 #: Into how many parts the weights of two modes are divided.
 WEIGHTS = 8
-FIRST, SECOND = (partial(branched, both=lambda *pair, k=k: pair[k]) for k in (0, 1))
+#: The rules with which a switch that is undecided has the derivative of one branch.
+MODES = [
+    {**OPERATIONS, "slope": Rule(lambda test, a, b, k=k: branch(test, a, b, (a, b)[k]))}
+    for k in (0, 1)
+]
 
 
-def hulls(boxes: Interval) -> Interval:
+def _hulls(boxes: Interval) -> Interval:
     """Return the hulls of groups of boxes (n + 1, k) that touch, in the order of alpha."""
     boxes = boxes[:, np.argsort(boxes.lo[-1])]
     touch = np.ones((boxes.lo.shape[1],) * 2, dtype=bool)
@@ -51,36 +44,20 @@ def hulls(boxes: Interval) -> Interval:
     return Interval(lo.T, hi.T)
 
 
-@final
-@dataclass(frozen=True, slots=True, eq=False)
-class Groups:
-    """Groups of open boxes: the hulls (n + 1, k), which groups are passed, and their turns.
+def grouped(
+    tape: Tape, boxes: Interval, whole: Interval, scale: Array
+) -> tuple[Interval, Signs, Array]:
+    """Return the hulls of groups of open boxes (n + 1, k), which are passed, and their turns.
 
-    A turn says whether the number of solutions only grows with alpha (1), only falls (-1), or stays
-    (0); a turn that is not known is not a number.
+    ``whole`` is the whole box (n + 1,), and ``scale`` are the magnitudes of coordinates. A turn
+    says whether the number of solutions only grows with alpha (1), only falls (-1), or stays (0); a
+    turn that is not known is not a number. Where many boxes are open, every box is a group.
     """
-
-    hulls: Interval
-    passed: Signs
-    turns: Array
-
-    @classmethod
-    def of(cls, tape: Tape, boxes: Interval, whole: Interval, scale: Array) -> Groups:
-        """Return the groups of open boxes of a whole box (n + 1,), or boxes where many are open.
-
-        ``scale`` are the magnitudes of coordinates.
-        """
-        if not 0 < (count := boxes.lo.shape[1]) <= MOST_GROUPED:
-            return cls(boxes, np.zeros(count, dtype=bool), np.full(count, np.nan))
-        passage = _Passage(tape, hulls(boxes), scale)
-        passed = passage.is_passed()
-        return cls(passage.hulls, passed, np.where(passed, passage.turns(whole), np.nan))
-
-    def turn_of(self, lo: float, hi: float) -> float:
-        """Return the turn of all groups within a range of alpha together."""
-        turns = self.turns[(self.hulls.lo[-1] >= lo) & (self.hulls.hi[-1] <= hi)]
-        least, largest = float(turns.min()), float(turns.max())
-        return float(np.sign(least + largest)) if least * largest >= 0.0 else np.nan
+    if not 0 < (count := boxes.lo.shape[1]) <= MOST_GROUPED:
+        return boxes, np.zeros(count, dtype=bool), np.full(count, np.nan)
+    passage = _Passage(tape, _hulls(boxes), scale)
+    passed = passage.is_passed()
+    return passage.hulls, passed, np.where(passed, passage.turns(whole), np.nan)
 
 
 @final
@@ -95,17 +72,14 @@ class _Passage:
 
     def __init__(self, tape: Tape, hulls: Interval, scale: Array) -> None:
         self._tape, self.hulls, self._scale = tape, hulls, Interval(scale[:, np.newaxis])
-        values = values_of(tape, hulls)
-        both, *modes = (
-            slopes_of(tape, values, units(hulls), each) for each in (branched, FIRST, SECOND)
-        )
-        self._undecided, test = _undecided(tape, hulls, values, both)
-        self._test, shape = test * self._scale, hulls.lo.shape
-        hull = picked(tape.outputs, both, shape)
-        self._modes = [
-            chosen(self._undecided > 1, hull, picked(tape.outputs, each, shape)) * self._scale
-            for each in modes
-        ]
+        tests, by = with_slopes(tape.tests, hulls)
+        either = ~((tests.lo >= 0.0) | (tests.hi < 0.0))
+        self._undecided = either.sum(axis=0)
+        self._test = Interval(np.zeros_like(hulls.lo))  # of the switch that is undecided
+        for k in range(len(either)):
+            self._test = chosen(either[k], by[k] * self._scale, self._test)
+        hull, *modes = (with_slopes(tape.slopes, hulls, rules)[1] for rules in (OPERATIONS, *MODES))
+        self._modes = [chosen(self._undecided > 1, hull, each) * self._scale for each in modes]
         self._along = np.sum([_tangent(each.middle()) for each in self._modes], axis=0)
 
     def is_passed(self) -> Signs:
@@ -131,11 +105,8 @@ class _Passage:
 
     def _of_folds(self, way: Interval) -> Array:
         """Return the signs of the second derivative of alpha along smooth curves."""
-        way, tape = way * self._scale, along(self._tape)
-        values = values_of(tape, together(np.vstack, self.hulls, way))
-        seeds = [*(way[i] for i in range(len(way.lo))), *[None] * len(way.lo)]
-        bent = picked(tape.outputs, slopes_of(tape, values, seeds, FIRST), way.lo.shape[1:])
-        right = together(np.vstack, bent, Interval(np.zeros(way.lo.shape[1])))
+        bent = evaluated(self._tape.bent, together(np.vstack, self.hulls, way * self._scale))
+        right = together(np.vstack, bent, Interval(np.zeros_like(bent.lo[:1])))
         return -_sign(_solved(self._modes[0], self._along, right)[-1])
 
     def _of_kinks(self, ways: list[Interval]) -> Array:
@@ -155,25 +126,6 @@ class _Passage:
             touched += 1.0 * at_least + at_most
             turns = np.where(at_least, speed, np.where(at_most, -speed, turns))
         return np.where(touched > 1.0, np.nan, turns)
-
-
-def _undecided(
-    tape: Tape, boxes: Interval, values: list[Interval], slopes: list[Any]
-) -> tuple[Indices, Interval]:
-    """Return how many switches may be in either mode, and the slope of the test of such a switch.
-
-    The test is positive where the first branch holds. Shapes (B,) and (n + 1, B).
-    """
-    zero = Interval(np.zeros(boxes.lo.shape))
-    count, slope = np.zeros(boxes.lo.shape[1], dtype=np.intp), zero
-    for step in tape.steps:
-        if step.name in SWITCHES:
-            of = SWITCHES[step.name][0]
-            test = of(*(values[place] for place in step.args))
-            either = ~((test.lo >= 0.0) | (test.hi < 0.0))
-            count += either
-            slope = chosen(either, of(*(slopes[place] or zero for place in step.args)), slope)
-    return count, slope
 
 
 def _sign(x: Interval) -> Array:

@@ -5,15 +5,14 @@ rule excludes, contracts or proves anything by the end (NaN is everything).
 
 The bounds on rounding are those of docs/theory, F21: IEEE arithmetic to nearest errs by at most
 half a unit in the last place. Elementary functions are assumed to err by at most FUNCTION_ULPS
-units. Increasing functions take ends to ends; sine and cosine take the value 1 wherever a crest may
-lie in the interval, as far as rounding of the argument can tell.
+units.
 """
 
 from __future__ import annotations
 
-import operator
 from collections.abc import Callable
 from functools import reduce
+from operator import add
 from typing import Any, final
 
 import numpy as np
@@ -27,13 +26,7 @@ SMALLEST = 5e-324
 #: How many units in the last place an elementary function of numpy may err: an assumption, see
 #: docs/theory, F21.
 FUNCTION_ULPS = 4.0
-#: Arguments of sine and cosine from here on say nothing but [-1, 1].
-FAR = 1e6
-#: By how much of a period the place of a crest may be misjudged; rounding of arguments below FAR
-#: makes errors smaller by a factor of a thousand.
-BLUR = 1e-6
 INF = np.inf
-Map = Callable[["Interval"], "Interval"]
 Ends = Callable[[Array, Array], Array]
 
 
@@ -47,45 +40,18 @@ def above(x: Array, ulps: float = 1.0) -> Array:
     return x + _error(x, ulps)
 
 
+def upper(x: Array, terms: int) -> Array:
+    """Return upper bounds of rounded sums of products that are not negative."""
+    bound: Array = x * (1.0 + 4.0 * (terms + 4) * ULP) + (terms + 4) * SMALLEST
+    return bound
+
+
 def _error(x: Array, ulps: float) -> Array:
     """Return a bound of the error of rounded numbers, in place: most of the time goes here."""
     error = np.abs(x)
     error *= ulps * ULP
     error += ulps * SMALLEST
     return error
-
-
-def _increasing(name: str, least: float, most: float, first: float, last: float) -> Map:
-    """Return an increasing function with values from least to most for numbers first to last."""
-    function = getattr(np, name)
-
-    def values(x: Interval) -> Interval:
-        found = Interval.rounded(function(x.lo), function(x.hi), FUNCTION_ULPS)
-        found = Interval(np.maximum(found.lo, least), np.minimum(found.hi, most))
-        return found.where((x.lo >= first) & (x.hi <= last))
-
-    return values
-
-
-def _has_crest(x: Interval, place: float) -> Signs:
-    """Tell where a number place + 2 pi k may lie in the interval."""
-    first, last = (x.lo - place) / (2.0 * np.pi), (x.hi - place) / (2.0 * np.pi)
-    crest: Signs = np.floor(last + BLUR) >= np.ceil(first - BLUR)
-    return crest
-
-
-def _wave(function: Callable[[Array], Array], top: float) -> Map:
-    """Return sine or cosine, whose crests are at top + 2 pi k."""
-
-    def values(x: Interval) -> Interval:
-        a, b = function(x.lo), function(x.hi)
-        found = Interval.rounded(np.minimum(a, b), np.maximum(a, b), FUNCTION_ULPS)
-        is_far = ~(x.reach() < FAR)
-        lo = np.where(_has_crest(x, top + np.pi) | is_far, -1.0, np.maximum(found.lo, -1.0))
-        hi = np.where(_has_crest(x, top) | is_far, 1.0, np.minimum(found.hi, 1.0))
-        return Interval(lo, hi).where(x.lo <= x.hi)
-
-    return values
 
 
 def _paired(of_lower: Ends, of_upper: Ends) -> Callable[[Interval, Interval], Interval]:
@@ -114,7 +80,7 @@ class Interval:
         return cls(below(lo, ulps), above(hi, ulps))
 
     def __getitem__(self, key: Any) -> Interval:
-        return Interval(self.lo[key], self.hi[key])
+        return Interval(self.lo[key], None if self.lo is self.hi else self.hi[key])
 
     # -- arithmetic ----------------------------------------------------------------------------
 
@@ -160,38 +126,30 @@ class Interval:
         k = int(power)
         if k < 0:
             return 1.0 / self**-k
-        if k % 2:
-            ends = (_repeated(Interval(end), k, operator.mul) for end in (self.lo, self.hi))
-            return Interval(next(ends).lo, next(ends).hi)
-        lo = _repeated(abs(self).lo, k, lambda x, y: np.maximum(below(x * y), 0.0))
-        return Interval(lo, _repeated(abs(self).hi, k, lambda x, y: above(x * y)))
+        x = self if k % 2 else abs(self)  # what is left increases
+        ends = [_powers(end, k) for end in (x.lo, x.hi)]
+        lo = ends[0].lo if k % 2 else np.maximum(ends[0].lo, 0.0)
+        return Interval(lo, ends[1].hi)
 
-    def sqrt(self) -> Interval:
-        """Return the roots; where the argument may be negative, the root says nothing."""
-        root = Interval.rounded(np.sqrt(self.lo), np.sqrt(self.hi))
-        return Interval(np.maximum(root.lo, 0.0), root.hi).where(self.lo >= 0.0)
+    def __matmul__(self, other: Interval) -> Interval:
+        """Return products of matrices, as products of midpoints with bounds of all errors."""
+        (a, r), (b, s) = self._balls(), other._balls()
+        terms, filled = a.shape[-1], int(np.count_nonzero(a, axis=-1).max(initial=0))
+        size = np.abs(b)
+        width = (filled + 2) * (ULP * size + SMALLEST * (size > 0.0)) + s
+        far = np.abs(a) @ width
+        if self.lo is not self.hi:
+            far = far + r @ (size + width)
+        mid, far = a @ b, upper(far, terms) + terms * SMALLEST
+        return Interval.rounded(mid - far, mid + far)
 
-    # -- elementary functions, which say nothing where the argument may leave a domain ----------
-
-    exp, expm1 = _increasing("exp", 0.0, INF, -INF, INF), _increasing("expm1", -1.0, INF, -INF, INF)
-    log, log1p = _increasing("log", -INF, INF, 0.0, INF), _increasing("log1p", -INF, INF, -1.0, INF)
-    sin, cos = _wave(np.sin, 0.5 * np.pi), _wave(np.cos, 0.0)
-    arcsin = _increasing("arcsin", -INF, INF, -1.0, 1.0)
-    arctan = _increasing("arctan", -INF, INF, -INF, INF)
-    sinh, arcsinh = (_increasing(name, -INF, INF, -INF, INF) for name in ("sinh", "arcsinh"))
-    tanh = _increasing("tanh", -1.0, 1.0, -INF, INF)
-    arctanh = _increasing("arctanh", -INF, INF, -1.0, 1.0)
-    _rising = _increasing("cosh", 1.0, INF, 0.0, INF)
-    _between_poles = _increasing("tan", -INF, INF, -FAR, FAR)
-
-    def cosh(self) -> Interval:
-        """Return the hyperbolic cosine."""
-        return abs(self)._rising()
-
-    def tan(self) -> Interval:
-        """Return the tangent; where a pole may lie in the interval, the tangent says nothing."""
-        pole = _has_crest(self, 0.5 * np.pi) | _has_crest(self, -0.5 * np.pi)
-        return self._between_poles().where(~pole)
+    def _balls(self) -> tuple[Array, Any]:
+        """Return midpoints, and bounds of the radii around the midpoints."""
+        if self.lo is self.hi:
+            return self.lo, 0.0
+        mid = self.middle()
+        far = self.hi - mid
+        return mid, above(np.maximum(far, mid - self.lo, out=far))
 
     # -- order ---------------------------------------------------------------------------------
 
@@ -223,7 +181,9 @@ class Interval:
 
     def middle(self) -> Array:
         """Return a number in each interval, near the middle."""
-        return 0.5 * self.lo + 0.5 * self.hi
+        middle = 0.5 * self.lo
+        middle += 0.5 * self.hi
+        return middle
 
     def width(self) -> Array:
         """Return about how wide each interval is."""
@@ -231,11 +191,8 @@ class Interval:
 
     def total(self, axis: int = 0) -> Interval:
         """Return the sums along an axis."""
-        parts = np.moveaxis(self.lo, axis, 0), np.moveaxis(self.hi, axis, 0)
-        found = Interval(parts[0][0], parts[1][0])
-        for lo, hi in zip(parts[0][1:], parts[1][1:], strict=True):
-            found = found + Interval(lo, hi)
-        return found
+        ends = (np.moveaxis(end, axis, 0) for end in (self.lo, self.hi))
+        return reduce(add, (Interval(lo, hi) for lo, hi in zip(*ends, strict=True)))
 
 
 def _interval(thing: Any) -> Interval:
@@ -246,12 +203,13 @@ def _ends(x: Interval) -> list[Array]:
     return [x.lo] if x.lo is x.hi else [x.lo, x.hi]
 
 
-def _repeated(x: Any, k: int, times: Callable[[Any, Any], Any]) -> Any:
-    """Return the product of k factors x; k at least zero."""
+def _powers(x: Array, k: int) -> Interval:
+    """Return the products of k factors x, by squares; k at least zero."""
     if k <= 1:
-        return x if k else np.ones_like(x)
-    half = _repeated(x, k // 2, times)
-    return times(times(half, half), x) if k % 2 else times(half, half)
+        return Interval(x if k else np.ones_like(x))
+    half = _powers(x, k // 2)
+    square = half * half
+    return square * Interval(x) if k % 2 else square
 
 
 def chosen(condition: Signs, one: Interval, other: Interval) -> Interval:

@@ -1,17 +1,11 @@
 """The pieces and transitions of a graph of linear pieces, each with a certificate.
 
-In a cell with a regular matrix the solutions lie on one line, and every inequality is affine in
-alpha along the line. Strict inequalities at both ends prove a piece, and one inequality that
-changes sign proves the end of the piece. What doubles do not decide, corners and vertical pieces
-among it, is decided in rational numbers, as long as unknowns are few. If the system has few cells,
-the other cells are proved to be empty, or to have no solutions off the pieces: then nothing is
-missing on the interval.
-
-Failure modes and answers
--------------------------
-- A cell is singular and has an area of solutions, or a line without end: the cell, or the piece,
-  stays undecided.
-- A system is too large for rational numbers: what doubles cannot tell stays undecided.
+A piece is proved if it is the range of alpha in which all inequalities of its cell hold. Two pieces
+end in one point if the rows that vanish there have the same span. What doubles do not decide,
+corners and vertical pieces among it, is decided in rational numbers, as long as unknowns are few.
+If the system has few cells, the other cells are proved to be empty, or to have no solutions off the
+pieces: then nothing is missing on the interval. A singular cell with an area of solutions, or a
+line without end, stays undecided.
 """
 
 from __future__ import annotations
@@ -27,169 +21,139 @@ from pwscont.basics.looks import counted
 from pwscont.graph.branch_graph import BranchGraph
 from pwscont.proof.cells import (
     MOST_CELLS,
-    Balls,
+    Choice,
     ExactCells,
     Point,
-    at,
-    rational,
+    Ranges,
     segment_of,
     spans,
-    upper,
     value,
 )
-from pwscont.system.abilities import ExactMode, completed
+from pwscont.proof.certificate import ASSUMED, Certificate
+from pwscont.proof.interval import Interval
+from pwscont.system.abilities import ExactMode, completed_point
 
-#: Signs are looked at so far beside an end, as parts of the interval of alpha.
-BESIDE = 2.0 ** -np.array([36.0, 28.0, 20.0])
-#: An end in rational numbers is the end of a piece within this part of the typical magnitudes.
+#: An end of a cell is the end of a piece within this part of the typical magnitudes.
 NEAR = 2.0**-20
 #: An equation holds, to tell modes apart, within this part of the sizes of the terms.
 HOLDS = 1e-7
 #: An unknown that is always smaller than this part of the largest unknown is rounding.
 DUST = 1e-6
-#: How far two ranges of a cell must be apart to exclude the cell, as a part of the interval.
-APART = 2.0**-30
 #: Most unknowns of a piece that is looked at in rational numbers.
 MOST_RATIONAL = 80
 #: The least size of a term, to divide by.
 LEAST = 1e-300
-ASSUMED = (
-    "assumed: arithmetic of IEEE 754 to nearest; the data, loads affine in alpha included, count "
-    "as the doubles that they are"
-)
+
+
+def certified_pieces(
+    graph: BranchGraph, rows: tuple[Array, Sequence[Sequence[ExactMode]]]
+) -> Certificate:
+    """Return what is proved of the pieces and transitions of a graph from the exact rows."""
+    met: dict[int, list[int]] = {}
+    for k, piece in enumerate(graph.pieces):
+        for node in (piece.start, piece.end):
+            met.setdefault(node, []).append(k)
+    inner = {
+        node: pieces
+        for node, pieces in met.items()
+        if len(pieces) > 1 or graph.point(node).alpha not in graph.interval
+    }
+    proof = _Pieces(graph, ExactCells(*rows), set(inner))
+    undecided = [f"piece {graph.pieces[k].id}" for k in proof.left_pieces()]
+    undecided += [f"special point {n}" for n in inner if not proof.is_joined(n, inner[n])]
+    is_few = proof.cells.number <= MOST_CELLS
+    cells = list(proof.left_cells()) if is_few and not undecided else None
+    number = f"{counted(len(graph.pieces), 'piece')} and {counted(len(inner), 'transition')}"
+    others = "too many cells" if cells is None else f"{counted(len(cells), 'cell')} undecided"
+    words = f"{number}, proved; of other solutions nothing is proved: {others}"
+    if cells == []:
+        words = f"complete, proved: {number}"
+    if undecided:
+        more = f" and {len(undecided) - 3} more" if len(undecided) > 3 else ""
+        words = f"not proved: {', '.join(undecided[:3])}{more} undecided"
+    return Certificate(
+        not undecided,
+        (words, ASSUMED.format("the data, loads affine in alpha included,")),
+        [*undecided, *(f"cell {choice}" for choice in cells or ())],
+        is_complete=cells == [],
+    )
 
 
 @final
-class PiecesProof:
-    """What is proved of the pieces and transitions of a graph; made by :func:`pwscont.prove`.
+class _Pieces:
+    """The pieces of a graph beside the cells in which the pieces lie.
 
-    Attributes
-    ----------
-    holds : bool
-        Whether all pieces and transitions are proved.
-    is_complete : bool
-        Whether the interval is proved to have no other solutions.
-    statements : tuple of str
-        A sentence for what is proved, and a sentence for the data of the proof.
-    open : list of str
-        The pieces, special points and cells that are not decided.
+    Pieces end at ``inner`` nodes, or exactly at an end of the interval.
     """
 
-    def __init__(
-        self, graph: BranchGraph, rows: tuple[Array, Sequence[Sequence[ExactMode]]]
-    ) -> None:
-        self._graph, self._cells = graph, ExactCells(*rows)
+    def __init__(self, graph: BranchGraph, cells: ExactCells, inner: set[int]) -> None:
+        self._graph, self.cells, self._inner = graph, cells, inner
         self._rational_ends = cache(self._ends_of)
-        self._rational_rows = cache(lambda k: [*map(rational, self._cells.of(self._choices[k]))])
-        met: dict[int, list[int]] = {}
-        for k, piece in enumerate(graph.pieces):
-            for node in (piece.start, piece.end):
-                met.setdefault(node, []).append(k)
-        inner = [
-            node
-            for node, pieces in met.items()
-            if len(pieces) > 1 or graph.point(node).alpha not in graph.interval
-        ]
         self._points, self._magnitudes = self._full_points()
+        lo, hi = graph.interval
+        self._near = NEAR * np.append(self._magnitudes[:-1], hi - lo)
         self._choices = self._modes()
         #: The inequality that vanishes at the end of a piece, by piece and node.
         self._vanishing: dict[tuple[int, int], Array] = {}
-        left = self._left_pieces(inner)
-        self.open = [f"piece {graph.pieces[k].id}" for k in left]
-        self.open += [f"special point {n}" for n in inner if not self._is_joined(n, met[n])]
-        self.holds = not self.open
-        is_small = self._cells.number <= MOST_CELLS
-        cells = list(self._left_cells()) if self.holds and is_small else None
-        self.is_complete = cells == []
-        self.open += [f"cell {choice}" for choice in cells or ()]
-        self.statements = (self._words(len(inner), cells), ASSUMED)
-
-    def _words(self, transitions: int, left: list[Any] | None) -> str:
-        if not self.holds:
-            some = ", ".join(self.open[:3])
-            more = f" and {len(self.open) - 3} more" if len(self.open) > 3 else ""
-            return f"not proved: {some}{more} undecided"
-        number = f"{counted(len(self._graph.pieces), 'piece')} and "
-        number += counted(transitions, "transition")
-        if self.is_complete:
-            return f"complete, proved: {number}"
-        others = "too many cells" if left is None else f"{counted(len(left), 'cell')} undecided"
-        return f"{number}, proved; of other solutions nothing is proved: {others}"
-
-    def __repr__(self) -> str:
-        return f"PiecesProof({self.statements[0]})"
-
-    # -- pieces and transitions ----------------------------------------------------------------
 
     def _full_points(self) -> tuple[Array, Array]:
         """Return both ends (z, alpha) of each piece, shape (k, 2, n + 1), and magnitudes."""
-        pieces: list[Array] = [each.points for each in self._graph.pieces]
-        if not pieces:
-            return np.zeros((0, 2, self._cells.size + 1)), np.ones(self._cells.size + 1)
-        ends = np.array([[points[0], points[-1]] for points in pieces])
-        sizes = np.abs(np.vstack(pieces)).max(axis=0)
-        if ends.shape[2] != self._cells.size + 1:
-            system: Any = self._graph.system
-            full = [[completed(system, x[:-1], float(x[-1])) for x in pair] for pair in ends]
-            ends = np.concatenate([np.array(full), ends[..., -1:]], axis=2)
-            sizes = np.append(np.full(self._cells.size, sizes[:-1].max()), sizes[-1])
-        sizes[:-1] = np.maximum(sizes[:-1], DUST * sizes[:-1].max())
+        system: Any = self._graph.system
+        points = [each.points for each in self._graph.pieces]
+        full = [[completed_point(system, each[k]) for k in (0, -1)] for each in points]
+        ends = np.array(full).reshape(-1, 2, self.cells.size + 1)
+        sizes = np.abs(ends).max(axis=(0, 1), initial=0.0)
+        sizes[:-1] = np.maximum(sizes[:-1], DUST * sizes[:-1].max(initial=0.0))
         return ends, sizes
 
     def _modes(self) -> Indices:
         """Return the modes of each piece, as the middle of the piece shows them, shape (k, p)."""
-        x, rows = self._points.mean(axis=1), self._cells.rows
+        x, rows = self._points.mean(axis=1), self.cells.rows
         values = rows[:, :-1] @ x.T + rows[:, -1:]
         sizes = np.abs(rows[:, :-1]) @ self._magnitudes + np.abs(rows[:, -1])
         off = np.abs(values) <= HOLDS * sizes[:, np.newaxis]
         room = values / np.maximum(sizes, LEAST)[:, np.newaxis]
-        choices = [
-            np.argmax(
-                [
-                    np.where(off[own].all(axis=0), 2.0, 0.0) + room[sides].min(axis=0, initial=1.0)
-                    for own, sides in modes
-                ],
-                axis=0,
-            )
-            for modes in self._cells.modes
+        # the mode whose equations hold; of several, the mode with the most room
+        marks = [
+            [
+                2.0 * off[own].all(axis=0) + room[sides].min(axis=0, initial=1.0)
+                for own, sides in modes
+            ]
+            for modes in self.cells.modes
         ]
-        return np.array(choices).T
+        return np.array([np.argmax(each, axis=0) for each in marks]).T
 
-    def _left_pieces(self, inner: list[int]) -> list[int]:
+    def left_pieces(self) -> list[int]:
         """Return the pieces that are not proved, and note inequalities that vanish at ends."""
-        alphas, (lo, hi) = self._points[..., -1], self._graph.interval
-        nodes = [(each.start, each.end) for each in self._graph.pieces]
-        is_inner = np.array([[node in inner for node in pair] for pair in nodes], dtype=bool)
-        inward = np.sign(alphas[:, ::-1] - alphas) * is_inner.reshape(alphas.shape)
-        step = np.multiply.outer(BESIDE, inward * (hi - lo))
-        beside = np.array([alphas + step, alphas - step])  # inside or outside, how far, piece, end
         first = set(np.unique(self._choices, axis=0, return_index=True)[1].tolist())
         left = []
-        for some in self._cells.portions(len(nodes)):
-            x, sides = self._cells.lines(self._choices[some])
-            shape = sides.mid.shape[:2] + beside.shape[:2] + (2,)
-            every = np.moveaxis(beside[:, :, some], 2, 0).reshape(len(sides.mid), -1)
-            inside, outside = np.moveaxis(at(sides, every).signs().reshape(shape), 2, 0)
-            known = (inside > 0).all(axis=1)
-            ended = known & (outside != 0).all(axis=1) & ((outside < 0).sum(axis=1) == 1)
+        for some in self.cells.portions(len(self._choices)):
+            x, sides = self.cells.lines(self._choices[some])
+            ranges = Ranges.of((x, sides), self._graph.interval)
             for i, k in enumerate(range(some.start, some.stop)):
-                is_proved = alphas[k, 0] != alphas[k, 1] and known[i].any(axis=0).all()
-                is_proved = is_proved and self._is_near(k, x[i])
+                is_proved = bool(ranges.decided[i]) and self._is_range(k, x[i], ranges, i)
                 if k not in first or not (is_proved or self._rational_ends(k)):
                     left.append(k)  # a cell has one piece: a second piece repeats the first
-                for far, end in np.argwhere(ended[i] & is_proved):
-                    (number,) = np.flatnonzero(outside[i, :, far, end] < 0)
-                    row = self._cells.side(self._choices[k], int(number))
-                    self._vanishing[k, nodes[k][end]] = row
         return left
 
-    def _is_near(self, k: int, line: Balls) -> bool:
-        """Tell whether the ends of a piece are on the line of the cell of the piece."""
-        found = np.array([self._cells.unknowns(line, x[-1])[0] for x in self._points[k]])
-        far: Array = np.abs(found - self._points[k, :, :-1])
-        return bool((far <= NEAR * self._magnitudes[:-1]).all())
+    def _is_range(self, k: int, line: Interval, ranges: Ranges, i: int) -> bool:
+        """Tell whether a piece is the range of its cell, and note what vanishes at the ends."""
+        points, piece = self._points[k], self._graph.pieces[k]
+        alphas = points[:, -1]
+        order = np.argsort(alphas, kind="stable")
+        ends = np.array([ranges.first.middle()[i], ranges.last.middle()[i]])
+        found = np.vstack([self.cells.unknowns(line, alphas).middle(), ends[order]]).T
+        if not (np.abs(found - points) <= self._near).all():
+            return False
+        for end, node in zip(order, (piece.start, piece.end), strict=True):
+            number = int(ranges.sides[end, i])
+            if node not in self._inner and number != -1:
+                return False
+            if number >= 0:
+                self._vanishing[k, node] = self.cells.side(self._choices[k], number)
+        return True
 
-    def _is_joined(self, node: int, pieces: list[int]) -> bool:
+    def is_joined(self, node: int, pieces: list[int]) -> bool:
         """Tell whether proved pieces certainly end in one point.
 
         At the end of the first of two pieces one more row vanishes. If the rows of the second piece
@@ -199,7 +163,7 @@ class PiecesProof:
             choices = self._choices[pieces]
             differ = np.flatnonzero(choices[0] != choices[1])
             rows = [
-                [*(self._cells.rows[self._cells.modes[i][c[i]][0]] for i in differ), [row]]
+                [*(self.cells.rows[self.cells.modes[i][c[i]][0]] for i in differ), [row]]
                 for c, row in zip(choices, (self._vanishing[k, node] for k in pieces), strict=True)
             ]
             return spans(*map(np.vstack, rows))
@@ -210,49 +174,38 @@ class PiecesProof:
 
     def _ends_of(self, k: int) -> tuple[Point, ...]:
         """Return both ends of a piece in rational numbers; nothing if not decided, or elsewhere."""
-        if self._cells.size > MOST_RATIONAL:
+        if self.cells.size > MOST_RATIONAL:
             return ()
-        lo, hi = self._graph.interval
-        ends: tuple[Point, ...] = segment_of(*self._cells.of(self._choices[k]), (lo, hi)) or ()
-        slack = NEAR * np.append(self._magnitudes[:-1], hi - lo)
+        cell, piece = self.cells.of(self._choices[k]), self._graph.pieces[k]
+        ends: tuple[Point, ...] = segment_of(*cell, self._graph.interval) or ()
         for pair in (ends, ends[::-1]) if len(set(ends)) == 2 else ():
-            if (np.abs(np.array(pair, dtype=float) - self._points[k]) <= slack).all():
+            near = np.abs(np.array(pair, dtype=float) - self._points[k]) <= self._near
+            nodes = zip((piece.start, piece.end), pair, strict=True)
+            outer = [x[-1] in self._graph.interval for node, x in nodes if node not in self._inner]
+            if near.all() and all(outer):
                 return pair
         return ()
 
     # -- all other cells -----------------------------------------------------------------------
 
-    def _left_cells(self) -> Iterator[tuple[int, ...]]:
+    def left_cells(self) -> Iterator[Choice]:
         """Yield the cells that may hold solutions that are on no piece."""
         proved = set(map(tuple, self._choices.tolist()))
-        for choices in self._cells.choices():
-            values = at(self._cells.lines(choices)[1], np.array(self._graph.interval))
-            bounds = upper(np.abs(values.mid) + values.rad, 2) - np.abs(values.mid) + values.mid
-            first, last = _allowed(bounds[..., 0], bounds[..., 1])
-            empty = first.max(axis=-1, initial=0.0) > last.min(axis=-1, initial=1.0) + APART
-            empty &= np.isfinite(bounds).all(axis=(1, 2))
+        for choices in self.cells.choices():
+            empty = Ranges.of(self.cells.lines(choices), self._graph.interval).empty
             for choice in map(tuple, choices[~empty].tolist()):
                 if choice not in proved and not self._is_on_pieces(choice):
                     yield choice
 
-    def _is_on_pieces(self, choice: tuple[int, ...]) -> bool:
+    def _is_on_pieces(self, choice: Choice) -> bool:
         """Tell in rational numbers whether a cell is empty, or has solutions on pieces only."""
-        ends = segment_of(*self._cells.of(choice), self._graph.interval)
+        ends = segment_of(*self.cells.of(choice), self._graph.interval)
         if not ends:
             return ends is None
         return any(all(self._holds(k, x) for x in ends) for k in range(len(self._choices)))
 
     def _holds(self, k: int, x: Point) -> bool:
         """Tell whether a solution of the common rows is a solution of the cell of a piece."""
-        equations, sides = self._rational_rows(k)
+        equations, sides = self.cells.of(self._choices[k])
         on_line = not any(value(row, x) for row in equations)
         return on_line and all(value(row, x) >= 0 for row in sides)
-
-
-def _allowed(lo: Array, hi: Array) -> tuple[Array, Array]:
-    """Return from and up to which part of the interval upper bounds are not negative."""
-    with np.errstate(all="ignore"):
-        root = lo / (lo - hi)
-    first = np.where(lo >= 0.0, 0.0, np.where(hi >= 0.0, root, np.inf))
-    last = np.where(hi >= 0.0, 1.0, np.where(lo >= 0.0, root, -np.inf))
-    return first, last

@@ -1,9 +1,9 @@
-"""The number of solutions of a system of linear pieces at one alpha, proved."""
+"""The door to proofs from exact data, and the number of solutions at one alpha."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, cast, final
+from typing import Any, cast
 
 import numpy as np
 
@@ -13,9 +13,11 @@ from pwscont.basics.looks import counted
 from pwscont.basics.rounding import CONFIDENCE
 from pwscont.graph.branch_graph import BranchGraph
 from pwscont.graph.records import Solution
-from pwscont.proof.cells import MOST_CELLS, ExactCells, proved_cells
-from pwscont.proof.pieces import PiecesProof
-from pwscont.proof.rates import RatesProof
+from pwscont.proof.cells import MOST_CELLS, Choice, ExactCells, Point, Ranges, segment_of
+from pwscont.proof.certificate import ASSUMED, Certificate
+from pwscont.proof.interval import Interval
+from pwscont.proof.pieces import certified_pieces
+from pwscont.proof.rates import certified_rates
 from pwscont.search.enumeration import Solutions
 from pwscont.system.abilities import ExactData, ExactRates, shown_size
 from pwscont.system.system import PiecewiseSystem
@@ -25,46 +27,7 @@ from pwscont.system.system import PiecewiseSystem
 CLOSE = 1e-6
 
 
-@final
-class CountProof:
-    """What is proved of the solutions at one alpha; made by :func:`pwscont.prove`.
-
-    Attributes
-    ----------
-    holds : bool
-        Whether the number of solutions is proved, and the given solutions are these solutions.
-    count : int or None
-        The proved number of solutions; None where a cell is not decided.
-    statements : tuple of str
-        A sentence for what is proved, and a sentence for the data of the proof.
-    open : list of tuple of int
-        The cells that are not decided: for every part of the system, the number of a mode.
-    """
-
-    def __init__(self, cells: ExactCells, alpha: float, known: Sequence[Solution], n: int) -> None:
-        found = proved_cells(cells, alpha)
-        points = (np.array(point, dtype=float) for point in found.points)
-        centres = [x[:n] for x in (*(box[0] for box in found.boxes.values()), *points)]
-        self.open = found.open
-        self.count = None if self.open else len(centres)
-        self.holds = self.count == len(known) and _are_matched(centres, known)
-        words = f"exactly {counted(len(centres), 'solution')} at alpha = {alpha:.8g}, proved"
-        if not self.holds:
-            words += f"; the {len(known)} given are not these"
-        if self.open:
-            words = (
-                f"not proved: {counted(len(self.open), 'cell')} undecided at alpha = {alpha:.8g}"
-            )
-        self.statements = (words, ASSUMED)
-
-    def __repr__(self) -> str:
-        return f"CountProof({self.statements[0]})"
-
-
-ASSUMED = "assumed: arithmetic of IEEE 754 to nearest; the data count as the doubles that they are"
-
-
-def prove(given: Any, alpha: float | None = None) -> CountProof | PiecesProof | RatesProof:
+def prove(given: Any, alpha: float | None = None) -> Certificate:
     """Prove how many solutions a system of linear pieces has at one alpha, or all of a graph.
 
     For an evolution of ``QuasiStaticCoulomb``, prove that no other evolution exists.
@@ -84,7 +47,7 @@ def prove(given: Any, alpha: float | None = None) -> CountProof | PiecesProof | 
 
     Returns
     -------
-    CountProof, PiecesProof or RatesProof
+    Certificate
         With ``holds``, ``statements`` and ``open``, and ``count`` or ``is_complete``.
 
     Raises
@@ -103,27 +66,23 @@ def prove(given: Any, alpha: float | None = None) -> CountProof | PiecesProof | 
     'complete, proved: 3 pieces and 2 transitions'
     """
     if isinstance(getattr(given, "system", None), ExactRates):
-        return RatesProof(given)
+        return certified_rates(given)
     system, alpha, known = _given(given, alpha)
     if not isinstance(system, ExactData):
         raise InvalidInputError(
             f"{type(system).__name__} hands over no exact data: prove takes contact problems and "
             "formulas with linear=True; formulas of curved systems are proved by Everywhere"
         )
-    if alpha is None:
-        rows = system.exact_lines()
-        if rows is None:
-            raise InvalidInputError(
-                f"the data of {type(system).__name__} are not affine in alpha: "
-                "prove(graph, alpha) needs the alpha at which to count"
-            )
-        return PiecesProof(given, rows)
-    cells = ExactCells(*system.exact_rows(alpha))
-    if cells.number > MOST_CELLS:
+    if alpha is not None:
+        size = shown_size(cast(PiecewiseSystem, system))
+        return _certified_count(ExactCells(*system.exact_rows(alpha)), alpha, known, size)
+    rows = system.exact_lines()
+    if rows is None:
         raise InvalidInputError(
-            f"{cells.number} cells are too many: at most {MOST_CELLS} are proved"
+            f"the data of {type(system).__name__} are not affine in alpha: "
+            "prove(graph, alpha) needs the alpha at which to count"
         )
-    return CountProof(cells, alpha, known, shown_size(cast(PiecewiseSystem, system)))
+    return certified_pieces(given, rows)
 
 
 def _given(given: Any, alpha: float | None) -> tuple[Any, float | None, Sequence[Solution]]:
@@ -138,6 +97,73 @@ def _given(given: Any, alpha: float | None) -> tuple[Any, float | None, Sequence
             f"prove takes a graph or what enumerate_solutions returned, got {type(given).__name__}"
         )
     return given.system, given.alpha, given
+
+
+# -- solutions at one alpha -----------------------------------------------------------------------
+
+
+def _certified_count(
+    cells: ExactCells, alpha: float, known: Sequence[Solution], size: int
+) -> Certificate:
+    """Return what is proved of all solutions at alpha, and of the known ones."""
+    if cells.number > MOST_CELLS:
+        raise InvalidInputError(
+            f"{cells.number} cells are too many: at most {MOST_CELLS} are proved"
+        )
+    boxes, points, undecided = proved_solutions(cells, alpha)
+    centres = [each.middle()[:size] for each in boxes.values()]
+    centres += [np.array(point[:size], dtype=float) for point in points]
+    count = None if undecided else len(centres)
+    holds = count == len(known) and _are_matched(centres, known)
+    words = f"exactly {counted(len(centres), 'solution')} at alpha = {alpha:.8g}, proved"
+    if not holds:
+        words += f"; the {len(known)} given are not these"
+    if undecided:
+        words = f"not proved: {counted(len(undecided), 'cell')} undecided at alpha = {alpha:.8g}"
+    return Certificate(holds, (words, ASSUMED.format("the data")), undecided, count)
+
+
+def proved_solutions(
+    cells: ExactCells, alpha: float
+) -> tuple[dict[Choice, Interval], set[Point], list[Choice]]:
+    """Return enclosures of solutions by cells, all other solutions, and cells that are undecided.
+
+    A cell off all its inequalities has one solution in floating point; if that may be the solution
+    of another cell, or if floating point does not decide a cell, rational numbers decide.
+    """
+    boxes, points, undecided = dict[Choice, Interval](), set[Point](), list[Choice]()
+    rest: list[Choice] = []
+    for choices in cells.choices():
+        x, sides = cells.lines(choices)
+        ranges = Ranges.of((x, sides), (alpha, alpha))
+        for i in np.flatnonzero(~ranges.empty):
+            choice = tuple(choices[i].tolist())
+            if ranges.decided[i]:
+                boxes[choice] = cells.unknowns(x[i], np.array([alpha]))[:, 0]
+            else:
+                rest.append(choice)
+    while True:
+        for choice in rest:
+            ends = segment_of(*cells.of(choice), (alpha, alpha))
+            if ends is not None and len(set(ends)) == 1:
+                points.add(ends[0][:-1])
+            elif ends is not None:
+                undecided.append(choice)
+        rest = _meeting(boxes, points)
+        if not rest:
+            return boxes, points, undecided
+        boxes = {choice: box for choice, box in boxes.items() if choice not in rest}
+
+
+def _meeting(boxes: dict[Choice, Interval], points: set[Point]) -> list[Choice]:
+    """Return the cells with solutions that may be the solution of another cell, or a point."""
+    exact = (np.array(point, dtype=float) for point in points)
+    known = [*boxes.values(), *(Interval.rounded(x, x) for x in exact)]
+    return [
+        choice
+        for choice, x in boxes.items()
+        if any(y is not x and ((x.lo <= y.hi) & (y.lo <= x.hi)).all() for y in known)
+    ]
 
 
 def _are_matched(centres: Sequence[Array], known: Sequence[Solution]) -> bool:

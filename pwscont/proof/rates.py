@@ -14,44 +14,28 @@ every load (docs/theory, F17). The form is affine in s: the signs are enough.
 from __future__ import annotations
 
 from itertools import product
-from typing import Any, final
+from typing import Any
 
 import numpy as np
 
 from pwscont.basics.arrays import Array
 from pwscont.basics.looks import counted
+from pwscont.proof.certificate import ASSUMED, Certificate
 from pwscont.proof.interval import ULP
 
 #: Most nodes with friction, whose signs are all tried.
 MOST_NODES = 10
-ASSUMED = "assumed: arithmetic of IEEE 754 to nearest; A, N, T and F count as the doubles they are"
 
 
-@final
-class RatesProof:
-    """What is proved of an evolution; made by :func:`pwscont.prove`.
-
-    Attributes
-    ----------
-    holds : bool
-        Whether exactly one evolution with finitely many events is proved to exist.
-    statements : tuple of str
-        A sentence for what is proved, and a sentence for the data of the proof.
-    open : list of str
-        What stands in the way.
-    """
-
-    def __init__(self, evolution: Any) -> None:
-        self.open = list(_doubts(evolution))
-        self.holds = not self.open
-        words = "exactly one evolution with finitely many events, proved: rates are unique"
-        self.statements = (
-            f"{words} at every state" if self.holds else f"not proved: {'; '.join(self.open)}",
-            ASSUMED,
-        )
-
-    def __repr__(self) -> str:
-        return f"RatesProof({self.statements[0]})"
+def certified_rates(evolution: Any) -> Certificate:
+    """Return whether exactly one evolution with finitely many events is proved to exist."""
+    doubts = _doubts(evolution)
+    words = (
+        "exactly one evolution with finitely many events, proved: rates are unique at every state"
+    )
+    if doubts:
+        words = f"not proved: {'; '.join(doubts)}"
+    return Certificate(not doubts, (words, ASSUMED.format("A, N, T and F")), doubts)
 
 
 def _doubts(evolution: Any) -> list[str]:

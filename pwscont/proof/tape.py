@@ -1,30 +1,27 @@
 """The tape of a formula: the elementary operations of f(z, alpha, sw), written down once.
 
-The formula is called with arrays of :class:`Traced` objects. numpy hands every operation on such an
-array to the nodes, and every node writes the operation on the tape.
-
-Failure modes and answers
--------------------------
-- The formula decides by a value (a comparison, ``np.floor``, ``float(alpha)``), or calls what no
-  node knows (a table, a solver, complex numbers): refused in words.
-- The formula hides a decision from the nodes: the tape is compared with the formula at many points.
-- A clip whose bounds may not be in order is written as decisions, across which nothing is proved.
+numpy hands every operation on an array of :class:`Traced` objects to the nodes, and every node
+writes the operation on the tape. A formula that decides by a value (a comparison, ``np.floor``,
+``float(alpha)``), or calls what no node knows (a table, a solver, complex numbers), is refused in
+words. Derivatives are tapes too.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property, reduce
 from math import isfinite, isinf
 from numbers import Real
+from operator import add
 from typing import Any, final
 
 import numpy as np
 from numpy.lib.mixins import NDArrayOperatorsMixin
 
-from pwscont.basics.errors import InvalidInputError
-from pwscont.notation.arithmetic import KINKED
-from pwscont.proof.operations import ELEMENTARY
+from pwscont.notation.arithmetic import KINKED, OF_TWO, SMOOTH, refuse_kink
+from pwscont.proof.interval import Interval
+from pwscont.proof.operations import ELEMENTARY, OPERATIONS, SWITCHES
 
 #: Largest whole number that is taken as a power by repeated multiplication.
 LARGEST_POWER = 64
@@ -48,11 +45,11 @@ class Step:
 
     name: str
     args: tuple[int, ...] = ()
-    numbers: tuple[float, ...] = ()
+    numbers: tuple[Any, ...] = ()
 
 
 @final
-@dataclass(slots=True, eq=False)
+@dataclass(eq=False)
 class Tape:
     """The operations of a formula of ``size`` unknowns, arguments first: z, alpha, and so on.
 
@@ -66,17 +63,13 @@ class Tape:
     refused: list[NotTracedError] = field(default_factory=list)
     _places: dict[Step, int] = field(default_factory=dict)
 
-    def node(self, name: str, *args: Any, numbers: tuple[float, ...] = ()) -> Traced:
+    def node(self, name: str, *args: Any, numbers: tuple[Any, ...] = ()) -> Traced:
         """Write an operation down, unless it stands there, and return the node of the result."""
         step = Step(name, tuple(self.place_of(each) for each in args), numbers)
         if step not in self._places:
             self._places[step] = len(self.steps)
             self.steps.append(step)
         return Traced(self, self._places[step])
-
-    def variable(self, number: int) -> Traced:
-        """Return the node of a variable."""
-        return self.node("variable", numbers=(float(number),))
 
     def place_of(self, thing: Any) -> int:
         """Return the place of a node or of a constant."""
@@ -102,9 +95,97 @@ class Tape:
                 return (first, 1.0), sign * other.numbers[0]
         return (place, 1.0), 0.0
 
-    def has(self, name: str) -> bool:
-        """Tell whether an operation stands on the tape."""
-        return any(step.name == name for step in self.steps)
+    @cached_property
+    def fixed(self) -> dict[int, Interval]:
+        """The values of steps that depend on no variable, by their places."""
+        fixed: dict[int, Interval] = {}
+        for place, step in enumerate(self.steps):
+            if step.name != "variable" and all(arg in fixed for arg in step.args):
+                args = (fixed[arg] for arg in step.args)
+                fixed[place] = OPERATIONS[step.name].values(*args, *step.numbers)
+        return fixed
+
+    # -- derivatives ---------------------------------------------------------------------------
+
+    @cached_property
+    def slopes(self) -> Tape:
+        """The tape of the formula, n outputs, and its derivatives by (z, alpha), n (n + 1)."""
+        return self._with_slopes(self.outputs)
+
+    @cached_property
+    def tests(self) -> Tape:
+        """The tape of the tests of all switches, and of their derivatives by (z, alpha)."""
+        new = self._copy()
+        tests = [
+            SWITCHES[step.name][0](*(Traced(new, place) for place in step.args))
+            for step in self.steps
+            if step.name in SWITCHES
+        ]
+        return new._with_slopes([new.place_of(each) for each in tests])
+
+    @cached_property
+    def bent(self) -> Tape:
+        """The tape of H''[t, t], a function of n + 1 variables (z, alpha) and as many variables t.
+
+        Meant for places without a kink.
+        """
+        new, count = self._copy(), self.size + 1
+        seeds = {i: new.node("variable", numbers=(count + i,)) for i in range(count)}
+        for _ in range(2):
+            known = new._derivatives(seeds)
+            new.outputs = [new._slope(known, place) for place in new.outputs]
+        return new
+
+    def _copy(self) -> Tape:
+        return replace(self, steps=[*self.steps], _places={**self._places})
+
+    def _with_slopes(self, places: Sequence[int]) -> Tape:
+        new = self._copy()
+        known = [new._derivatives({i: 1.0}) for i in range(self.size + 1)]
+        new.outputs = [*places, *(new._slope(by, place) for place in places for by in known)]
+        return new
+
+    def _slope(self, known: list[Any], place: int) -> int:
+        return self.place_of(0.0 if known[place] is None else known[place])
+
+    def _derivatives(self, seeds: Mapping[int, Any]) -> list[Any]:
+        """Return the derivatives of all steps from those of the variables; None is zero."""
+        known: list[Any] = []
+        for place, step in enumerate([*self.steps]):
+            if step.name == "variable":
+                known.append(seeds.get(step.numbers[0]))
+            else:
+                x = [Traced(self, arg) for arg in step.args]
+                known.append(
+                    _derivative(Traced(self, place), step, x, [known[a] for a in step.args])
+                )
+        return known
+
+
+def _derivative(y: Traced, step: Step, x: list[Traced], dx: list[Any]) -> Any:
+    """Return the derivative of a step from the derivatives of the arguments."""
+    if all(each is None for each in dx):
+        return None
+    if step.name in SWITCHES:
+        test, branches = SWITCHES[step.name]
+        either = branches(*(0.0 if each is None else each for each in dx))
+        return y.tape.node("jump" if step.name in ("where", "jump") else "slope", test(*x), *either)
+    parts = zip(_factors(step, x, y), dx, strict=True)
+    return reduce(add, (factor * slope for factor, slope in parts if slope is not None))
+
+
+def _factors(step: Step, x: list[Traced], y: Traced) -> list[Any]:
+    """Return the derivatives of a smooth operation by each argument."""
+    if step.name == "negative":
+        return [-1.0]
+    if step.name == "power":
+        (k,) = step.numbers
+        return [k * x[0] ** (k - 1.0)]
+    rules: Any = OF_TWO.get(step.name) or (SMOOTH[step.name],)
+    return [rule(*x, y) for rule in rules]
+
+
+# -- nodes ----------------------------------------------------------------------------------------
 
 
 def _exact(thing: Any) -> float:
@@ -128,7 +209,7 @@ class Traced(NDArrayOperatorsMixin):
         if method != "__call__" or options:
             raise NotTracedError(f"the formula calls {ufunc.__name__}.{method} with options")
         if any(isinstance(each, np.ndarray) and each.ndim for each in args):
-            return ufunc(*(_as_array(each) for each in args))
+            return ufunc(*(as_array(each) for each in args))
         numbers = (each.item() if isinstance(each, np.ndarray) else each for each in args)
         return self._of(ufunc.__name__, *numbers)
 
@@ -142,7 +223,9 @@ class Traced(NDArrayOperatorsMixin):
         """Write an operation on this number and others down, or refuse the operation in words."""
         if name in DERIVED:
             return DERIVED[name](*args)
-        if name in ("add", "subtract", "multiply") and all(map(_is_known, args)):
+        if name in ("add", "subtract", "multiply") and all(
+            isinstance(each, Real | Traced) for each in args
+        ):
             simple = _simpler(name, *args)
             if simple is not None:
                 return simple
@@ -150,20 +233,17 @@ class Traced(NDArrayOperatorsMixin):
             return self.tape.node(name, *args)
         if name == "power":
             return self._power(*args)
-        better = KINKED.get(name)
-        if better is None:
-            raise NotTracedError(f"the formula takes {name}, which is not known to the tape")
-        raise NotTracedError(
-            f"the formula takes {name} of something that depends on (z, alpha), a decision by a "
-            f"value: {f'write {better}' if better else 'write it with the switches of sw'}"
-        )
+        if name in KINKED:
+            raise refuse_kink(name)
+        raise NotTracedError(f"the formula takes {name}, which is not known to the tape")
 
     def _power(self, base: Any, power: Any) -> Any:
-        if not _is_number(power):
+        if not isinstance(power, Real):
             return self.tape.node("exp", power * self.tape.node("log", base))
-        if float(power).is_integer() and abs(power) <= LARGEST_POWER:
-            return self.tape.node("power", base, numbers=(float(power),))
-        return base.sqrt() if power == 0.5 else (_exact(power) * base.log()).exp()
+        k = _exact(power)
+        if k.is_integer() and abs(k) <= LARGEST_POWER:
+            return base if k == 1.0 else self.tape.node("power", base, numbers=(k,))
+        return base.sqrt() if k == 0.5 else (k * base.log()).exp()
 
     def copy(self) -> Traced:
         """Return the number itself, which never changes."""
@@ -178,7 +258,7 @@ class Traced(NDArrayOperatorsMixin):
     __floor__ = __ceil__ = __trunc__ = __round__ = _refuse
 
 
-def _as_array(thing: Any) -> Any:
+def as_array(thing: Any) -> Any:
     """Return a traced number as an array without axes, which numpy takes apart itself."""
     if not isinstance(thing, Traced):
         return thing
@@ -187,22 +267,14 @@ def _as_array(thing: Any) -> Any:
     return array
 
 
-def _is_number(thing: Any) -> bool:
-    return isinstance(thing, Real)
-
-
-def _is_known(thing: Any) -> bool:
-    return isinstance(thing, Real | Traced)
-
-
 def _simpler(name: str, x: Any, y: Any) -> Any:
     """Return a sum, difference or product that is simpler than it looks, None for others."""
-    number, other = (x, y) if _is_number(x) else (y, x)
-    if not _is_number(number):
+    number, other = (x, y) if isinstance(x, Real) else (y, x)
+    if not isinstance(number, Real):
         return x**2 if name == "multiply" and x.place == y.place else None
     if name == "multiply":
         is_nothing = number == 0.0 and other.tape.steps[other.place].name == "variable"
-        return 0.0 if is_nothing else other if number == 1.0 else None
+        return 0.0 if is_nothing else other if number == 1.0 else -other if number == -1.0 else None
     found: Any = number if isinf(number) else other if number == 0.0 else None
     return -found if name == "subtract" and found is y else found
 
@@ -219,93 +291,3 @@ DERIVED: dict[str, Callable[..., Any]] = {
     "exp2": lambda x: 2.0**x,
     "float_power": lambda x, y: x**y,
 }
-
-
-@final
-class TracedSwitches:
-    """The switches ``sw`` of a formula that is traced; every entry is a step of its own."""
-
-    def __init__(self, tape: Tape) -> None:
-        self._tape = tape
-
-    def _each(self, function: Callable[..., Any] | str, *args: Any) -> Any:
-        """Return a function of every entry, or the nodes of an operation."""
-        if isinstance(function, str):
-            name, function = function, lambda *entries: self._tape.node(name, *entries)
-        return np.frompyfunc(function, len(args), 1)(*map(_as_array, args))
-
-    def max(self, a: Any, b: Any) -> Any:
-        """Return the larger of two quantities."""
-        return self._each("max", a, b)
-
-    def min(self, a: Any, b: Any) -> Any:
-        """Return the smaller of two quantities."""
-        return self._each("min", a, b)
-
-    def abs(self, a: Any) -> Any:
-        """Return the magnitude of a quantity."""
-        return self._each("abs", a)
-
-    def relu(self, a: Any) -> Any:
-        """Return a quantity where the quantity is positive, and zero elsewhere."""
-        return self._each("max", a, 0.0)
-
-    def where(self, s: Any, a: Any, b: Any) -> Any:
-        """Return ``a`` where ``s >= 0``, and ``b`` elsewhere; across a kink nothing is proved."""
-        return self._each("where", s, a, b)
-
-    def select(self, s: Any, a: Any, b: Any) -> Any:
-        """Return ``a`` where ``s >= 0``, and ``b`` elsewhere, promised to agree where s is 0."""
-
-        def select(s: Any, a: Any, b: Any) -> Any:
-            is_same = self._tape.place_of(a) == self._tape.place_of(b)
-            return a if is_same else self._tape.node("select", s, a, b)
-
-        return self._each(select, s, a, b)
-
-    def clip(self, a: Any, lower: Any, upper: Any) -> Any:
-        """Return a quantity between bounds."""
-        return self._each(self._clip, a, lower, upper)
-
-    def _clip(self, a: Any, lower: Any, upper: Any) -> Any:
-        """Return a clipped number; with bounds in the wrong order, what the notation returns."""
-        node, are_known = self._tape.node, [_is_number(each) for each in (lower, upper)]
-        if are_known[0] and lower == -np.inf:
-            return a if are_known[1] and upper == np.inf else node("min", a, upper)
-        if are_known[1] and upper == np.inf:
-            return node("max", a, lower)
-        clipped = node("max", lower, node("min", a, upper))
-        (low, least), (high, most) = (self._tape.parted(each) for each in (lower, upper))
-        if low == high and least <= most:
-            return clipped
-        crossed = node("where", a - lower, upper, node("where", a - upper, a, lower))
-        return node("where", upper - lower, clipped, crossed)
-
-
-def traced(f: Callable[[Any, Any, Any], Any], size: int) -> Tape:
-    """Return the tape of a formula f(z, alpha, sw), or say why the formula cannot be traced."""
-    tape, again = Tape(size), Tape(size)
-    try:
-        for each in (tape, again):
-            _write(each, f)
-        if (tape.steps, tape.outputs) != (again.steps, again.outputs):
-            raise NotTracedError("the formula is another one each time")
-    except Exception as error:
-        raise InvalidInputError(
-            f"the formula cannot be traced, so that nothing can be proved: {error}"
-        ) from error
-    if len(tape.outputs) != size:
-        raise InvalidInputError(f"the formula returned {len(tape.outputs)} numbers, not {size}")
-    return tape
-
-
-def _write(tape: Tape, f: Callable[[Any, Any, Any], Any]) -> None:
-    """Write a formula on an empty tape."""
-    nodes = [tape.variable(i) for i in range(tape.size + 1)]
-    z = np.empty(tape.size, dtype=object)
-    z[:] = nodes[:-1]
-    with np.errstate(all="ignore"):
-        found = np.asarray(f(z, nodes[-1], TracedSwitches(tape)), dtype=object).ravel()
-    for error in tape.refused:  # the formula went on without the number
-        raise error
-    tape.outputs = [tape.place_of(each) for each in found]

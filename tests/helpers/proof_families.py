@@ -6,9 +6,9 @@ import numpy as np
 
 from pwscont import Everywhere, Switched
 from pwscont.curve.metric import Metric
-from pwscont.proof.cover import covered
+from pwscont.proof.formulas import traced
 from pwscont.proof.interval import Interval
-from pwscont.proof.tape import traced
+from pwscont.proof.search import covered
 
 
 def proved(f, n, box, interval, seconds=20.0):
@@ -17,12 +17,12 @@ def proved(f, n, box, interval, seconds=20.0):
     return Everywhere(box=box, seconds=seconds).prove(Switched(n, f), metric, interval)
 
 
-def cover_of(f, n, box, interval):
-    """Return the cover of all solutions of a formula whose unknowns are of the order of one."""
+def tubes_of(f, n, box, interval):
+    """Return tubes around solutions of a formula whose unknowns are of the order of one."""
     lo, hi = (np.append(np.full(n, end), alpha) for end, alpha in zip(box, interval, strict=True))
     scale = np.append(np.ones(n), interval[1] - interval[0])
     with np.errstate(all="ignore"):
-        return covered(traced(f, n), Interval(lo, hi), scale, 20.0)
+        return covered(traced(f, n), Interval(lo, hi), scale, 20.0)[0]
 
 
 class PiecewisePolynomial:

@@ -1,0 +1,222 @@
+"""Boxes of (z, alpha), excluded, contracted, proved as tubes or halved, generation by generation.
+
+A tube is the set of all (z, alpha) with alpha in [first, last] and z within ``radius`` of the line
+centre + slope (alpha - middle). Krawczyk's operator, for the equations at fixed alpha, maps the
+tube at every alpha into the inside of the tube: so H(., alpha) has exactly one zero there, and the
+zero lies in the image (Krawczyk 1969; Neumaier 1990, theorem 5.1.8). Across kinks the derivatives
+are hulls of the derivatives of all branches (docs/theory, F20), and continuity of H is all that is
+needed besides.
+
+A double root, a flat set, an area of solutions: the number of boxes is bounded, and boxes that
+remain are open. A box that touches the boundary of the whole box is not accepted.
+"""
+
+from __future__ import annotations
+
+from time import perf_counter
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from pwscont.basics.arrays import Array, Signs
+from pwscont.basics.budget import check_budget
+from pwscont.proof.boxes import (
+    consistent,
+    eliminated,
+    evaluated,
+    inverse_of,
+    newton,
+    times,
+    with_slopes,
+)
+from pwscont.proof.interval import ULP, Interval, above, together
+from pwscont.proof.tape import Tape
+
+#: No coordinate is halved below this part of its magnitude; the magnitude of alpha is the interval.
+FINEST = 2.0**-24
+#: A box is left open if alpha is as narrow as this part of the interval, and the unknowns are as
+#: narrow as this part of their magnitudes.
+FINEST_ALPHA, THIN = 2.0**-40, 2.0**-12
+#: Boxes that are worked on at once: their numbers fit into the cache of a processor.
+TOGETHER = 2048
+#: Most boxes in all for up to three unknowns; for n unknowns (n - 2)**2 times as many. Then a
+#: double root or an area of solutions ends the search.
+MOST_BOXES = 300_000
+#: A coordinate is halved only if no other coordinate is this many times as wide, in typical
+#: magnitudes: else a coordinate that hardly matters to any row would never be halved.
+LENGTHY = 4.0
+#: Contraction of the Jacobian, to rounding, above which no tube is tried.
+TRIED = 0.9
+#: How much wider than the box a tube is tried, and how many times the residual besides.
+WIDER, ROOM = 1.1, 2.0
+#: The least radius of a tube, relative to typical magnitudes.
+LEAST = 2.0**-44
+#: How much wider than necessary a tube is, in roundings of the tube's centre.
+SLACK = 64.0
+#: Newton steps that improve the centre of a tube.
+POLISHED = 2
+
+
+class Tubes(NamedTuple):
+    """Tubes, one after the other along the last axis, shapes (B,) and (n, B).
+
+    ``image`` is the radius of the image of Krawczyk's operator, in which the solutions lie.
+    """
+
+    first: Array
+    middle: Array
+    last: Array
+    centre: Array
+    slope: Array
+    radius: Array
+    image: Array
+
+    def only(self, which: Any) -> Tubes:
+        """Return some of the tubes."""
+        return Tubes(*(each[..., which] for each in self))
+
+    def at(self, alpha: Interval, radius: Any = 0.0) -> Interval:
+        """Return the hull of the tubes of another radius over intervals of alpha, shape (n, B)."""
+        line = Interval(self.slope) * (alpha - self.middle)
+        return line + self.centre + Interval(-radius, radius)
+
+    def far(self, z: Interval, alpha: Interval) -> Array:
+        """Return how far boxes of z reach from the lines of tubes, at every alpha of intervals."""
+        ends = (alpha.lo, alpha.hi)  # lines: the ends are enough
+        far: Array = np.maximum(*((z - self.at(Interval(end))).reach() for end in ends))
+        return far
+
+    def hold(self, z: Interval, alpha: Interval) -> Signs:
+        """Tell which tubes hold boxes of z at every alpha of intervals."""
+        held: Signs = np.all(self.far(z, alpha) < self.radius, axis=0)
+        return held
+
+
+def covered(
+    tape: Tape, box: Interval, scale: Array, seconds: float, most: int | None = None
+) -> tuple[Tubes | None, Interval, int]:
+    """Return proved tubes and open boxes (n + 1, k) that hold all zeros of a formula in a box.
+
+    And how many boxes were looked at, in some ``seconds`` at most. ``scale`` are the typical
+    magnitudes of (z, alpha), shape (n + 1,). A generation with which more than ``most`` boxes would
+    be looked at is not begun.
+    """
+    whole = waiting = box[:, np.newaxis]
+    tubes: list[Tubes] = []
+    left, boxes, end = [whole[:, :0]], 0, perf_counter() + seconds
+    most = most or MOST_BOXES * max(tape.size - 2, 1) ** 2
+    while count := waiting.lo.shape[1]:
+        following, is_last = [whole[:, :0]], boxes + count > most
+        for first in range(0, count, TOGETHER):
+            some = waiting[:, first : first + TOGETHER]
+            check_budget()
+            if is_last or perf_counter() > end:
+                left.append(some)
+                continue
+            boxes += some.lo.shape[1]
+            found, rest, finished = _looked_at(tape, some, whole, scale)
+            tubes.append(found)
+            left.append(finished)
+            following += rest
+        waiting = together(np.hstack, *following)
+    joined = [np.concatenate(each, axis=-1) for each in zip(*tubes, strict=True)]
+    return Tubes(*joined) if tubes else None, together(np.hstack, *left), boxes
+
+
+def _looked_at(
+    tape: Tape, boxes: Interval, whole: Interval, scale: Array
+) -> tuple[Tubes, list[Interval], Interval]:
+    """Return the tubes of boxes that are proved, the halves of others, and boxes left open."""
+    boxes, empty = consistent(tape, boxes)
+    boxes = boxes[:, ~empty]
+    values, slopes = with_slopes(tape.slopes, boxes)
+    boxes, empty = newton(tape, boxes, slopes)
+    keeps = ~(empty | values.excludes_zero().any(axis=0))
+    boxes, slopes = boxes[:, keeps], slopes[:, :, keeps]
+
+    by_z = slopes[:, :-1]  # a tube may be proved where these do not vary too much
+    spread = np.einsum("ijb,jkb->ikb", np.abs(inverse_of(by_z.middle())), 0.5 * by_z.width())
+    tried = boxes[:-1].is_within(whole[:-1]).all(axis=0) & (spread.sum(axis=1).max(axis=0) < TRIED)
+    tubes, is_proved = _around(tape, boxes[:, tried], slopes[:, :, tried], LEAST * scale[:-1])
+    rest = ~tried
+    rest[tried] = ~is_proved
+    boxes, slopes = boxes[:, rest], slopes[:, :, rest]
+
+    width, size = boxes.width(), scale[:, np.newaxis]
+    is_small = (width <= FINEST * size).all(axis=0)
+    is_thin = width <= np.append(np.full(tape.size, THIN), FINEST_ALPHA)[:, np.newaxis] * size
+    is_small |= is_thin.all(axis=0)
+    halves = _halved(boxes[:, ~is_small], slopes[:, :, ~is_small], size)
+    return tubes.only(is_proved), halves, boxes[:, is_small]
+
+
+def _halved(boxes: Interval, slopes: Interval, scale: Array) -> list[Interval]:
+    """Return both halves of boxes, along the coordinate that changes preconditioned rows most."""
+    width = boxes.width()
+    matrix, _ = eliminated(slopes.middle(), width)
+    effect = times(matrix, slopes).reach() * width
+    effect = (effect / effect.sum(axis=1, keepdims=True)).sum(axis=0)
+    relative = width / scale
+    effect = np.where(np.isfinite(effect).all(axis=0), effect, relative)
+    effect = np.where(LENGTHY * relative >= relative.max(axis=0), effect, 0.0)
+    effect = np.where(width > FINEST * scale, effect, -1.0)
+    split = effect.argmax(axis=0), np.arange(boxes.lo.shape[1])
+    lower, upper = boxes.hi.copy(), boxes.lo.copy()
+    lower[split] = upper[split] = boxes.middle()[split]
+    return [Interval(boxes.lo, lower), Interval(upper, boxes.hi)]
+
+
+# -- tubes ----------------------------------------------------------------------------------------
+
+
+def _around(tape: Tape, box: Interval, slopes: Interval, least: Array) -> tuple[Tubes, Signs]:
+    """Return tubes that hold boxes (n + 1, B), and which of the tubes are proved.
+
+    From ``slopes``, the derivatives on the boxes, the shape of the tubes is guessed. Every tube
+    exceeds a radius ``least``: a box may have no width at all.
+    """
+    guess, middle, alpha = slopes.middle(), box.middle(), box[-1]
+    matrix = inverse_of(guess[:, :-1])
+    slope = -np.einsum("ijb,jb->ib", matrix, guess[:, -1])
+    centre = polished(tape, middle, matrix)
+    tubes = Tubes(alpha.lo, middle[-1], alpha.hi, centre, slope, centre, centre)
+    ends = [np.vstack([tubes.at(Interval(end)).middle(), end]) for end in (alpha.lo, alpha.hi)]
+    rough = np.maximum(*(np.abs(_newton_step(tape, x, matrix)) for x in ends))
+    radius = WIDER * tubes.far(box[:-1], alpha) + ROOM * rough + slack(centre)
+    tubes, is_proved = proved(tape, tubes, radius + least[:, np.newaxis], matrix)
+    return tubes, is_proved & tubes.hold(box[:-1], alpha)
+
+
+def slack(centre: Array) -> Array:
+    """Return a distance that is a few roundings of numbers."""
+    return SLACK * ULP * np.abs(centre)
+
+
+def _newton_step(tape: Tape, x: Array, matrix: Array) -> Array:
+    """Return Newton's step at points (n + 1, B): about how far solutions are."""
+    step: Array = np.einsum("ijb,jb->ib", matrix, evaluated(tape, Interval(x)).middle())
+    return step
+
+
+def polished(tape: Tape, middle: Array, matrix: Array) -> Array:
+    """Return the centres of boxes, moved towards solutions."""
+    x = middle.copy()
+    for _ in range(POLISHED):
+        step = _newton_step(tape, x, matrix)
+        x[:-1] -= np.where(np.isfinite(step), step, 0.0)
+    centre: Array = x[:-1]
+    return centre
+
+
+def proved(tape: Tape, tubes: Tubes, radius: Array, matrix: Array) -> tuple[Tubes, Signs]:
+    """Return tubes of a radius with the radius of their images, and which tubes are proved."""
+    alpha = Interval(tubes.first, tubes.last)
+    slopes = with_slopes(tape.slopes, together(np.vstack, tubes.at(alpha, radius), alpha))[1]
+    start = evaluated(tape, Interval(np.vstack([tubes.centre, tubes.middle])))
+    along = (slopes[:, :-1] * Interval(tubes.slope)).total(axis=1)
+    away = (slopes[:, -1] + along) * (alpha - Interval(tubes.middle))
+    residual = times(matrix, start + away).reach()
+    off = (np.eye(tape.size)[:, :, np.newaxis] - times(matrix, slopes[:, :-1])).reach()
+    image = above(residual + (Interval(off) * Interval(radius)).total(axis=1).hi)
+    is_proved: Signs = np.all((image < radius) & np.isfinite(radius), axis=0)
+    return tubes._replace(radius=radius, image=image), is_proved
