@@ -16,9 +16,16 @@ from pwscont.curve.metric import Metric
 from pwscont.enumeration import tree
 from pwscont.enumeration.choices import SLACK, Subspace
 from pwscont.enumeration.options import reduce
-from pwscont.enumeration.simplex import NOT_NEGATIVE, NOT_POSITIVE, Forms, feasible, first_vertex
+from pwscont.enumeration.simplex import (
+    NOT_NEGATIVE,
+    NOT_POSITIVE,
+    OPEN,
+    Forms,
+    feasible,
+    first_vertex,
+)
 from pwscont.enumeration.slices import solve_slice
-from pwscont.enumeration.tree import OPEN, leaves
+from pwscont.enumeration.tree import leaves
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
 
@@ -169,14 +176,14 @@ def programs(seed, number=200):
     for block in range(3):
         chosen = picks[:, block] != OPEN
         asked[chosen] |= forms.options[block, picks[chosen, block]]
-    return forms, start.asking(asked)
+    return forms, start.asking(asked, np.arange(number)[:, np.newaxis])
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_programs_against_highs(seed):
     """Feasible by HiGHS, with its own tolerance to either side, means feasible, and conversely."""
     forms, some = programs(seed)
-    holds = np.isin(np.arange(len(some)), feasible(forms, some)[0])
+    holds = np.isin(some.picks, feasible(forms, some).picks)[:, 0]
     for signs, found in zip(some.signs, holds, strict=True):
         assert found or not _by_highs(forms, signs, -10.0 * SLACK)
         assert not found or _by_highs(forms, signs, 10.0 * SLACK)
@@ -192,7 +199,7 @@ def _by_highs(forms, signs, relaxed):
 
 def test_vertices_have_the_signs_asked():
     forms, some = programs(5)
-    _, found = feasible(forms, some)
+    found = feasible(forms, some)
     values = forms.values(found.points)
     slack = SLACK * (1.0 + np.abs(found.points).max(axis=1))[:, np.newaxis]
     assert ((values >= -slack) | ((found.signs & NOT_NEGATIVE) == 0)).all()

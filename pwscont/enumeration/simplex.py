@@ -37,6 +37,8 @@ Flags: TypeAlias = npt.NDArray[np.bool_]
 ANY, NOT_NEGATIVE, NOT_POSITIVE, VANISHES = 0, 1, 2, 3
 #: The signs that are asked of a form if these signs are asked of the negative form.
 NEGATED = np.array([ANY, NOT_POSITIVE, NOT_NEGATIVE, VANISHES])
+#: A block of which no option is picked yet.
+OPEN = -1
 #: Number of decimals to which the entries of two unit rows agree if the rows are the same form.
 SAME_DECIMALS = 12
 
@@ -126,7 +128,7 @@ _WAY = np.array([0.0, 1.0, -1.0, 0.0])
 @final
 @dataclass(frozen=True, slots=True, eq=False)
 class Vertices:
-    """A vertex for each of N programs."""
+    """A vertex for each of N programs, which are choices that may leave blocks open."""
 
     points: Array  # shape (N, q)
     #: How the coordinates, and last the objective, change with the value of each form of the basis,
@@ -134,6 +136,7 @@ class Vertices:
     directions: Array
     basis: Indices  # numbers of forms, shape (N, q)
     signs: Asked  # the signs asked of all forms, shape (N, forms)
+    picks: Indices  # the option picked of each block, or OPEN, shape (N, blocks)
 
     def __len__(self) -> int:
         """Return the number of programs."""
@@ -141,12 +144,15 @@ class Vertices:
 
     def __getitem__(self, index: Any) -> Vertices:
         """Return some of the programs."""
-        parts = self.points[index], self.directions[index], self.basis[index]
-        return Vertices(*parts, self.signs[index])
+        return Vertices(*(part[index] for part in _parts(self)))
 
-    def asking(self, signs: Asked) -> Vertices:
-        """Return the programs with more signs asked, shape (N, forms)."""
-        return Vertices(self.points, self.directions, self.basis, self.signs | signs)
+    def asking(self, signs: Asked, picks: Indices) -> Vertices:
+        """Return the programs with more signs asked, shape (N, forms), of other picks."""
+        return Vertices(self.points, self.directions, self.basis, self.signs | signs, picks)
+
+
+def _parts(vertices: Vertices) -> list[Any]:
+    return [getattr(vertices, field.name) for field in fields(Vertices)]
 
 
 def first_vertex(forms: Forms) -> Vertices:
@@ -163,18 +169,18 @@ def first_vertex(forms: Forms) -> Vertices:
             inverse[:, j], basis[j] = column, form
     slopes = _WAY[forms.always[basis]] * np.linspace(1.0, 2.0, q)
     directions, points = np.vstack([inverse, slopes]), -inverse @ forms.constants[basis]
-    return Vertices(points[None], directions[None], basis[None], forms.always[None])
+    picks = np.full((1, len(forms.numbers)), OPEN)
+    return Vertices(points[None], directions[None], basis[None], forms.always[None], picks)
 
 
-def feasible(forms: Forms, programs: Vertices) -> tuple[Indices, Vertices]:
+def feasible(forms: Forms, programs: Vertices) -> Vertices:
     """Return the feasible programs, each with a point of the signs asked as the new vertex."""
-    left, places = programs, np.arange(len(programs))
-    done: list[tuple[Indices, Vertices]] = []
+    left, done = programs, list[Vertices]()
     for _ in range(STEPS_PER_UNKNOWN * (1 + forms.rows.shape[1])):
         form, value = _most_wrong(forms, left)
         wrong = value != 0.0
-        done.append((places[~wrong], left[~wrong]))
-        left, places, form, value = left[wrong], places[wrong], form[wrong], value[wrong]
+        done.append(left[~wrong])
+        left, form, value = left[wrong], form[wrong], value[wrong]
         if not len(left):
             break
         row = (forms.rows[form][:, np.newaxis] @ left.directions[:, :-1])[:, 0]
@@ -182,15 +188,9 @@ def feasible(forms: Forms, programs: Vertices) -> tuple[Indices, Vertices]:
         can = (gain > _rounding(row)).any(axis=1)
         stuck = np.flatnonzero(~can)
         parts = form[stuck], value[stuck], row[stuck], gain[stuck]
-        undecided = stuck[~_is_proved(forms, left[stuck], *parts)]
-        done.append((places[undecided], left[undecided]))
+        done.append(left[stuck[~_is_proved(forms, left[stuck], *parts)]])
         left = _pivoted(left[can], form[can], value[can], row[can], gain[can])
-        places = places[can]
-    done.append((places, left))
-    places = np.concatenate([some for some, _ in done])
-    each = ([getattr(some, field.name) for _, some in done] for field in fields(Vertices))
-    order = np.argsort(places)
-    return places[order], Vertices(*map(np.concatenate, each))[order]
+    return Vertices(*map(np.concatenate, zip(*map(_parts, [*done, left]), strict=True)))
 
 
 def _most_wrong(forms: Forms, vertices: Vertices) -> tuple[Indices, Array]:
@@ -239,7 +239,7 @@ def _pivoted(old: Vertices, form: Indices, value: Array, row: Array, gain: Array
     points = old.points - column[:, :-1] * value[:, np.newaxis]
     basis = old.basis.copy()
     basis[every, j] = form
-    return Vertices(points, directions, basis, old.signs)
+    return Vertices(points, directions, basis, old.signs, old.picks)
 
 
 def _is_proved(

@@ -22,7 +22,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from itertools import product
 from math import prod
-from typing import Any, final
+from typing import final
 
 import numpy as np
 import numpy.typing as npt
@@ -34,6 +34,7 @@ from pwscont.enumeration.options import Problem
 from pwscont.enumeration.simplex import (
     NOT_NEGATIVE,
     NOT_POSITIVE,
+    OPEN,
     Forms,
     Vertices,
     feasible,
@@ -51,8 +52,6 @@ CHOICES_PER_PROGRAM = 16
 MANY_OPTIONS = 64
 #: Most linear programs solved at once: more programs would gain little and cost memory.
 PROGRAMS = 1024
-#: A decision that is still open.
-OPEN = -1
 
 
 @final
@@ -117,21 +116,6 @@ def _search(problem: Problem, prices: Prices) -> list[tuple[int, ...]] | None:
 
 
 @final
-@dataclass(frozen=True, slots=True, eq=False)
-class _Nodes:
-    """Choices that leave some blocks open, each with the vertex of a linear program."""
-
-    vertices: Vertices
-    picks: Indices
-
-    def __len__(self) -> int:
-        return len(self.picks)
-
-    def __getitem__(self, index: Any) -> _Nodes:
-        return _Nodes(self.vertices[index], self.picks[index])
-
-
-@final
 class _Search:
     """A search over the options of some blocks, depth first, in batches of linear programs."""
 
@@ -146,8 +130,7 @@ class _Search:
     def ends(self) -> list[tuple[int, ...]] | None:
         """Return the choices to be completed; None if there are too many programs."""
         ends: list[tuple[int, ...]] = []
-        picks = np.full((1, len(self._numbers)), OPEN)
-        stack, programs = [self._feasible(_Nodes(first_vertex(self._forms), picks))], 0
+        stack, programs = [feasible(self._forms, first_vertex(self._forms))], 0
         while stack and programs <= self._most:
             check_budget()
             nodes = stack.pop()
@@ -158,29 +141,25 @@ class _Search:
             ends += map(tuple, nodes.picks[is_end].tolist())
             branches = self._branches(nodes[~is_end], wrong[~is_end])
             programs += len(branches)
-            stack += [self._feasible(branches)] if len(branches) else []
+            stack += [feasible(self._forms, branches)] if len(branches) else []
         return None if stack else ends
 
-    def _feasible(self, nodes: _Nodes) -> _Nodes:
-        left, vertices = feasible(self._forms, nodes.vertices)
-        return _Nodes(vertices, nodes.picks[left])
-
-    def _wrong(self, nodes: _Nodes) -> Array:
+    def _wrong(self, nodes: Vertices) -> Array:
         """Return how wrong each option is at each vertex, shape (N, k, m); 0 for decided blocks."""
-        values = self._forms.values(nodes.vertices.points)
+        values = self._forms.values(nodes.points)
         sides = np.maximum(np.hstack([-values, values]), 0.0)
         wrong: Array = (sides @ self._asked).reshape(len(nodes), *self._forms.options.shape[:2])
         wrong *= (nodes.picks == OPEN)[:, :, np.newaxis]
         return wrong
 
-    def _is_end(self, nodes: _Nodes, wrong: Array) -> npt.NDArray[np.bool_]:
+    def _is_end(self, nodes: Vertices, wrong: Array) -> npt.NDArray[np.bool_]:
         """Tell which choices are complete, or hold at the vertex and fit into a batch."""
         numbers = np.where(nodes.picks == OPEN, self._numbers, 1).astype(float).prod(axis=1)
-        holds = wrong.max(axis=(1, 2), initial=0.0) <= slack_of(nodes.vertices)
+        holds = wrong.max(axis=(1, 2), initial=0.0) <= slack_of(nodes)
         is_end: npt.NDArray[np.bool_] = holds & (numbers <= BATCH) | (numbers == 1.0)
         return is_end
 
-    def _branches(self, nodes: _Nodes, wrong: Array) -> _Nodes:
+    def _branches(self, nodes: Vertices, wrong: Array) -> Vertices:
         """Return all options of the block whose options are most wrong, for every choice."""
         block = np.where(nodes.picks == OPEN, wrong.sum(axis=2), -1.0).argmax(axis=1)
         numbers = self._numbers[block]
@@ -189,4 +168,4 @@ class _Search:
         picks = nodes.picks[parent]
         picks[np.arange(len(parent)), block[parent]] = option
         asked = self._forms.options[block[parent], option]
-        return _Nodes(nodes.vertices[parent].asking(asked), picks)
+        return nodes[parent].asking(asked, picks)
