@@ -34,7 +34,7 @@ from pwscont.curve.curve import Curve, State
 from pwscont.curve.metric import Metric
 from pwscont.curve.stepper import CurvedSegment, Segment, StraightSegment
 from pwscont.graph import BranchGraph, Piece, SpecialPoint
-from pwscont.graph.records import Messages, Place, Stretch, Track, significant
+from pwscont.graph.records import Place, Stretch, Track, significant
 from pwscont.system.abilities import Ending, HidesUnknowns, Reduction, shown_points
 from pwscont.system.box import Box
 from pwscont.system.system import PiecewiseSystem
@@ -403,11 +403,13 @@ def _special_point(
         inside = [_next_to_ends(piece)[1] for _, piece in meeting.before]
         inside += [_next_to_ends(piece)[0] for _, piece in meeting.after]
         also += filter(None, [events.names_at(metric, place.x, place.error, inside)])
+    message, backward = _messages(system, node, meeting)
     return SpecialPoint(
         id=number,
         kind=_kind(node, meeting),
         place=place,
-        messages=_messages(system, node, meeting),
+        message=message,
+        backward=backward,
         digits=significant(place.error, place.x, metric.scale),
         lost=node.lost,
         events=", ".join(also),
@@ -449,33 +451,22 @@ def _kind(node: Node, meeting: _Meeting) -> Kind | str:
     return turns if signs else node.kind
 
 
-def _messages(system: PiecewiseSystem, node: Node, meeting: _Meeting) -> Messages:
-    """Return the messages of a node: what changes there, and what else is known."""
+def _messages(system: PiecewiseSystem, node: Node, meeting: _Meeting) -> tuple[str, str]:
+    """Return what changes at a node, and what else is known, in the two orientations."""
     if not meeting.is_passed:
-        return Messages((node.message, node.message))
+        return node.message, node.message
     before, after = meeting.before[0][1].character, meeting.after[0][1].character
     if before == after or (node.kind == Kind.END and isinstance(system, Ending)):
-        return Messages((node.message, node.message))
-    note = "" if node.kind in CROSSED else node.message
-    return Messages(partial(_change, system, before, after, note))
-
-
-def _change(
-    system: PiecewiseSystem, before: Character, after: Character, note: str
-) -> tuple[str, str]:
-    """Return what changes from one cell to another, and what changes in the other direction."""
-    ways = system.describe_transition(before, after), system.describe_transition(after, before)
-    forward, backward = (f"{change}; {note}" if note else change for change in ways)
-    return forward, backward
+        return node.message, node.message
+    note = f"; {node.message}" if node.message and node.kind not in CROSSED else ""
+    forward, backward = (
+        system.describe_transition(*cells) for cells in ((before, after), (after, before))
+    )
+    return forward + note, backward + note
 
 
 def _inner_start(place: Place, piece: Piece, metric: Metric) -> SpecialPoint:
     """Return the point in the middle of a piece at which tracing began."""
     digits = significant(place.error, place.x, metric.scale)
-    messages = Messages(partial(_begun, piece))
-    return SpecialPoint(-1, Kind.START, place, messages, piece.id, digits)
-
-
-def _begun(piece: Piece) -> tuple[str, str]:
     said = f"start in {piece.label}"
-    return said, said
+    return SpecialPoint(-1, Kind.START, place, said, said, piece.id, digits)

@@ -35,7 +35,6 @@ from pwscont.graph.archive import (
 )
 from pwscont.graph.proved import BoxProof
 from pwscont.graph.records import (
-    Messages,
     Piece,
     Place,
     SpecialPoint,
@@ -225,7 +224,8 @@ def _node(header: Fields, z: Array, error: Array, names: tuple[str, ...] | None)
         id=header.integer("id", -1),
         kind=kind_of(header.word("kind")),
         place=Place(np.append(z, header.finite("alpha")), error),
-        messages=Messages((header.text("message"), header.text("backward"))),
+        message=header.text("message"),
+        backward=header.text("backward"),
         piece=None if piece is None else header.integer("piece", 0),
         digits=header.number("digits"),
         lost=header.integer("lost", 0),
