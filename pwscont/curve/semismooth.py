@@ -116,7 +116,7 @@ def semismooth_newton(
         step = _direction(linear, residual, metric)
         if not are_finite(step):
             return Failure(FailureReason.NOT_FINITE)
-        step = step * _stretch(metric, known, x, step)
+        step = step * stretch(metric, known, x, step)
         size = metric.relative(step, x)
         if size <= CONVERGED:
             there, may_cross = x + step, size > GUARD * EPS and crossings < MOST_LEAPS
@@ -254,8 +254,8 @@ def _line_search(
     """
 
     def merit(point: _Evaluated) -> float:
-        scaled, deflation = point[2] / rows, _deflation(metric, known, point[0])
-        return float(scaled.dot(scaled)) * deflation * deflation  # a power would raise an error
+        scaled, factor = point[2] / rows, deflation(metric, known, point[0])
+        return float(scaled.dot(scaled)) * factor * factor  # a power would raise an error
 
     length = 1.0
     with np.errstate(over="ignore"):  # the merit is infinite far away, where H is an exponential
@@ -268,7 +268,7 @@ def _line_search(
     return None
 
 
-def _deflation(metric: Metric, known: Sequence[Array], x: Array) -> float:
+def deflation(metric: Metric, known: Sequence[Array], x: Array) -> float:
     """Return the product of 1 + 1 / distance^2 over the known solutions."""
     factor = 1.0
     for other in known:
@@ -276,7 +276,7 @@ def _deflation(metric: Metric, known: Sequence[Array], x: Array) -> float:
     return factor
 
 
-def _stretch(metric: Metric, known: Sequence[Array], x: Array, step: Array) -> float:
+def stretch(metric: Metric, known: Sequence[Array], x: Array, step: Array) -> float:
     """Return the factor by which deflation lengthens, shortens or turns the Newton step.
 
     With M the deflating factor and d the step, the step of M H is d / (1 - (grad M . d) / M)
