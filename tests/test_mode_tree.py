@@ -14,7 +14,7 @@ from scipy.optimize import linprog
 from pwscont import enumerate_solutions
 from pwscont.curve.metric import Metric
 from pwscont.enumeration import tree
-from pwscont.enumeration.choices import SLACK, Subspace
+from pwscont.enumeration.choices import SLACK, Choices
 from pwscont.enumeration.options import reduce
 from pwscont.enumeration.simplex import (
     NOT_NEGATIVE,
@@ -168,8 +168,7 @@ def programs(seed, number=200):
     rng, body = np.random.default_rng(seed), random_body(3, seed)
     system = loaded(body, random_vector(body.n, seed), 4.0)
     problem = reduce(system, Metric.at(system, 0.3).scale[:-1], 0.3)
-    space = Subspace.whole(problem.dimension, problem.growth)
-    forms = Forms.of(problem, problem.blocks, space)
+    forms = Forms.of(problem, problem.blocks, Choices.before_all(problem))
     start = first_vertex(forms)[np.zeros(number, dtype=int)]
     picks = rng.integers(OPEN, 4, (number, 3))
     asked = np.zeros_like(start.signs)

@@ -27,7 +27,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pwscont.basics.arrays import Array, Indices
-from pwscont.enumeration.choices import SLACK, Subspace
+from pwscont.enumeration.choices import SLACK, Choices
 from pwscont.enumeration.options import Option, Problem
 
 Asked: TypeAlias = npt.NDArray[np.int8]
@@ -59,8 +59,8 @@ class Forms:
     numbers: npt.NDArray[np.intp]  # how many options each block has, shape (k,)
 
     @classmethod
-    def of(cls, problem: Problem, blocks: Sequence[Sequence[Option]], space: Subspace) -> Forms:
-        """Return the forms of some blocks of a problem on a subspace."""
+    def of(cls, problem: Problem, blocks: Sequence[Sequence[Option]], first: Choices) -> Forms:
+        """Return the forms of some blocks of a problem, on what a single choice leaves."""
         numbers = np.array([*map(len, blocks)])
         # the last row of the table of signs is for what holds in all options
         groups = [(len(blocks), 0, problem.A, problem.b, NOT_NEGATIVE)]
@@ -75,7 +75,7 @@ class Forms:
         matrix = np.vstack([group[2] for group in groups])
         vector = np.concatenate([group[3] for group in groups])
         forms, place, is_negative = _distinct(
-            np.column_stack([matrix @ space.directions, matrix @ space.start + vector])
+            np.column_stack([matrix @ first.directions[0], matrix @ first.starts[0] + vector])
         )
         asked = np.zeros((len(blocks) + 1, numbers.max(), len(forms)), dtype=np.int8)
         sign = np.where(is_negative, NEGATED[sign], sign).astype(np.int8)

@@ -19,7 +19,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
-from functools import partial
 from itertools import product
 from math import prod
 from typing import final
@@ -29,7 +28,7 @@ import numpy.typing as npt
 
 from pwscont.basics.arrays import Array, Indices
 from pwscont.basics.budget import check_budget
-from pwscont.enumeration.choices import Choices, Subspace, together
+from pwscont.enumeration.choices import Choices, narrowed, together
 from pwscont.enumeration.options import Problem
 from pwscont.enumeration.simplex import (
     NOT_NEGATIVE,
@@ -90,28 +89,27 @@ def _finished(problem: Problem, picks: Indices) -> Iterator[Choices]:
     order = np.argsort(picks == OPEN, kind="stable")
     reordered = replace(problem, blocks=[problem.blocks[i] for i in order])
     chosen = tuple(picks[picks != OPEN].tolist())
-    space = _space_of(reordered, chosen)
-    for choices in together(reordered, chosen, space) if space else ():
+    first = _of_first(reordered, chosen)
+    for choices in together(reordered, first) if first else ():
         yield replace(choices, picks=choices.picks[np.argsort(order)])
 
 
-def _space_of(problem: Problem, picks: tuple[int, ...]) -> Subspace | None:
-    """Return what options of the first blocks leave, None if nothing."""
-    space: Subspace | None = Subspace.whole(problem.dimension, problem.growth)
-    for i, option in enumerate(problem.chosen(picks)):
-        rank = partial(problem.rank_added, picks[: i + 1])
-        space = space.narrowed(option, rank) if space else None
-    return space
+def _of_first(problem: Problem, picks: tuple[int, ...]) -> Choices | None:
+    """Return the choice of options of the first blocks, None if nothing satisfies its equations."""
+    choice: Choices | None = Choices.before_all(problem)
+    for pick in picks:
+        choice = narrowed(problem, choice, pick) if choice else None
+    return choice
 
 
 def _search(problem: Problem, prices: Prices) -> list[tuple[int, ...]] | None:
     """Return the choices whose completions are all that is left; None if too costly."""
     single = [options for options in problem.blocks if len(options) == 1]
-    space = _space_of(problem, (0,) * len(single))
-    if space is None:
+    first = _of_first(problem, (0,) * len(single))
+    if first is None:
         return []
     blocks = [options for options in problem.blocks if len(options) > 1]
-    found = _Search(Forms.of(problem, blocks, space), prices.per_program).ends()
+    found = _Search(Forms.of(problem, blocks, first), prices.per_program).ends()
     return found if found is None else sorted((0,) * len(single) + picks for picks in found)
 
 
