@@ -29,16 +29,16 @@ from typing import final
 import numpy as np
 from scipy.linalg import lstsq, null_space, svd
 
-from pwscont.basics.arrays import Array, are_finite, dense, own_dense
+from pwscont.basics.arrays import Array, are_finite, dense
 from pwscont.basics.budget import check_budget
 from pwscont.basics.rounding import EPS
 from pwscont.curve.metric import Metric
 from pwscont.enumeration.choices import Choices
-from pwscont.enumeration.options import Problem, affine, aside, problem_of
+from pwscont.enumeration.lines import problem_with_alpha
+from pwscont.enumeration.options import Problem
 from pwscont.enumeration.polyhedron import Polyhedron, inside_of
 from pwscont.enumeration.slices import solve_slice
 from pwscont.enumeration.tree import Prices, leaves
-from pwscont.system.box import Box
 from pwscont.system.contract import jacobian_at, residual_at
 from pwscont.system.system import (
     PiecewiseLinearSystem,
@@ -204,7 +204,7 @@ def _null_direction(system: PiecewiseSystem, scale: Array, y: Array, alpha: floa
 
 def _in_linear_pieces(system: PiecewiseLinearSystem, metric: Metric) -> Iterator[Continuum]:
     """Yield where infinitely many solutions fill a segment or more of a cell."""
-    problem, (lo, hi) = _with_alpha(system, metric), metric.interval
+    problem, (lo, hi) = problem_with_alpha(system, metric), metric.interval
     if problem is None:
         return
     for choices in leaves(problem, CUT_OFF):
@@ -215,21 +215,6 @@ def _in_linear_pieces(system: PiecewiseLinearSystem, metric: Metric) -> Iterator
         for k in np.flatnonzero(may_fill).tolist():
             check_budget()
             yield from _in_cell(problem, choices[k : k + 1], metric.interval)
-
-
-def _with_alpha(system: PiecewiseLinearSystem, metric: Metric) -> Problem | None:
-    """Return the problem for the unknowns (z, alpha - lo), None for a problem without solution."""
-    (lo, hi), scale, box = metric.interval, metric.scale[:-1], Box.of(system)
-    n = system.size
-    x, dx = np.append(np.zeros(n), lo), aside(scale)
-    dx[-1] = hi - lo
-    tests = np.array(system.test_functions(x[:-1], lo), dtype=float)
-    slices = list(affine(system, lo, dx, len(tests)))
-    K = own_dense(system.test_jacobian(x[:-1], lo))
-    least, most = np.append(box.lower, 0.0), np.append(box.upper, hi - lo)
-    unit, below, above = np.eye(n + 1), np.isfinite(least), np.isfinite(most)
-    within = np.vstack([unit[below], -unit[above]]), np.append(-least[below], most[above])
-    return problem_of(system, slices, (K, tests), within, np.append(scale, hi - lo))
 
 
 def _in_cell(problem: Problem, one: Choices, interval: tuple[float, float]) -> Iterator[Continuum]:

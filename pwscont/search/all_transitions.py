@@ -8,34 +8,36 @@ transition point.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections import defaultdict
+from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Matrix, dense
-from pwscont.basics.character import Character
+from pwscont.basics.arrays import Array, Signs, dense, own_dense
+from pwscont.basics.budget import check_budget
 from pwscont.basics.errors import InvalidInputError
-from pwscont.basics.outcome import Guarantee, SearchScope
+from pwscont.basics.outcome import Failure, Guarantee, SearchScope
 from pwscont.basics.rounding import CONFIDENCE, EPS
-from pwscont.curve.error_samples import Found, has_digits, is_same, magnitude
+from pwscont.curve.curve import Curve
+from pwscont.curve.error_samples import Found, has_digits, is_same, magnitude, slack_of_values
 from pwscont.curve.metric import Metric
-from pwscont.enumeration.options import bounding
-from pwscont.enumeration.polyhedron import Face
-from pwscont.enumeration.slices import solve_slice
-from pwscont.linear.factorise import factor, power_of_two
-from pwscont.search.enumeration import as_starts, starts_at
-from pwscont.search.few_cells import FewCells
+from pwscont.curve.newton import newton, uncertainty
+from pwscont.enumeration.choices import Choices
+from pwscont.enumeration.lines import LOWER_END, OTHER, ends_of_lines, problem_with_alpha
+from pwscont.enumeration.polyhedron import Face, face_of
+from pwscont.enumeration.slices import REFINEMENTS
+from pwscont.enumeration.tree import leaves
+from pwscont.graph.records import FEW_DIGITS, significant
+from pwscont.linear.factorise import factor, last_unit, power_of_two
+from pwscont.search.enumeration import starts_at
 from pwscont.search.search import Search
 from pwscont.system.box import Box
 from pwscont.system.contract import jacobian_at
-from pwscont.system.system import (
-    Block,
-    PiecewiseLinearSystem,
-    PiecewiseSystem,
-    SlicewiseLinearSystem,
-)
+from pwscont.system.promises import checked_necessary
+from pwscont.system.selection import Selection
+from pwscont.system.system import PiecewiseLinearSystem, PiecewiseSystem
 from pwscont.transitions.rays import vanishing
 
 #: Largest component along alpha of a vertical direction, as a part of the largest component.
@@ -64,7 +66,7 @@ class AllTransitions(Search):
                 f"AllTransitions needs a PiecewiseLinearSystem, and {type(system).__name__} is "
                 "none; use EndPoints, Slices or MultiStart"
             )
-        few, known = FewCells.of(system, metric, interval), list[tuple[Found, frozenset[int]]]()
+        known: list[tuple[Found, frozenset[int]]] = []
 
         def is_known(found: Found, test: int | None) -> bool:
             """Tell whether a solution was found before; remember a new solution with a digit.
@@ -79,12 +81,13 @@ class AllTransitions(Search):
             known.append((found, vanishing(system, *found, metric.scale)))
             return False
 
-        solutions = few.solutions() if few else None
+        lines = Lines(system, metric, interval)
+        solutions = lines.solutions()
         for found in starts_at(system, metric, interval[0]) if solutions is None else solutions:
             if not is_known(found, None):
                 yield found
-        for test, found in _on_interfaces(system, metric, interval, few):
-            if not is_known(found, test):
+        for test, found in lines.transitions():
+            if _is_within(interval, *found) and not is_known(found, test):
                 yield found
 
     def searched(self, system: PiecewiseSystem) -> SearchScope:
@@ -108,27 +111,6 @@ def _has_free_unknowns(system: PiecewiseSystem) -> bool:
     return bool(np.linalg.matrix_rank(scaled) < system.size)
 
 
-def _on_interfaces(
-    system: PiecewiseLinearSystem,
-    metric: Metric,
-    interval: tuple[float, float],
-    few: FewCells | None,
-) -> Iterator[tuple[int, Found]]:
-    """Yield the solutions where a test vanishes, for each test."""
-    crossings = few.crossings() if few else None
-    if crossings is not None:
-        yield from ((test, found) for test, found in crossings if _is_within(interval, *found))
-        return
-    around = Metric(np.append(metric.scale, 1.0))
-    for block in system.blocks():
-        for test in block.tests:
-            points = _OnInterface(system, block, test, interval)
-            for x, error in _solve(points, around) if points.is_bounding else ():
-                found = np.append(x[:-2], interval[0] + x[-2]), error[:, :-1]
-                if _is_within(interval, *found):
-                    yield test, found
-
-
 def _is_within(interval: tuple[float, float], x: Array, error: Array) -> bool:
     """Tell whether a point lies in the interval; rounding beyond an end is moved to the end."""
     nearest = min(max(float(x[-1]), interval[0]), interval[1])
@@ -138,79 +120,115 @@ def _is_within(interval: tuple[float, float], x: Array, error: Array) -> bool:
     return True
 
 
-def _solve(points: _OnInterface, metric: Metric) -> list[Found]:
-    """Return the points where a test vanishes, of vertical faces the corners."""
-    found = solve_slice(points, metric, 0.0)
+@final
+@dataclass(frozen=True, slots=True, eq=False)
+class _End:
+    """The end of a line."""
 
-    def is_vertical(face: Face) -> bool:
-        """Tell whether a face has corners, or lies at a single alpha."""
-        moves = np.abs(face.directions / metric.scale[:-1, np.newaxis])
-        return bool(len(face.corners)) or bool((moves[-1] <= ALONG * moves.max()).all())
-
-    return as_starts(replace(found, faces=tuple(filter(is_vertical, found.faces))))
+    found: Found
+    det_sign: int
+    holds: list[Signs]  # of which options of each block the inequalities hold
 
 
 @final
-class _OnInterface(SlicewiseLinearSystem):
-    """H(z, alpha) = 0 and kappa_test = 0 in cells that the test bounds, for (z, alpha - lo)."""
+class Lines:
+    """The lines of all cells of a system, and where the lines end."""
 
     def __init__(
-        self,
-        system: PiecewiseLinearSystem,
-        block: Block,
-        test: int,
-        interval: tuple[float, float],
+        self, system: PiecewiseLinearSystem, metric: Metric, interval: tuple[float, float]
     ) -> None:
-        self.size = system.size + 1
-        self._system, self._test, self._interval = system, test, interval
-        tests = len(self.test_functions(np.zeros(self.size), 0.0))
-        modes = tuple(mode for mode in block.modes if test in bounding(system, block, mode, tests))
-        self.is_bounding = bool(modes)
-        self._block = Block(block.tests, block.rows, modes)
+        checked_necessary(system, interval[0])  # refused if wrong, not needed if right
+        self._system, self._metric, self._lo = system, Metric(metric.scale), interval[0]
+        self._K = own_dense(system.test_jacobian(np.zeros(system.size), interval[0]))
+        self._ends: dict[int, list[Choices]] = defaultdict(list)
+        self._faces: list[Face] = []
+        problem = problem_with_alpha(system, metric)
+        if problem is None:
+            return
+        self._problem = problem
+        lower_end = int(np.isfinite(Box.of(system).lower).sum())
+        for choices in leaves(problem):
+            if choices.directions.shape[-1] == 1:
+                ends, tests = ends_of_lines(problem, choices, lower_end)
+                for test in np.unique(tests).tolist():
+                    self._ends[test].append(ends[np.flatnonzero(tests == test)])
+            else:
+                faces = (face_of(problem, choices[k : k + 1], 0.0) for k in range(len(choices)))
+                self._faces += filter(None, faces)
 
-    def test_functions(self, z: Array, alpha: float) -> Array:
-        """Return the tests of the system."""
-        return self._system.test_functions(*self._split(z))
+    def solutions(self) -> list[Found] | None:
+        """Return all solutions at the lower end of the interval.
 
-    def test_jacobian(self, z: Array, alpha: float) -> Matrix:
-        """Return the gradients of the tests, with a column of zeros for the idle parameter."""
-        return _with_zero_column(self._system.test_jacobian(*self._split(z)))
+        None if rounding leaves doubt: if a point lies on an interface, or is known to few digits,
+        if no solution is found, or the signs of det(dH/dz) do not sum to the degree.
+        """
+        ends, scale = list(self._solved(LOWER_END)), self._metric.scale
+        if self._faces or not ends or any(h.sum() > 1 for end in ends for h in end.holds):
+            return None
+        found = [end.found for end in ends]
+        if any(significant(magnitude(*f), f[0], scale) < FEW_DIGITS for f in found):
+            return None
+        degree = sum(end.det_sign for end in ends)
+        return found if self._system.degree in (None, degree) else None
 
-    def _split(self, z: Array) -> tuple[Array, float]:
-        return z[:-1], self._interval[0] + float(z[-1])
+    def transitions(self) -> Iterator[tuple[int | None, Found]]:
+        """Yield where lines end because a test vanishes, with the test, and corners of faces."""
+        for test in sorted(self._ends):
+            if test not in (LOWER_END, OTHER):
+                yield from ((test, end.found) for end in self._solved(test))
+        for face in self._faces:
+            moves = np.abs(face.directions / self._metric.scale[:, np.newaxis])
+            if len(face.corners) or (moves[-1] <= ALONG * moves.max()).all():
+                error = 0.0 if len(face.corners) else np.inf
+                for z in face.representatives:
+                    x = np.append(z[:-2], self._lo + z[-2])
+                    yield None, (x, np.full((1, len(x)), error))
 
-    def residual(self, z: Array, alpha: float, character: Character) -> Array:
-        """Return (H_chi, kappa_test)."""
-        state, parameter = self._split(z)
-        kappa = self._system.test_functions(state, parameter)[self._test]
-        return np.append(self._system.residual(state, parameter, character), kappa)
+    def _solved(self, test: int) -> Iterator[_End]:
+        """Yield the ends at which a test vanishes; an end in several closed cells is one."""
+        for ends in self._ends[test]:
+            left = ends
+            while len(left):
+                check_budget()
+                first, left = left[:1], left[1:]
+                end = self._corrected(first, test)
+                if end is not None:
+                    yield end
+                    left = left[np.flatnonzero(~_lies_in(end.holds, left))]
 
-    def jacobian(self, z: Array, alpha: float, character: Character) -> Matrix:
-        """Return the constant Jacobian."""
-        state, parameter = self._split(z)
-        rows = dense(jacobian_at(self._system, state, parameter, character))
-        kappa = dense(self._system.test_jacobian(state, parameter))[self._test]
-        return _with_zero_column(np.vstack([rows, kappa]))
+    def _corrected(self, one: Choices, test: int) -> _End | None:
+        """Return the end near the start of a choice, None where it is outside of the cell."""
+        problem, system = self._problem, self._system
+        x = problem.origin + problem.basis @ one.starts[0]
+        x[-1] += self._lo
+        row = last_unit(len(x)) if test == LOWER_END else self._K[test]
 
-    def bounding_tests(self, character: Character) -> Sequence[int]:
-        """Return the bounding tests of the system without the test that vanishes."""
-        return [i for i in self._system.bounding_tests(character) if i != self._test]
+        def border(x: Array) -> tuple[float, Array]:
+            alpha = float(x[-1])
+            if test == LOWER_END:
+                return alpha - self._lo, row
+            return float(system.test_functions(x[:-1], alpha)[test]), row
 
-    def blocks(self) -> tuple[Block, ...]:
-        """Return the system's blocks, the test's block restricted to cells at the interface."""
-        return tuple(
-            self._block if block.tests == self._block.tests else block
-            for block in self._system.blocks()
-        )
+        curve = Curve(Selection(system, problem.character(one.picks[:, 0])), self._metric)
+        root = newton(curve, border, x, REFINEMENTS)
+        if isinstance(root, Failure):
+            return None
+        x, error = root.x, uncertainty(root)
+        if test == LOWER_END:
+            x[-1] = self._lo
+        tests = system.test_functions(x[:-1], float(x[-1]))
+        slack = slack_of_values(self._K, x, error, self._metric.scale)
+        holds = [
+            np.array([(o.side * tests[o.bounding] >= -slack[o.bounding]).all() for o in options])
+            for options in problem.blocks
+        ]
+        end = _End((x, error), root.factor.sign, holds)
+        return end if _lies_in(holds, one).all() else None
 
-    def necessary(self, alpha: float) -> tuple[Matrix, Array]:
-        """Return 0 <= alpha - lo <= hi - lo."""
-        lo, hi = self._interval
-        rows = np.zeros((2, self.size))
-        rows[0, -1], rows[1, -1] = 1.0, -1.0
-        return rows, np.array([0.0, hi - lo])
 
-
-def _with_zero_column(matrix: Matrix) -> Array:
-    whole = dense(matrix)
-    return np.column_stack([whole, np.zeros(len(whole))])
+def _lies_in(holds: list[Signs], choices: Choices) -> Signs:
+    """Tell in which closed cells of choices a point lies."""
+    inside = np.ones(len(choices), dtype=bool)
+    for some, picks in zip(holds, choices.picks, strict=True):
+        inside &= some[picks]
+    return inside
