@@ -15,6 +15,7 @@ from pwscont.curve.metric import Metric
 from pwscont.enumeration.choices import SLACK, Choices
 from pwscont.enumeration.options import Problem, affine, aside, problem_of
 from pwscont.system.box import Box
+from pwscont.system.promises import refuse_bent_tests
 from pwscont.system.system import PiecewiseLinearSystem
 
 #: In place of a test: the lower end of the interval, and an inequality of no further interest.
@@ -31,8 +32,9 @@ def problem_with_alpha(system: PiecewiseLinearSystem, metric: Metric) -> Problem
     x, dx = np.append(np.zeros(n), lo), aside(scale)
     dx[-1] = hi - lo
     tests = np.array(system.test_functions(x[:-1], lo), dtype=float)
-    slices = list(affine(system, lo, dx, len(tests)))
     K = own_dense(system.test_jacobian(x[:-1], lo))
+    refuse_bent_tests(system, x, dx, tests, K)
+    slices = list(affine(system, lo, dx, len(tests)))
     least, most = np.append(box.lower, 0.0), np.append(box.upper, hi - lo)
     unit, below, above = np.eye(n + 1), np.isfinite(least), np.isfinite(most)
     within = np.vstack([unit[below], -unit[above]]), np.append(-least[below], most[above])

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import accumulate, pairwise
 from math import prod
 from typing import final
 
@@ -139,27 +140,36 @@ def problem_of(
     negative.
     ``scale``, shape (N,): typical magnitudes.
     """
-    blocks, (K, kappa), (A, b) = system.blocks(), tests, necessary
-    common = np.setdiff1d(np.arange(system.size), [row for block in blocks for row in block.rows])
+    blocks, m = system.blocks(), len(tests[1])
+    owned = [row for block in blocks for row in block.rows]
+    common = sorted(set(range(system.size)).difference(owned))
     eliminated = _eliminate(slices[0][0][common], slices[0][1][common], scale)
     if eliminated is None:
         return None
     origin, basis, growth = eliminated
-    G, g = _reduced(K, kappa, origin, basis)
+    forms = [*((matrix[owned], vector[owned]) for matrix, vector in slices), tests, necessary]
+    rows = np.vstack([matrix for matrix, _ in forms])
+    reduced = _reduced(rows, np.concatenate([vector for _, vector in forms]), origin, basis)
+    cuts = [0, *accumulate(len(vector) for _, vector in forms)]
+    *equations, (G, g), (A, b) = (
+        tuple(part[first:end] for part in reduced) for first, end in pairwise(cuts)
+    )
 
-    def option(block: Block, k: int) -> Option:
-        mode, rows = block.modes[k], list(block.rows)
-        matrix, constants = slices[k][0][rows], slices[k][1][rows]
-        E, e = _reduced(matrix, constants, origin, basis)
-        bounds = np.array(bounding(system, block, mode, len(g)), dtype=np.intp)
-        side = np.array([1.0 if mode[block.tests.index(i)] else -1.0 for i in bounds])
+    def option(block: Block, first: int, k: int) -> Option:
+        mode, own = block.modes[k], slice(first, first + len(block.rows))
+        bounds = np.array(bounding(system, block, mode, m), dtype=np.intp)
+        side = np.array([1.0 if mode[block.tests.index(i)] else -1.0 for i in bounds.tolist()])
+        E, e = (part[own] for part in equations[k])
         signed = side[:, np.newaxis] * G[bounds], side * g[bounds]
+        matrix = slices[k][0][list(block.rows)]
         return Option(block.tests, mode, bounds, side, E, e, *signed, matrix)
 
-    options = [[option(block, k) for k in range(len(block.modes))] for block in blocks]
+    options, first = list[list[Option]](), 0
+    for block in blocks:
+        options.append([option(block, first, k) for k in range(len(block.modes))])
+        first += len(block.rows)
     options.sort(key=len)
-    A, b = _reduced(A, b, origin, basis)
-    return Problem(options, A, b, origin, basis, slices[0][0][common], len(kappa), growth)
+    return Problem(options, A, b, origin, basis, slices[0][0][common], m, growth)
 
 
 def aside(scale: Array) -> Array:

@@ -15,28 +15,24 @@ from typing import final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Signs, dense, own_dense
-from pwscont.basics.budget import check_budget
+from pwscont.basics.arrays import Array, dense, own_dense
 from pwscont.basics.errors import InvalidInputError
-from pwscont.basics.outcome import Failure, Guarantee, SearchScope
+from pwscont.basics.outcome import Guarantee, SearchScope
 from pwscont.basics.rounding import CONFIDENCE, EPS
-from pwscont.curve.curve import Curve
-from pwscont.curve.error_samples import Found, has_digits, is_same, magnitude, slack_of_values
+from pwscont.curve.error_samples import Found, has_digits, is_same, magnitude
 from pwscont.curve.metric import Metric
-from pwscont.curve.newton import newton, uncertainty
 from pwscont.enumeration.choices import Choices
 from pwscont.enumeration.lines import LOWER_END, OTHER, ends_of_lines, problem_with_alpha
 from pwscont.enumeration.polyhedron import Face, face_of
-from pwscont.enumeration.slices import REFINEMENTS
+from pwscont.enumeration.slices import Known, Points
 from pwscont.enumeration.tree import leaves
 from pwscont.graph.records import FEW_DIGITS, significant
-from pwscont.linear.factorise import factor, last_unit, power_of_two
+from pwscont.linear.factorise import factor, power_of_two
 from pwscont.search.enumeration import starts_at
 from pwscont.search.search import Search
 from pwscont.system.box import Box
 from pwscont.system.contract import jacobian_at
 from pwscont.system.promises import checked_necessary
-from pwscont.system.selection import Selection
 from pwscont.system.system import PiecewiseLinearSystem, PiecewiseSystem
 from pwscont.transitions.rays import vanishing
 
@@ -121,16 +117,6 @@ def _is_within(interval: tuple[float, float], x: Array, error: Array) -> bool:
 
 
 @final
-@dataclass(frozen=True, slots=True, eq=False)
-class _End:
-    """The end of a line."""
-
-    found: Found
-    det_sign: int
-    holds: list[Signs]  # of which options of each block the inequalities hold
-
-
-@final
 class Lines:
     """The lines of all cells of a system, and where the lines end."""
 
@@ -162,20 +148,19 @@ class Lines:
         None if rounding leaves doubt: if a point lies on an interface, or is known to few digits,
         if no solution is found, or the signs of det(dH/dz) do not sum to the degree.
         """
-        ends, scale = list(self._solved(LOWER_END)), self._metric.scale
+        ends, scale = self._solved(LOWER_END), self._metric.scale
         if self._faces or not ends or any(h.sum() > 1 for end in ends for h in end.holds):
             return None
-        found = [end.found for end in ends]
-        if any(significant(magnitude(*f), f[0], scale) < FEW_DIGITS for f in found):
+        if any(significant(magnitude(e.x, e.error), e.x, scale) < FEW_DIGITS for e in ends):
             return None
-        degree = sum(end.det_sign for end in ends)
-        return found if self._system.degree in (None, degree) else None
+        is_known = self._system.degree in (None, sum(end.det_sign for end in ends))
+        return [(end.x, end.error) for end in ends] if is_known else None
 
     def transitions(self) -> Iterator[tuple[int | None, Found]]:
         """Yield where lines end because a test vanishes, with the test, and corners of faces."""
         for test in sorted(self._ends):
             if test not in (LOWER_END, OTHER):
-                yield from ((test, end.found) for end in self._solved(test))
+                yield from ((test, (end.x, end.error)) for end in self._solved(test))
         for face in self._faces:
             moves = np.abs(face.directions / self._metric.scale[:, np.newaxis])
             if len(face.corners) or (moves[-1] <= ALONG * moves.max()).all():
@@ -184,51 +169,15 @@ class Lines:
                     x = np.append(z[:-2], self._lo + z[-2])
                     yield None, (x, np.full((1, len(x)), error))
 
-    def _solved(self, test: int) -> Iterator[_End]:
-        """Yield the ends at which a test vanishes; an end in several closed cells is one."""
-        for ends in self._ends[test]:
-            left = ends
-            while len(left):
-                check_budget()
-                first, left = left[:1], left[1:]
-                end = self._corrected(first, test)
-                if end is not None:
-                    yield end
-                    left = left[np.flatnonzero(~_lies_in(end.holds, left))]
-
-    def _corrected(self, one: Choices, test: int) -> _End | None:
-        """Return the end near the start of a choice, None where it is outside of the cell."""
-        problem, system = self._problem, self._system
-        x = problem.origin + problem.basis @ one.starts[0]
-        x[-1] += self._lo
-        row = last_unit(len(x)) if test == LOWER_END else self._K[test]
+    def _solved(self, test: int) -> list[Known]:
+        """Return the ends at which a test vanishes, each once."""
 
         def border(x: Array) -> tuple[float, Array]:
-            alpha = float(x[-1])
-            if test == LOWER_END:
-                return alpha - self._lo, row
-            return float(system.test_functions(x[:-1], alpha)[test]), row
+            values = self._system.test_functions(x[:-1], float(x[-1]))
+            return float(values[test]), self._K[test]
 
-        curve = Curve(Selection(system, problem.character(one.picks[:, 0])), self._metric)
-        root = newton(curve, border, x, REFINEMENTS)
-        if isinstance(root, Failure):
-            return None
-        x, error = root.x, uncertainty(root)
-        if test == LOWER_END:
-            x[-1] = self._lo
-        tests = system.test_functions(x[:-1], float(x[-1]))
-        slack = slack_of_values(self._K, x, error, self._metric.scale)
-        holds = [
-            np.array([(o.side * tests[o.bounding] >= -slack[o.bounding]).all() for o in options])
-            for options in problem.blocks
-        ]
-        end = _End((x, error), root.factor.sign, holds)
-        return end if _lies_in(holds, one).all() else None
-
-
-def _lies_in(holds: list[Signs], choices: Choices) -> Signs:
-    """Tell in which closed cells of choices a point lies."""
-    inside = np.ones(len(choices), dtype=bool)
-    for some, picks in zip(holds, choices.picks, strict=True):
-        inside &= some[picks]
-    return inside
+        known = None if test == LOWER_END else border
+        points = Points(self._system, self._metric, self._problem, self._lo, known)
+        for ends in self._ends[test]:
+            points.add(ends)
+        return points.found
