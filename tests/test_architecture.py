@@ -272,7 +272,7 @@ STILL_INTERNAL = {
         "Choices Option Polyhedron Prices Problem aside check_blocks det_sign inward_ray is_bent "
         "leaves most_modes problem_of refuse_bent refuse_bent_tests satisfies solve_surely"
     ),
-    "bench": "DenseFactor SparseFactor",
+    "bench": "WholeFactor",
 }
 
 

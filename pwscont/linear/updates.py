@@ -27,7 +27,7 @@ from abc import ABC, abstractmethod
 from typing import final
 
 import numpy as np
-from scipy.linalg import blas, lapack
+from scipy.linalg import blas
 
 from pwscont.basics.arrays import Array, Indices
 from pwscont.basics.rounding import EPS
@@ -216,7 +216,6 @@ class Updating(RowSolver):
         self._last: RowMatrix | None = None
         self._lu: DenseLU | None = None  # of the last matrix; None if the inverse is kept
         self._inverse: Array = np.empty((0, 0))
-        self._norm = 0.0  # the 1-norm of the factorised matrix
         self._sign = 0
         self._is_invertible = True  # as far as is known
         self._replaced = 0  # rows, since the last factorisation
@@ -265,9 +264,7 @@ class Updating(RowSolver):
     def _factorise(self, matrix: RowMatrix) -> None:
         self._last = self._lu = None
         self._inverse = np.empty((0, 0))  # makes room for the new matrix
-        dense = matrix.dense()
-        self._norm = lapack.dlange("1", dense)
-        self._lu = DenseLU.of(dense, overwrite=True)
+        self._lu = DenseLU(matrix.dense(), overwrite=True)
         self._sign = self._lu.sign
         self._last, self._replaced, self._is_invertible = matrix, 0, True
         self.factorisations += 1
@@ -289,7 +286,7 @@ class Updating(RowSolver):
     def _invert(self) -> bool:
         """Turn the LU into the inverse; False where the matrix is conditioned too badly."""
         if self._lu is not None and self._is_invertible:
-            self._is_invertible = self._lu.reciprocal_condition(self._norm) >= INVERTIBLE
+            self._is_invertible = self._lu.reciprocal_condition >= INVERTIBLE
             if self._is_invertible:
                 self._inverse, self._lu = self._lu.turned_into_inverse(), None
         return self._lu is None
@@ -300,7 +297,7 @@ class Updating(RowSolver):
         M'^-1 = M^-1 - M^-1 E (R M^-1 E)^-1 (R M^-1 - E^T), as E^T M M^-1 E is the identity.
         """
         parts, largest = matrix.divided(rows, last, self._inverse)
-        pivots = DenseLU.of(parts[:, rows])
+        pivots = DenseLU(parts[:, rows])
         smallest = np.abs(pivots.lu.diagonal()).min()
         if not smallest > SMALL_PIVOT * (1.0 + largest):
             return False
