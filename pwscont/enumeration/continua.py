@@ -3,20 +3,13 @@
 For piecewise-linear systems such sets are found exactly. With alpha as a further unknown, the
 solutions in a closed cell are a polyhedron: a segment where the cell is regular. A polyhedron of
 two or more dimensions fills all values of alpha between two ends; a polyhedron at a single alpha
-fills a single value. For curved systems, a solution belongs to such a set if dH/dz is singular
-there and at another solution nearby.
+fills a single value. The face at an end is looked at alone, for a polyhedron may end in a point.
 
-Failure modes and answers
--------------------------
-- Many cells: linear programs cut off the cells that no solution of the interval reaches.
-- A polyhedron ends in a point, or in a segment: the face at the end is looked at alone. If a
-  polyhedron is flat, because inequalities hold with equality only, the dimension of the flat
-  polyhedron counts.
-- A branch point or a double root is singular, too. From there no other solution lies in the null
-  direction of dH/dz: Newton's method from a point aside does not converge, or comes back.
-- Where dH/dz is singular at all solutions, Newton's step is not unique: the shortest step is taken.
-- Jacobians may be made by differences: a singular value below the error of these counts as zero.
-- Between two values of alpha with such sets there may be none: the middle is asked for as well.
+For curved systems, a solution belongs to such a set if dH/dz is singular there and at another
+solution nearby: a branch point or a double root is singular, too, but from there Newton's method,
+started aside in the null direction of dH/dz, does not converge, or comes back. The shortest Newton
+step is taken, because dH/dz is singular at all solutions of a set. A singular value below the error
+of Jacobians by differences counts as zero.
 """
 
 from __future__ import annotations

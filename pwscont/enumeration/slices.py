@@ -1,13 +1,10 @@
 """All solutions of a slice alpha = constant.
 
-Failure modes and answers
--------------------------
-- Two solutions are 1e-12 apart next to a fold, or there is no solution just beyond the fold: every
-  candidate is refined on the full system, and accepted by the signs of the tests to within the
-  rounding of the terms of each test, not by a fixed tolerance.
-- A solution on the common boundary of several cells is found in each cell: the solution is counted
-  once, with all these cells. At an apex 4^p cells meet, which the signs of the tests name.
-- A cell has infinitely many solutions: the cell gives a face, with dimension and corners.
+Solutions may be 1e-12 apart next to a fold, and there is no solution just beyond: every candidate
+is refined on the full system, and accepted by the signs of the tests to within the rounding of the
+terms of each test, not by a fixed tolerance. A solution on the common boundary of several cells is
+counted once, with all these cells. A cell with infinitely many solutions gives a face, with
+dimension and corners.
 """
 
 from __future__ import annotations

@@ -4,15 +4,10 @@ Blocks are decided in turn. Linear programs, many at once, cut off choices that 
 satisfy: they relax the undecided blocks, and ask only what holds in all options of a block. Each
 choice branches on the block whose options are most wrong at the vertex of the choice.
 
-Failure modes and answers
--------------------------
-- Nothing can be cut off, because a vertex lies in the cells of all options that are left (an
-  unloaded body), or because the inequalities are too weak: all choices that are left are decided
-  together (:mod:`pwscont.enumeration.choices`). If the search has cost as much as a decision about
-  all choices together, the search is given up for that decision.
-- Many blocks have a single option: the equations of such blocks are eliminated first.
-- A cell has no unique point: the cell is handed on as a subspace, with or without a look at the
-  inequalities of the cell.
+Choices that cannot be cut off, because their vertex lies in the cells of all options that are left
+(an unloaded body), are decided together (:mod:`pwscont.enumeration.choices`). So are all choices,
+if the search has cost as much as that. A cell without a unique point is handed on with the
+directions that are left, with or without a look at the inequalities of the cell.
 """
 
 from __future__ import annotations

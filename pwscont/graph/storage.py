@@ -1,11 +1,8 @@
 """The file of a branch graph: written and read, and given a system.
 
-Failure modes and answers
--------------------------
-- The file is cut off or bytes have changed: a zip holds a checksum of every entry.
-- The file was edited by hand: the type of every entry, the shape of every array and the target of
-  every reference are checked before a graph is made.
-- The disk is full, or the program is interrupted: the file appears whole or not at all.
+A zip holds a checksum of every entry. The file may have been edited by hand: the type of every
+entry, the shape of every array and the target of every reference are checked before a graph is
+made. The file appears whole or not at all.
 """
 
 from __future__ import annotations

@@ -1,11 +1,6 @@
 """Sparse Jacobians, and the LU of sparse matrices by SuperLU.
 
-Failure modes and answers
--------------------------
-- SuperLU gives up if a pivot vanishes exactly: the factorisation has ``failed`` then. A bordered
-  matrix [J; row] is factorised as a whole if the part for z has failed.
-- Entries of a sparse matrix that are stored in parts: the parts are added up before the entries are
-  measured.
+SuperLU gives up if a pivot vanishes exactly: the factorisation has ``failed`` then.
 """
 
 from __future__ import annotations

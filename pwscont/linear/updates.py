@@ -7,18 +7,14 @@ multiplied by the sign of each pivot (docs/theory, F10).
 - :class:`ProductForm` is a :class:`~pwscont.linear.factor.Factor`: any factorisation, and the
   vectors of all changes, multiplied out, as in the simplex method (Dantzig and Orchard-Hays 1954).
 - :class:`Updating` serves a family of matrices that differ in some rows (:class:`RowMatrix`). The
-  solver keeps an explicit inverse, and replaces all changed rows at once (Woodbury).
+  solver keeps an explicit inverse, and replaces all changed rows at once (Woodbury). Every solve
+  names the matrix: rows are replaced back for a caller that solves with an older matrix.
 
-Failure modes and answers
--------------------------
-- The new matrix is nearly singular, or the change loses digits: the pivot is small beside the terms
-  1 and g.w, the change is refused, and the matrix is factorised afresh.
-- Rounding errors of the changes add up: the caller compares the residual with :func:`drifted`, and
-  asks for a fresh factorisation, due after :data:`MANY_UPDATES` anyway.
-- A matrix is badly conditioned, as at folds, or many rows change at once: every change leads to a
-  fresh LU, which is inverted only when a later change asks.
-- A caller solves with an older matrix: every solve names the matrix, and the rows are replaced
-  back, so that no system is ever solved with the wrong matrix.
+A change whose pivot is small beside the terms 1 and g.w loses digits: the matrix is factorised
+afresh. Rounding errors of the changes add up: the caller compares the residual with
+:func:`drifted`, and asks for a fresh factorisation, due after :data:`MANY_UPDATES` anyway. A matrix
+in bad condition, as at folds, and one with many changed rows has a fresh LU, which is inverted only
+when a later change asks.
 """
 
 from __future__ import annotations

@@ -1,16 +1,14 @@
 """Newton's method without error estimates, for the many rough starts of a search.
 
 Points are in typical magnitudes, y = (z, alpha) / scale. The points found are rough as well: the
-caller corrects each point with all care.
+caller corrects each point with all care. Known solutions are deflated away (Farrell, Birkisson and
+Funke 2015).
 
-Failure modes and answers
--------------------------
-- Known solutions attract: known solutions are deflated away (Farrell, Birkisson and Funke 2015).
-- No solution exists at this alpha: a deflated Newton iteration creeps to a minimum of the merit,
-  and is given up. The minimum often lies beside a fold of the branch looked for: the pursuit goes
-  on from there with alpha free, by steps of least length (Gauss and Newton).
-- Functions that saturate make endless steps where H is nearly flat. Each step is limited to a few
-  times the distance from zero, and a pursuit that goes too far is given up.
+A deflated iteration without a solution at this alpha creeps to a minimum of the merit, and is given
+up. The minimum often lies beside a fold of the branch looked for: the pursuit goes on from there
+with alpha free, by steps of least length (Gauss and Newton). Functions that saturate make endless
+steps where H is nearly flat: each step is limited to a few times the distance from zero, and a
+pursuit that goes too far is given up.
 """
 
 from __future__ import annotations
