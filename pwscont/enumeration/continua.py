@@ -27,8 +27,7 @@ from pwscont.basics.budget import check_budget
 from pwscont.basics.rounding import EPS
 from pwscont.curve.metric import Metric
 from pwscont.enumeration.choices import Choices
-from pwscont.enumeration.lines import problem_with_alpha
-from pwscont.enumeration.options import Problem
+from pwscont.enumeration.options import Problem, problem_with_alpha
 from pwscont.enumeration.polyhedron import Polyhedron, inside_of
 from pwscont.enumeration.slices import solve_slice
 from pwscont.enumeration.tree import Prices, leaves

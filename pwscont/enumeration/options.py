@@ -20,10 +20,12 @@ import scipy.linalg
 from pwscont.basics.arrays import Array, Indices, generic, own_dense
 from pwscont.basics.character import Character
 from pwscont.basics.rounding import EPS, GUARD
+from pwscont.curve.metric import Metric
 from pwscont.enumeration.echelon import MOST_WORK, independent
+from pwscont.system.box import Box
 from pwscont.system.contract import residual_at
 from pwscont.system.promises import checked_necessary, refuse_bent, refuse_bent_tests
-from pwscont.system.system import Block, SlicewiseLinearSystem
+from pwscont.system.system import Block, PiecewiseLinearSystem, SlicewiseLinearSystem
 
 
 @final
@@ -122,6 +124,25 @@ def reduce(system: SlicewiseLinearSystem, scale: Array, alpha: float) -> Problem
     """
     table = Table.of(system, alpha, scale)
     return problem_of(system, table.rows, table.tests, checked_necessary(system, alpha), scale)
+
+
+def problem_with_alpha(system: PiecewiseLinearSystem, metric: Metric) -> Problem | None:
+    """Return the problem for the unknowns (z, alpha - lo), None for a problem without solution.
+
+    The inequality alpha >= lo is the last of the lower bounds.
+    """
+    (lo, hi), scale, box = metric.interval, metric.scale[:-1], Box.of(system)
+    n = system.size
+    x, dx = np.append(np.zeros(n), lo), aside(scale)
+    dx[-1] = hi - lo
+    tests = np.array(system.test_functions(x[:-1], lo), dtype=float)
+    K = own_dense(system.test_jacobian(x[:-1], lo))
+    refuse_bent_tests(system, x, dx, tests, K)
+    slices = list(affine(system, lo, dx, len(tests)))
+    least, most = np.append(box.lower, 0.0), np.append(box.upper, hi - lo)
+    unit, below, above = np.eye(n + 1), np.isfinite(least), np.isfinite(most)
+    within = np.vstack([unit[below], -unit[above]]), np.append(-least[below], most[above])
+    return problem_of(system, slices, (K, tests), within, np.append(scale, hi - lo))
 
 
 def problem_of(

@@ -4,6 +4,10 @@ A component without a transition is a straight line across the whole interval; a
 closed loops included, have a transition point. The transition points and the solutions at an end
 therefore give every component, unless some unknown is free: a vertical line then need not have a
 transition point.
+
+With alpha as a further unknown, the solutions in a regular cell are a line, of which the
+inequalities of the cell leave a segment. All cells are enumerated once. The ends of the segments
+are the transition points, and the solutions at the ends of the interval.
 """
 
 from __future__ import annotations
@@ -15,14 +19,14 @@ from typing import final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, dense, own_dense
+from pwscont.basics.arrays import Array, Indices, dense, own_dense
 from pwscont.basics.errors import InvalidInputError
 from pwscont.basics.outcome import Guarantee, SearchScope
-from pwscont.basics.rounding import CONFIDENCE, EPS
+from pwscont.basics.rounding import CONFIDENCE, EPS, GUARD
 from pwscont.curve.error_samples import Found, has_digits, is_same, magnitude
 from pwscont.curve.metric import Metric
-from pwscont.enumeration.choices import Choices
-from pwscont.enumeration.lines import LOWER_END, OTHER, ends_of_lines, problem_with_alpha
+from pwscont.enumeration.choices import SLACK, Choices
+from pwscont.enumeration.options import Problem, problem_with_alpha
 from pwscont.enumeration.polyhedron import Face, face_of
 from pwscont.enumeration.slices import Known, Points
 from pwscont.enumeration.tree import leaves
@@ -38,6 +42,8 @@ from pwscont.transitions.rays import vanishing
 
 #: Largest component along alpha of a vertical direction, as a part of the largest component.
 ALONG = EPS**0.5
+#: In place of a test: the lower end of the interval, and an inequality of no further interest.
+LOWER_END, OTHER = -1, -2
 
 
 @final
@@ -135,7 +141,7 @@ class Lines:
         lower_end = int(np.isfinite(Box.of(system).lower).sum())
         for choices in leaves(problem):
             if choices.directions.shape[-1] == 1:
-                ends, tests = ends_of_lines(problem, choices, lower_end)
+                ends, tests = _ends_of_lines(problem, choices, lower_end)
                 for test in np.unique(tests).tolist():
                     self._ends[test].append(ends[np.flatnonzero(tests == test)])
             else:
@@ -181,3 +187,61 @@ class Lines:
         for ends in self._ends[test]:
             points.add(ends)
         return points.found
+
+
+def _ends_of_lines(problem: Problem, choices: Choices, lower_end: int) -> tuple[Choices, Indices]:
+    """Return the ends of the lines in the cells of choices, and the test that vanishes at each.
+
+    Parameters
+    ----------
+    problem : Problem
+        As from :func:`problem_with_alpha`.
+    choices : Choices
+        With a single free direction.
+    lower_end : int
+        The inequality of the problem that says alpha >= lo.
+
+    Returns
+    -------
+    Choices, ndarray of int
+        Ends that lie in the closed cells, or nearly. For an end of the interval, and for a bound of
+        an unknown, the test is :data:`LOWER_END` or :data:`OTHER`.
+    """
+    values, slopes, tests = _inequalities(problem, choices, lower_end)
+    level = np.abs(slopes) <= np.minimum(GUARD * choices.rounding, SLACK)[:, np.newaxis]
+    slack, divisors = choices.slack[:, np.newaxis], np.where(level, 1.0, slopes)
+    relaxed, zeros = -(values + slack) / divisors, -values / divisors
+    begin = np.where(~level & (slopes > 0.0), relaxed, -np.inf).max(axis=1, keepdims=True)
+    end = np.where(~level & (slopes < 0.0), relaxed, np.inf).min(axis=1, keepdims=True)
+    is_end = ~level & (begin <= zeros) & (zeros <= end)
+    is_end &= (~level | (values >= -slack)).all(axis=1, keepdims=True)
+    which, inequality = np.nonzero(is_end)
+    s = zeros[which, inequality, np.newaxis]
+    starts = choices.starts[which] + s * choices.directions[which, :, 0]
+    none = np.zeros((*starts.shape, 0))
+    ends = Choices(choices.picks[:, which], starts, none, choices.growth[which])
+    return ends, tests[which, inequality]
+
+
+def _inequalities(
+    problem: Problem, choices: Choices, lower_end: int
+) -> tuple[Array, Array, Indices]:
+    """Return values at the starts of lines, slopes, and tests, of all inequalities of each cell.
+
+    Options with fewer inequalities than others get some that always hold.
+    """
+    starts, directions = choices.starts, choices.directions[..., 0]
+    others = np.full((len(choices), len(problem.b)), OTHER)
+    others[:, lower_end] = LOWER_END
+    values, slopes, tests = [starts @ problem.A.T + problem.b], [directions @ problem.A.T], [others]
+    for options, picks in zip(problem.blocks, choices.picks, strict=True):
+        shape = len(options), max(len(option.g) for option in options)
+        G, g = np.zeros((*shape, problem.dimension)), np.ones(shape)
+        names = np.full(shape, OTHER)
+        for k, option in enumerate(options):
+            t = len(option.g)
+            G[k, :t], g[k, :t], names[k, :t] = option.G, option.g, option.bounding
+        values.append((G[picks] @ starts[..., np.newaxis])[..., 0] + g[picks])
+        slopes.append((G[picks] @ directions[..., np.newaxis])[..., 0])
+        tests.append(names[picks])
+    return np.hstack(values), np.hstack(slopes), np.hstack(tests)
