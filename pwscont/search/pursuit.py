@@ -23,8 +23,7 @@ from pwscont.basics.arrays import Array, are_finite
 from pwscont.basics.budget import check_budget
 from pwscont.basics.rounding import EPS
 from pwscont.curve.curve import LEAN
-from pwscont.curve.metric import Metric
-from pwscont.curve.semismooth import deflation, stretch
+from pwscont.curve.metric import Metric, deflation, stretch
 from pwscont.enumeration.continua import equations_in_magnitudes
 from pwscont.system.contract import residual_at
 from pwscont.system.system import PiecewiseSystem
