@@ -245,7 +245,7 @@ class Points:
             for options in problem.blocks
         ]
         known = Known(x, error, holds, root.factor.sign, [])
-        return known if known.lies_in(one).all() else None
+        return known if known.lies_in(one.picks).all() else None
 
 
 @final
@@ -259,16 +259,16 @@ class Known:
     det_sign: int
     picks: list[Indices]
 
-    def lies_in(self, choices: Choices) -> Signs:
-        """Tell in which closed cells the solution lies."""
-        inside = np.ones(len(choices), dtype=bool)
-        for holds, picks in zip(self.holds, choices.picks, strict=True):
-            inside &= holds[picks]
+    def lies_in(self, picks: Indices) -> Signs:
+        """Tell in which closed cells the solution lies, of choices of shape (blocks, N)."""
+        inside = np.ones(picks.shape[1], dtype=bool)
+        for holds, picked in zip(self.holds, picks, strict=True):
+            inside &= holds[picked]
         return inside
 
     def claim(self, choices: Choices) -> Choices:
         """Take the choices that share the solution, and return all other choices."""
-        mine = self.lies_in(choices)
+        mine = self.lies_in(choices.picks)
         if mine.any():
             self.picks.append(choices.picks[:, mine])
         return choices[np.flatnonzero(~mine)]

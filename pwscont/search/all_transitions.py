@@ -12,14 +12,14 @@ are the transition points, and the solutions at the ends of the interval.
 
 from __future__ import annotations
 
-from collections import defaultdict
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import final
 
 import numpy as np
 
 from pwscont.basics.arrays import Array, Indices, dense, own_dense
+from pwscont.basics.budget import check_budget
 from pwscont.basics.errors import InvalidInputError
 from pwscont.basics.outcome import Guarantee, SearchScope
 from pwscont.basics.rounding import CONFIDENCE, EPS, GUARD
@@ -28,7 +28,7 @@ from pwscont.curve.metric import Metric
 from pwscont.enumeration.choices import SLACK, Choices
 from pwscont.enumeration.options import Problem, problem_with_alpha
 from pwscont.enumeration.polyhedron import Face, face_of
-from pwscont.enumeration.slices import Known, Points
+from pwscont.enumeration.slices import FEW_CELLS, Points
 from pwscont.enumeration.tree import leaves
 from pwscont.graph.records import FEW_DIGITS, significant
 from pwscont.linear.factorise import factor, power_of_two
@@ -37,13 +37,15 @@ from pwscont.search.search import Search
 from pwscont.system.box import Box
 from pwscont.system.contract import jacobian_at
 from pwscont.system.promises import checked_necessary
-from pwscont.system.system import PiecewiseLinearSystem, PiecewiseSystem
+from pwscont.system.system import PiecewiseLinearSystem, PiecewiseSystem, number_of_cells
 from pwscont.transitions.rays import vanishing
 
 #: Largest component along alpha of a vertical direction, as a part of the largest component.
 ALONG = EPS**0.5
 #: In place of a test: the lower end of the interval, and an inequality of no further interest.
 LOWER_END, OTHER = -1, -2
+#: Ends of lines that are refined together; of more lines, most may end at a corner that is known.
+FEW_LINES = 64
 
 
 @final
@@ -83,11 +85,15 @@ class AllTransitions(Search):
             known.append((found, vanishing(system, *found, metric.scale)))
             return False
 
-        lines = Lines(system, metric, interval)
-        solutions = lines.solutions()
+        are_few = (
+            number_of_cells(system.blocks()) <= FEW_CELLS
+        )  # then lines give the solutions, too
+        lines = Lines(system, metric, interval) if are_few else None
+        solutions = lines.solutions() if lines else None
         for found in starts_at(system, metric, interval[0]) if solutions is None else solutions:
             if not is_known(found, None):
                 yield found
+        lines = lines or Lines(system, metric, interval)
         for test, found in lines.transitions():
             if _is_within(interval, *found) and not is_known(found, test):
                 yield found
@@ -132,21 +138,50 @@ class Lines:
         checked_necessary(system, interval[0])  # refused if wrong, not needed if right
         self._system, self._metric, self._lo = system, Metric(metric.scale), interval[0]
         self._K = own_dense(system.test_jacobian(np.zeros(system.size), interval[0]))
-        self._ends: dict[int, list[Choices]] = defaultdict(list)
+        self._points: dict[int, Points] = {}
         self._faces: list[Face] = []
         problem = problem_with_alpha(system, metric)
         if problem is None:
             return
-        self._problem = problem
         lower_end = int(np.isfinite(Box.of(system).lower).sum())
         for choices in leaves(problem):
             if choices.directions.shape[-1] == 1:
-                ends, tests = _ends_of_lines(problem, choices, lower_end)
-                for test in np.unique(tests).tolist():
-                    self._ends[test].append(ends[np.flatnonzero(tests == test)])
+                self._add_ends(problem, choices, lower_end)
             else:
                 faces = (face_of(problem, choices[k : k + 1], 0.0) for k in range(len(choices)))
                 self._faces += filter(None, faces)
+
+    def _add_ends(self, problem: Problem, choices: Choices, lower_end: int) -> None:
+        """Add the ends of the lines in the cells of choices, each end once for each test."""
+        places, tests = _ends_of_lines(problem, choices, lower_end)
+        for s, test_of in zip(places.T, tests.T, strict=True):
+            some = np.flatnonzero(np.isfinite(s))
+            for test in np.unique(test_of[some]).tolist():
+                if test != OTHER:
+                    points = self._points.setdefault(test, self._points_of(problem, test))
+                    self._add(points, choices, some[test_of[some] == test], s)
+
+    def _add(self, points: Points, choices: Choices, which: Indices, places: Array) -> None:
+        """Add the ends of some lines at given places, unless a known end lies in the same cell."""
+        checked = 0
+        while len(which):
+            check_budget()
+            for known in points.found[checked:] if len(which) > FEW_LINES else ():
+                which = which[~known.lies_in(choices.picks[:, which])]
+            checked, first, which = len(points.found), which[:FEW_LINES], which[FEW_LINES:]
+            lines, at = choices[first], places[first, np.newaxis]
+            starts = lines.starts + at * lines.directions[..., 0]
+            points.add(replace(lines, starts=starts, directions=lines.directions[..., :0]))
+
+    def _points_of(self, problem: Problem, test: int) -> Points:
+        """Return a collection of points at which a test vanishes."""
+
+        def border(x: Array) -> tuple[float, Array]:
+            values = self._system.test_functions(x[:-1], float(x[-1]))
+            return float(values[test]), self._K[test]
+
+        known = None if test == LOWER_END else border
+        return Points(self._system, self._metric, problem, self._lo, known)
 
     def solutions(self) -> list[Found] | None:
         """Return all solutions at the lower end of the interval.
@@ -154,7 +189,8 @@ class Lines:
         None if rounding leaves doubt: if a point lies on an interface, or is known to few digits,
         if no solution is found, or the signs of det(dH/dz) do not sum to the degree.
         """
-        ends, scale = self._solved(LOWER_END), self._metric.scale
+        points, scale = self._points.get(LOWER_END), self._metric.scale
+        ends = points.found if points else []
         if self._faces or not ends or any(h.sum() > 1 for end in ends for h in end.holds):
             return None
         if any(significant(magnitude(e.x, e.error), e.x, scale) < FEW_DIGITS for e in ends):
@@ -164,9 +200,8 @@ class Lines:
 
     def transitions(self) -> Iterator[tuple[int | None, Found]]:
         """Yield where lines end because a test vanishes, with the test, and corners of faces."""
-        for test in sorted(self._ends):
-            if test not in (LOWER_END, OTHER):
-                yield from ((test, (end.x, end.error)) for end in self._solved(test))
+        for test in sorted(set(self._points).difference((LOWER_END, OTHER))):
+            yield from ((test, (end.x, end.error)) for end in self._points[test].found)
         for face in self._faces:
             moves = np.abs(face.directions / self._metric.scale[:, np.newaxis])
             if len(face.corners) or (moves[-1] <= ALONG * moves.max()).all():
@@ -175,37 +210,14 @@ class Lines:
                     x = np.append(z[:-2], self._lo + z[-2])
                     yield None, (x, np.full((1, len(x)), error))
 
-    def _solved(self, test: int) -> list[Known]:
-        """Return the ends at which a test vanishes, each once."""
 
-        def border(x: Array) -> tuple[float, Array]:
-            values = self._system.test_functions(x[:-1], float(x[-1]))
-            return float(values[test]), self._K[test]
+def _ends_of_lines(problem: Problem, choices: Choices, lower_end: int) -> tuple[Array, Indices]:
+    """Return where each line leaves the closed cell of its choice, by each inequality, and tests.
 
-        known = None if test == LOWER_END else border
-        points = Points(self._system, self._metric, self._problem, self._lo, known)
-        for ends in self._ends[test]:
-            points.add(ends)
-        return points.found
-
-
-def _ends_of_lines(problem: Problem, choices: Choices, lower_end: int) -> tuple[Choices, Indices]:
-    """Return the ends of the lines in the cells of choices, and the test that vanishes at each.
-
-    Parameters
-    ----------
-    problem : Problem
-        As from :func:`problem_with_alpha`.
-    choices : Choices
-        With a single free direction.
-    lower_end : int
-        The inequality of the problem that says alpha >= lo.
-
-    Returns
-    -------
-    Choices, ndarray of int
-        Ends that lie in the closed cells, or nearly. For an end of the interval, and for a bound of
-        an unknown, the test is :data:`LOWER_END` or :data:`OTHER`.
+    A place is the factor of the direction of the line, and infinite for an inequality that ends
+    nothing; several inequalities end a line where their places differ by rounding only. For an end
+    of the interval, and for a bound of an unknown, the test is LOWER_END or OTHER.
+    ``lower_end``: the inequality of the problem that says alpha >= lo.
     """
     values, slopes, tests = _inequalities(problem, choices, lower_end)
     level = np.abs(slopes) <= np.minimum(GUARD * choices.rounding, SLACK)[:, np.newaxis]
@@ -215,12 +227,7 @@ def _ends_of_lines(problem: Problem, choices: Choices, lower_end: int) -> tuple[
     end = np.where(~level & (slopes < 0.0), relaxed, np.inf).min(axis=1, keepdims=True)
     is_end = ~level & (begin <= zeros) & (zeros <= end)
     is_end &= (~level | (values >= -slack)).all(axis=1, keepdims=True)
-    which, inequality = np.nonzero(is_end)
-    s = zeros[which, inequality, np.newaxis]
-    starts = choices.starts[which] + s * choices.directions[which, :, 0]
-    none = np.zeros((*starts.shape, 0))
-    ends = Choices(choices.picks[:, which], starts, none, choices.growth[which])
-    return ends, tests[which, inequality]
+    return np.where(is_end, zeros, np.inf), tests
 
 
 def _inequalities(
@@ -230,7 +237,7 @@ def _inequalities(
 
     Options with fewer inequalities than others get some that always hold.
     """
-    starts, directions = choices.starts, choices.directions[..., 0]
+    every, starts, directions = np.arange(len(choices)), choices.starts, choices.directions[..., 0]
     others = np.full((len(choices), len(problem.b)), OTHER)
     others[:, lower_end] = LOWER_END
     values, slopes, tests = [starts @ problem.A.T + problem.b], [directions @ problem.A.T], [others]
@@ -241,7 +248,8 @@ def _inequalities(
         for k, option in enumerate(options):
             t = len(option.g)
             G[k, :t], g[k, :t], names[k, :t] = option.G, option.g, option.bounding
-        values.append((G[picks] @ starts[..., np.newaxis])[..., 0] + g[picks])
-        slopes.append((G[picks] @ directions[..., np.newaxis])[..., 0])
+        rows, size = G.reshape(-1, problem.dimension).T, (len(choices), *shape)
+        values.append((starts @ rows).reshape(size)[every, picks] + g[picks])
+        slopes.append((directions @ rows).reshape(size)[every, picks])
         tests.append(names[picks])
     return np.hstack(values), np.hstack(slopes), np.hstack(tests)
