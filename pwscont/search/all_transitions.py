@@ -85,9 +85,7 @@ class AllTransitions(Search):
             known.append((found, vanishing(system, *found, metric.scale)))
             return False
 
-        are_few = (
-            number_of_cells(system.blocks()) <= FEW_CELLS
-        )  # then lines give the solutions, too
+        are_few = number_of_cells(system.blocks()) <= FEW_CELLS  # then lines give all solutions
         lines = Lines(system, metric, interval) if are_few else None
         solutions = lines.solutions() if lines else None
         for found in starts_at(system, metric, interval[0]) if solutions is None else solutions:
@@ -190,8 +188,10 @@ class Lines:
         if no solution is found, or the signs of det(dH/dz) do not sum to the degree.
         """
         points, scale = self._points.get(LOWER_END), self._metric.scale
-        ends = points.found if points else []
-        if self._faces or not ends or any(h.sum() > 1 for end in ends for h in end.holds):
+        if self._faces or points is None or points.undecided or not points.found:
+            return None
+        ends = points.found
+        if any(holds.sum() > 1 for end in ends for holds in end.holds):
             return None
         if any(significant(magnitude(e.x, e.error), e.x, scale) < FEW_DIGITS for e in ends):
             return None
