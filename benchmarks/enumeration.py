@@ -25,7 +25,7 @@ from pwscont import AllTransitions, enumerate_solutions, explore
 FRICTION = 4.0
 #: Cells that are solved to see what one costs.
 SAMPLE = 4096
-#: AllTransitions tries 3 p times as many cells as one slice has.
+#: Largest number of nodes for which AllTransitions tries all cells, with the load as an unknown.
 LARGEST_COMPLETE = 8
 
 

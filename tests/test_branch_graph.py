@@ -16,7 +16,7 @@ from reference_enumeration import solve_modes
 from pwscont import BranchGraph, Character, PseudoArclength, explore, trace
 from pwscont.basics.errors import GraphFileError, InvalidInputError, SystemNeededError
 from pwscont.basics.outcome import Kind
-from pwscont.graph.records import Messages, Piece, Place, SpecialPoint, Track
+from pwscont.graph.records import Piece, Place, SpecialPoint, Track
 
 FREE, STICK, SLIP_PLUS, SLIP_MINUS = "no contact", "stick", "slip+", "slip-"
 
@@ -439,7 +439,7 @@ def graph_with_a_thin_stretch(error):
     """Return two pieces that meet, but for a stretch of 1e-12 on which there is none."""
     ends, errors = [0.0, 0.5, 0.5 + 1e-12, 1.0], np.full(2, error)
     points = [
-        SpecialPoint(i, Kind.TRANSITION, Place(np.array([0.0, alpha]), errors), Messages(("", "")))
+        SpecialPoint(i, Kind.TRANSITION, Place(np.array([0.0, alpha]), errors), "", "")
         for i, alpha in enumerate(ends)
     ]
     pieces = [

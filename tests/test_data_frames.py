@@ -23,7 +23,6 @@ from pwscont import (
     explore,
     trace,
 )
-from pwscont.graph.records import Messages
 from pwscont.scenes.graph_answer import GraphAnswer
 
 # -- pandas --------------------------------------------------------------------------------------
@@ -245,7 +244,7 @@ def test_elastic_bodies_and_their_states():
 
 
 def test_notebooks_escape_what_a_user_wrote(plain):
-    point = replace(plain.point(0), messages=Messages(("<script>alert(1)</script>",) * 2))
+    point = replace(plain.point(0), message="<script>alert(1)</script>")
     assert "<script>" not in point._repr_html_()
 
 

@@ -261,7 +261,7 @@ def test_several_right_hand_sides_are_solved_for_together(kind):
         "tridiagonal": lambda: BandLU(bands, 1, 1),
         "banded": lambda: BandLU(bands, 2, 2),
         "sparse": lambda: SparseLU(sp.csc_matrix(matrix)),
-        "dense": lambda: DenseLU.of(matrix),
+        "dense": lambda: DenseLU(matrix),
     }[kind]()
     rhs = rng.normal(size=(5, n))
     np.testing.assert_allclose(core.solve_all(rhs) @ matrix.T, rhs, atol=1e-12)

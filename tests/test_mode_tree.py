@@ -14,11 +14,18 @@ from scipy.optimize import linprog
 from pwscont import enumerate_solutions
 from pwscont.curve.metric import Metric
 from pwscont.enumeration import tree
-from pwscont.enumeration.choices import SLACK, Subspace
+from pwscont.enumeration.choices import SLACK, Choices
 from pwscont.enumeration.options import reduce
-from pwscont.enumeration.simplex import NOT_NEGATIVE, NOT_POSITIVE, Forms, feasible, first_vertex
+from pwscont.enumeration.simplex import (
+    NOT_NEGATIVE,
+    NOT_POSITIVE,
+    OPEN,
+    Forms,
+    feasible,
+    first_vertex,
+)
 from pwscont.enumeration.slices import solve_slice
-from pwscont.enumeration.tree import OPEN, leaves
+from pwscont.enumeration.tree import leaves
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
 
@@ -161,22 +168,21 @@ def programs(seed, number=200):
     rng, body = np.random.default_rng(seed), random_body(3, seed)
     system = loaded(body, random_vector(body.n, seed), 4.0)
     problem = reduce(system, Metric.at(system, 0.3).scale[:-1], 0.3)
-    space = Subspace.whole(problem.dimension, problem.growth)
-    forms = Forms.of(problem, problem.blocks, space)
+    forms = Forms.of(problem, problem.blocks, Choices.before_all(problem))
     start = first_vertex(forms)[np.zeros(number, dtype=int)]
     picks = rng.integers(OPEN, 4, (number, 3))
     asked = np.zeros_like(start.signs)
     for block in range(3):
         chosen = picks[:, block] != OPEN
         asked[chosen] |= forms.options[block, picks[chosen, block]]
-    return forms, start.asking(asked)
+    return forms, start.asking(asked, np.arange(number)[:, np.newaxis])
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_programs_against_highs(seed):
     """Feasible by HiGHS, with its own tolerance to either side, means feasible, and conversely."""
     forms, some = programs(seed)
-    holds = np.isin(np.arange(len(some)), feasible(forms, some)[0])
+    holds = np.isin(some.picks, feasible(forms, some).picks)[:, 0]
     for signs, found in zip(some.signs, holds, strict=True):
         assert found or not _by_highs(forms, signs, -10.0 * SLACK)
         assert not found or _by_highs(forms, signs, 10.0 * SLACK)
@@ -192,7 +198,7 @@ def _by_highs(forms, signs, relaxed):
 
 def test_vertices_have_the_signs_asked():
     forms, some = programs(5)
-    _, found = feasible(forms, some)
+    found = feasible(forms, some)
     values = forms.values(found.points)
     slack = SLACK * (1.0 + np.abs(found.points).max(axis=1))[:, np.newaxis]
     assert ((values >= -slack) | ((found.signs & NOT_NEGATIVE) == 0)).all()

@@ -15,7 +15,7 @@ from typing import Any
 
 from pwscont import PiecewiseSystem
 from pwscont.extending import BorderedFactor, Factor
-from pwscont.linear.factorise import DenseFactor, SparseFactor
+from pwscont.linear.factorise import WholeFactor
 
 #: Methods of a system that are counted, by name.
 EVALUATIONS = ("residual", "jacobian", "test_functions", "test_jacobian")
@@ -54,7 +54,7 @@ def factorisations() -> list[type[Factor]]:
     An LU of the part for z is not counted, neither next to the bordered matrix that contains the
     part nor along straight pieces, which have no bordered matrices.
     """
-    return [DenseFactor, SparseFactor, BorderedFactor]
+    return [WholeFactor, BorderedFactor]
 
 
 @contextmanager

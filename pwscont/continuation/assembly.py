@@ -15,7 +15,6 @@ from __future__ import annotations
 
 from collections import defaultdict, deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from functools import partial
 from itertools import chain, combinations, count, islice, pairwise
 from typing import TypeAlias
 
@@ -33,7 +32,7 @@ from pwscont.curve.curve import Curve, State
 from pwscont.curve.metric import Metric
 from pwscont.curve.stepper import CurvedSegment, Segment, StraightSegment
 from pwscont.graph import BranchGraph, Piece, SpecialPoint
-from pwscont.graph.records import Messages, Place, Track, significant
+from pwscont.graph.records import Place, Track, significant
 from pwscont.system.abilities import Ending, HidesUnknowns, Reduction, shown_points
 from pwscont.system.box import Box
 from pwscont.system.system import PiecewiseSystem
@@ -207,8 +206,8 @@ def assemble(
         before[edge.end].append((edge, piece))
         if (place := edge.begun_at) is not None:
             digits = significant(place.error, place.x, metric.scale)
-            messages = Messages(partial(_begun, piece))
-            starts.append(SpecialPoint(-1, Kind.START, place, messages, piece.id, digits))
+            said = f"start in {piece.label}"
+            starts.append(SpecialPoint(-1, Kind.START, place, said, said, piece.id, digits))
     points = [
         _special_point(i, discovery.nodes[n], before[n], after[n], system, places, metric, events)
         for n, i in numbers.items()
@@ -313,11 +312,13 @@ def _special_point(
         inside += [_next_to_end(piece, 1) for _, piece in after]
         also += filter(None, [events.names_at(metric, place.x, place.error, inside)])
     passed = (before[0], after[0]) if len(before) == len(after) == 1 else None
+    message, backward = _messages(system, node, passed)
     return SpecialPoint(
         id=number,
         kind=_turning(node, *passed) if passed and node.kind in CROSSED else node.kind,
         place=place,
-        messages=_messages(system, node, passed),
+        message=message,
+        backward=backward,
         digits=significant(place.error, place.x, metric.scale),
         lost=node.lost,
         events=", ".join(also),
@@ -357,29 +358,18 @@ def _turning(node: Node, arriving: Directed, leaving: Directed) -> Kind | str:
 
 def _messages(
     system: PiecewiseSystem, node: Node, passed: tuple[Directed, Directed] | None
-) -> Messages:
-    """Return the messages of a node: what changes there, and what else is known."""
+) -> tuple[str, str]:
+    """Return what changes at a node, and what else is known, in the two orientations."""
     if not passed or (node.kind == Kind.END and isinstance(system, Ending)):
-        return Messages((node.message, node.message))
+        return node.message, node.message
     before, after = (piece.character for _, piece in passed)
     if before == after:
-        return Messages((node.message, node.message))
-    note = "" if node.kind in CROSSED else node.message
-    return Messages(partial(_change, system, before, after, note))
-
-
-def _change(
-    system: PiecewiseSystem, before: Character, after: Character, note: str
-) -> tuple[str, str]:
-    """Return what changes from one cell to another, and what changes in the other direction."""
-    ways = system.describe_transition(before, after), system.describe_transition(after, before)
-    forward, backward = (f"{change}; {note}" if note else change for change in ways)
-    return forward, backward
-
-
-def _begun(piece: Piece) -> tuple[str, str]:
-    said = f"start in {piece.label}"
-    return said, said
+        return node.message, node.message
+    note = f"; {node.message}" if node.message and node.kind not in CROSSED else ""
+    forward, backward = (
+        system.describe_transition(*cells) for cells in ((before, after), (after, before))
+    )
+    return forward + note, backward + note
 
 
 # -- the promise of uniqueness ---------------------------------------------------------------------

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from functools import cached_property, lru_cache
 from typing import final
 
@@ -204,3 +205,25 @@ class Metric:
 def _projections(size: int) -> Array:
     """Return fixed random rows, so that two runs are identical."""
     return np.random.default_rng(size).normal(size=(PROJECTIONS, size))
+
+
+def deflation(metric: Metric, known: Sequence[Array], x: Array) -> float:
+    """Return the product of 1 + 1 / distance^2 over the known solutions."""
+    factor = 1.0
+    for other in known:
+        factor *= 1.0 + 1.0 / max(metric.norm(metric.difference(x, other)) ** 2, EPS**2)
+    return factor
+
+
+def stretch(metric: Metric, known: Sequence[Array], x: Array, step: Array) -> float:
+    """Return the factor by which deflation lengthens, shortens or turns the Newton step.
+
+    With M the deflating factor and d the step, the step of M H is d / (1 - (grad M . d) / M)
+    by the formula of Sherman and Morrison (Farrell, Birkisson and Funke 2015).
+    """
+    slope = 0.0
+    for other in known:
+        distance = max(metric.norm(metric.difference(x, other)) ** 2, EPS**2)
+        inner = float(metric.covector(metric.difference(x, other)).dot(step))
+        slope += -2.0 * inner / distance**2 / (1.0 + 1.0 / distance)
+    return 1.0 / (1.0 - slope) if slope != 1.0 else 1.0

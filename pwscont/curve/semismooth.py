@@ -35,7 +35,7 @@ from pwscont.basics.character import Character
 from pwscont.basics.outcome import Failure, FailureReason
 from pwscont.basics.rounding import CONVERGED, EPS, GUARD
 from pwscont.curve.error_samples import has_digits
-from pwscont.curve.metric import Metric
+from pwscont.curve.metric import Metric, deflation, stretch
 from pwscont.curve.newton import Root, is_rounding, is_solved, uncertainty
 from pwscont.linear.factorise import Factor, balanced_columns, bordered, last_unit
 from pwscont.system.contract import jacobian_at, residual_at
@@ -116,7 +116,7 @@ def semismooth_newton(
         step = _direction(linear, residual, metric)
         if not are_finite(step):
             return Failure(FailureReason.NOT_FINITE)
-        step = step * _stretch(metric, known, x, step)
+        step = step * stretch(metric, known, x, step)
         size = metric.relative(step, x)
         if size <= CONVERGED:
             there, may_cross = x + step, size > GUARD * EPS and crossings < MOST_LEAPS
@@ -254,8 +254,8 @@ def _line_search(
     """
 
     def merit(point: _Evaluated) -> float:
-        scaled, deflation = point[2] / rows, _deflation(metric, known, point[0])
-        return float(scaled.dot(scaled)) * deflation * deflation  # a power would raise an error
+        scaled, factor = point[2] / rows, deflation(metric, known, point[0])
+        return float(scaled.dot(scaled)) * factor * factor  # a power would raise an error
 
     length = 1.0
     with np.errstate(over="ignore"):  # the merit is infinite far away, where H is an exponential
@@ -266,25 +266,3 @@ def _line_search(
                 return trial
             length *= 0.5
     return None
-
-
-def _deflation(metric: Metric, known: Sequence[Array], x: Array) -> float:
-    """Return the product of 1 + 1 / distance^2 over the known solutions."""
-    factor = 1.0
-    for other in known:
-        factor *= 1.0 + 1.0 / max(metric.norm(metric.difference(x, other)) ** 2, EPS**2)
-    return factor
-
-
-def _stretch(metric: Metric, known: Sequence[Array], x: Array, step: Array) -> float:
-    """Return the factor by which deflation lengthens, shortens or turns the Newton step.
-
-    With M the deflating factor and d the step, the step of M H is d / (1 - (grad M . d) / M)
-    by the formula of Sherman and Morrison (Farrell, Birkisson and Funke 2015).
-    """
-    slope = 0.0
-    for other in known:
-        distance = max(metric.norm(metric.difference(x, other)) ** 2, EPS**2)
-        inner = float(metric.covector(metric.difference(x, other)).dot(step))
-        slope += -2.0 * inner / distance**2 / (1.0 + 1.0 / distance)
-    return 1.0 / (1.0 - slope) if slope != 1.0 else 1.0

@@ -1,26 +1,20 @@
-"""Choices of options, the subspaces that the equations of options leave, and decisions in batches.
+"""Choices of options, and what their equations leave: decisions in batches.
 
 Blocks are decided in batches, block after block: each block has a batch of small factorisations,
 which all choices of later blocks share. Batches serve if the cells are few, and if no choice can be
 cut off because a point lies in the cells of all choices.
 
-Failure modes and answers
--------------------------
-- Equations of a block depend on equations decided before: the factorisation on the orthonormal
-  basis of the subspace that is left finds the dependence, and the choice leaves the batch. A cell
-  without a unique point is handed on as a subspace, not solved.
-- A pivot is rounding that has grown above what is negligible: exact elimination of the equations
-  decides about every pivot that small.
-- A solution on the very boundary of a cell must not be cut off: inequalities that cut off choices
-  are relaxed by SLACK, far above rounding, and by more where ill-conditioned equations make it
-  grow. The caller decides exactly, from a refined solution.
+Equations of a block may depend on equations decided before: the choice leaves the batch then, and a
+cell without a unique point is handed on with the directions that are left. Exact elimination
+decides about pivots that may be rounding. Inequalities that cut off choices are relaxed by SLACK,
+far above rounding, and by more where ill-conditioned equations make rounding grow: the caller
+decides exactly, from a refined solution.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import partial
 from typing import Any, final
 
 import numpy as np
@@ -54,6 +48,12 @@ class Choices:
     #: a bound, so large that nothing would be cut off.).
     growth: Array
 
+    @classmethod
+    def before_all(cls, problem: Problem) -> Choices:
+        """Return the only choice for no block, which leaves the whole space."""
+        d, none = problem.dimension, np.zeros((0, 1), dtype=np.intp)
+        return cls(none, np.zeros((1, d)), np.eye(d)[np.newaxis], np.array([problem.growth]))
+
     def __len__(self) -> int:
         """Return the number of choices."""
         return len(self.starts)
@@ -61,9 +61,19 @@ class Choices:
     @property
     def rounding(self) -> Array:
         """Estimate of the rounding error of the starts, shape (N,)."""
-        sizes = 1.0 + np.abs(self.starts).max(axis=1, initial=0.0)
-        rounding: Array = EPS * self.growth * sizes
+        rounding: Array = EPS * self.growth * self._sizes
         return rounding
+
+    @property
+    def slack(self) -> Array:
+        """How far below zero an inequality of unit length may be and still hold, shape (N,)."""
+        slack: Array = SLACK * self._sizes + GUARD * self.rounding
+        return slack
+
+    @property
+    def _sizes(self) -> Array:
+        sizes: Array = 1.0 + np.abs(self.starts).max(axis=1, initial=0.0)
+        return sizes
 
     def __getitem__(self, index: Indices | slice) -> Choices:
         """Return some of the choices."""
@@ -71,51 +81,24 @@ class Choices:
         return Choices(self.picks[:, index], *parts)
 
 
-@final
-@dataclass(frozen=True, slots=True, eq=False)
-class Subspace:
-    """The points that satisfy the equations decided so far: start + directions @ s.
-
-    The attribute ``growth`` has the meaning of :attr:`Choices.growth`.
-    """
-
-    start: Array
-    directions: Array
-    growth: float
-
-    @classmethod
-    def whole(cls, dimension: int, growth: float) -> Subspace:
-        """Return the space of all points."""
-        return cls(np.zeros(dimension), np.eye(dimension), growth)
-
-    @property
-    def slack(self) -> float:
-        """How far below zero an inequality of unit length may be computed and still hold."""
-        return float(slack_at(self.growth) * (1.0 + np.abs(self.start).max(initial=0.0)))
-
-    def narrowed(self, option: Option, rank_added: Callable[[], int | None]) -> Subspace | None:
-        """Return the part of the subspace in which E y + e = 0, None where E y + e = 0 fails.
-
-        If rounding leaves doubt, ``rank_added`` is asked how many of the equations are independent
-        of the equations decided before.
-        """
-        matrix, rest = option.E @ self.directions, option.E @ self.start + option.e
-        U, sigma, Vt = np.linalg.svd(matrix)
-        rank = int((sigma > negligible(matrix)).sum())
-        if is_near(sigma[:rank], matrix) and (exactly := rank_added()) is not None:
-            rank = min(rank, exactly)
-        coefficients = U.T @ rest
-        if (np.abs(coefficients[rank:]) > self.slack).any():
-            return None
-        step = Vt[:rank].T @ (coefficients[:rank] / sigma[:rank])
-        growth = max(self.growth, 1.0 / sigma[:rank].min(initial=1.0))
-        start, directions = self.start - self.directions @ step, self.directions @ Vt[rank:].T
-        return Subspace(start, directions, growth)
-
-
-def slack_at(growth: Any) -> Any:
-    """Return the relative slack of inequalities: more where rounding may have grown."""
-    return SLACK + GUARD * EPS * growth
+def narrowed(problem: Problem, choice: Choices, pick: int) -> Choices | None:
+    """Return a single choice with an option of the next block, None if its equations fail."""
+    option = problem.blocks[len(choice.picks)][pick]
+    picks = np.vstack([choice.picks, [[pick]]])
+    start, directions, growth = choice.starts[0], choice.directions[0], float(choice.growth[0])
+    matrix, rest = option.E @ directions, option.E @ start + option.e
+    U, sigma, Vt = np.linalg.svd(matrix)
+    rank = int((sigma > negligible(matrix)).sum())
+    if is_near(sigma[:rank], matrix):
+        exactly = problem.rank_added(tuple(picks[:, 0].tolist()))
+        rank = rank if exactly is None else min(rank, exactly)
+    coefficients = U.T @ rest
+    if (np.abs(coefficients[rank:]) > choice.slack).any():
+        return None
+    step = Vt[:rank].T @ (coefficients[:rank] / sigma[:rank])
+    growth = max(growth, 1.0 / sigma[:rank].min(initial=1.0))
+    starts, left = (start - directions @ step)[np.newaxis], (directions @ Vt[rank:].T)[np.newaxis]
+    return Choices(picks, starts, left, np.array([growth]))
 
 
 def negligible(matrix: Array) -> float:
@@ -128,27 +111,25 @@ def is_near(pivots: Array, matrix: Array) -> Any:
     return pivots.min(axis=-1, initial=1.0) <= GROWN_ROUNDING * negligible(matrix)
 
 
-def together(problem: Problem, chosen: tuple[int, ...], space: Subspace) -> Iterator[Choices]:
-    """Decide all blocks after the chosen options, which leave a space, for all choices at once."""
-    picks = np.array(chosen, dtype=np.intp)[:, np.newaxis]
-    growth = np.array([space.growth])
-    choices = Choices(picks, space.start[np.newaxis], space.directions[np.newaxis], growth)
-    for options in problem.blocks[len(chosen) :]:
+def together(problem: Problem, choices: Choices) -> Iterator[Choices]:
+    """Decide all blocks after the first blocks, for all choices at once."""
+    for options in problem.blocks[len(choices.picks) :]:
         check_budget()
-        choices, dependent = _spread(problem, choices, options)
-        for picked, parent in dependent:
-            narrower = parent.narrowed(options[picked[-1]], partial(problem.rank_added, picked))
+        before = choices
+        choices, dependent = _spread(problem, before, options)
+        for parent, pick in dependent.tolist():
+            narrower = narrowed(problem, before[parent : parent + 1], pick)
             if narrower is not None:
-                yield from together(problem, picked, narrower)
+                yield from together(problem, narrower)
     yield choices if choices.directions.shape[-1] else _inside(problem, choices)
 
 
 def _spread(
     problem: Problem, choices: Choices, options: Sequence[Option]
-) -> tuple[Choices, Iterator[tuple[tuple[int, ...], Subspace]]]:
+) -> tuple[Choices, Indices]:
     """Impose every option of a further block on every choice, as far as equations are independent.
 
-    Of each dependent choice return the picks with the subspace before the last pick.
+    Also return the rows (choice, option), shape (k, 2), with dependent equations.
     """
     E, e = np.stack([option.E for option in options]), np.stack([option.e for option in options])
     matrices = E @ choices.directions[:, np.newaxis]  # shape (N, options, k, q)
@@ -157,9 +138,9 @@ def _spread(
     R = np.swapaxes(R[..., :k, :], -1, -2)
     pivots = np.abs(np.diagonal(R, axis1=-2, axis2=-1))
     regular = (pivots > negligible(matrices)).all(axis=-1)
-    for near in np.argwhere(regular & is_near(pivots, matrices)):
-        rank = problem.rank_added(_picked(choices, *near))
-        regular[tuple(near)] = rank in (None, k)
+    for parent, pick in np.argwhere(regular & is_near(pivots, matrices)).tolist():
+        rank = problem.rank_added((*choices.picks[:, parent].tolist(), pick))
+        regular[parent, pick] = rank in (None, k)
     parents, taken = np.nonzero(regular)
     Q, directions = Q[regular], choices.directions[parents]
     steps = Q[..., :k] @ np.linalg.solve(R[regular], values[regular][..., np.newaxis])
@@ -167,22 +148,12 @@ def _spread(
     picks = np.vstack([choices.picks[:, parents], taken])
     worst = 1.0 / pivots[regular].min(axis=-1, initial=1.0)
     growth = np.maximum(choices.growth[parents], worst)
-    spread = Choices(picks, starts, directions @ Q[..., k:], growth)
-    parts = choices.starts, choices.directions, choices.growth.astype(float)
-    dependent = (
-        (_picked(choices, i, option), Subspace(*(part[i] for part in parts)))
-        for i, option in np.argwhere(~regular)
-    )
-    return spread, dependent
-
-
-def _picked(choices: Choices, parent: int, option: int) -> tuple[int, ...]:
-    return (*choices.picks[:, parent].tolist(), int(option))
+    return Choices(picks, starts, directions @ Q[..., k:], growth), np.argwhere(~regular)
 
 
 def _inside(problem: Problem, choices: Choices) -> Choices:
     """Return the choices whose point satisfies all inequalities, relaxed; few satisfy the last."""
-    slack = slack_at(choices.growth) * (1.0 + np.abs(choices.starts).max(axis=1, initial=0.0))
+    slack = choices.slack
     inside = np.ones(len(choices), dtype=bool)
     for options, picks in zip(problem.blocks[::-1], choices.picks[::-1], strict=True):
         for k in np.flatnonzero(np.bincount(picks[inside])):

@@ -3,20 +3,13 @@
 For piecewise-linear systems such sets are found exactly. With alpha as a further unknown, the
 solutions in a closed cell are a polyhedron: a segment where the cell is regular. A polyhedron of
 two or more dimensions fills all values of alpha between two ends; a polyhedron at a single alpha
-fills a single value. For curved systems, a solution belongs to such a set if dH/dz is singular
-there and at another solution nearby.
+fills a single value. The face at an end is looked at alone, for a polyhedron may end in a point.
 
-Failure modes and answers
--------------------------
-- Many cells: linear programs cut off the cells that no solution of the interval reaches.
-- A polyhedron ends in a point, or in a segment: the face at the end is looked at alone. If a
-  polyhedron is flat, because inequalities hold with equality only, the dimension of the flat
-  polyhedron counts.
-- A branch point or a double root is singular, too. From there no other solution lies in the null
-  direction of dH/dz: Newton's method from a point aside does not converge, or comes back.
-- Where dH/dz is singular at all solutions, Newton's step is not unique: the shortest step is taken.
-- Jacobians may be made by differences: a singular value below the error of these counts as zero.
-- Between two values of alpha with such sets there may be none: the middle is asked for as well.
+For curved systems, a solution belongs to such a set if dH/dz is singular there and at another
+solution nearby: a branch point or a double root is singular, too, but from there Newton's method,
+started aside in the null direction of dH/dz, does not converge, or comes back. The shortest Newton
+step is taken, because dH/dz is singular at all solutions of a set. A singular value below the error
+of Jacobians by differences counts as zero.
 """
 
 from __future__ import annotations
@@ -29,16 +22,15 @@ from typing import final
 import numpy as np
 from scipy.linalg import lstsq, null_space, svd
 
-from pwscont.basics.arrays import Array, are_finite, dense, own_dense
+from pwscont.basics.arrays import Array, are_finite, dense
 from pwscont.basics.budget import check_budget
 from pwscont.basics.rounding import EPS
 from pwscont.curve.metric import Metric
 from pwscont.enumeration.choices import Choices
-from pwscont.enumeration.options import Problem, affine, aside, problem_of
+from pwscont.enumeration.options import Problem, problem_with_alpha
 from pwscont.enumeration.polyhedron import Polyhedron, inside_of
 from pwscont.enumeration.slices import solve_slice
 from pwscont.enumeration.tree import Prices, leaves
-from pwscont.system.box import Box
 from pwscont.system.contract import jacobian_at, residual_at
 from pwscont.system.system import (
     PiecewiseLinearSystem,
@@ -204,7 +196,7 @@ def _null_direction(system: PiecewiseSystem, scale: Array, y: Array, alpha: floa
 
 def _in_linear_pieces(system: PiecewiseLinearSystem, metric: Metric) -> Iterator[Continuum]:
     """Yield where infinitely many solutions fill a segment or more of a cell."""
-    problem, (lo, hi) = _with_alpha(system, metric), metric.interval
+    problem, (lo, hi) = problem_with_alpha(system, metric), metric.interval
     if problem is None:
         return
     for choices in leaves(problem, CUT_OFF):
@@ -215,21 +207,6 @@ def _in_linear_pieces(system: PiecewiseLinearSystem, metric: Metric) -> Iterator
         for k in np.flatnonzero(may_fill).tolist():
             check_budget()
             yield from _in_cell(problem, choices[k : k + 1], metric.interval)
-
-
-def _with_alpha(system: PiecewiseLinearSystem, metric: Metric) -> Problem | None:
-    """Return the problem for the unknowns (z, alpha - lo), None for a problem without solution."""
-    (lo, hi), scale, box = metric.interval, metric.scale[:-1], Box.of(system)
-    n = system.size
-    x, dx = np.append(np.zeros(n), lo), aside(scale)
-    dx[-1] = hi - lo
-    tests = np.array(system.test_functions(x[:-1], lo), dtype=float)
-    slices = list(affine(system, lo, dx, len(tests)))
-    K = own_dense(system.test_jacobian(x[:-1], lo))
-    least, most = np.append(box.lower, 0.0), np.append(box.upper, hi - lo)
-    unit, below, above = np.eye(n + 1), np.isfinite(least), np.isfinite(most)
-    within = np.vstack([unit[below], -unit[above]]), np.append(-least[below], most[above])
-    return problem_of(system, slices, (K, tests), within, np.append(scale, hi - lo))
 
 
 def _in_cell(problem: Problem, one: Choices, interval: tuple[float, float]) -> Iterator[Continuum]:

@@ -4,19 +4,13 @@ At fixed alpha selections and tests are affine in z with coefficients that are d
 rational. Each row is made a row of integers, and Bareiss's fraction-free elimination (1968) leaves
 integers whose quotients are the solution. Nothing is rounded, whatever the condition, and the sign
 of the determinant is exact as well. Choices of modes share the elimination of the blocks decided
-before. (Refinement with exact residuals would not tell a singular cell from a nearly singular cell,
-nor the side of an interface if the distance is less than rounding.)
+before. Cells are excluded in doubles, in batches, where floating point is certain. The integers
+grow by 53 bits and more for each row: beyond MOST_WORK nothing is done, and the caller says so.
 
-Failure modes and answers
--------------------------
-- Cells are excluded in doubles, in batches, where floating point is certain: a nearly singular
-  cell, or a solution within rounding of an interface, is left to exact arithmetic.
-- Cost: the integers grow by 53 bits and more for each row, and all cells are tried. Beyond
-  MOST_WORK nothing is done, and the caller says so.
-- The system's own numbers are rounded, so that selections agree on an interface to rounding only.
-  A solution that close to an interface may lie in two cells: the two points found are merged if the
-  errors cover the distance. Or the solution lies in no cell: a cell that misses the cell's solution
-  by no more than the error counts as undecided, unless the solution was found in another cell.
+The system's own numbers are rounded, so that selections agree on an interface to rounding only. A
+solution that close to an interface may lie in two cells: the two points found are merged if the
+errors cover the distance. Or the solution lies in no cell: a cell that misses the cell's solution
+by no more than the error counts as undecided, unless the solution was found in another cell.
 """
 
 from __future__ import annotations

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import accumulate, pairwise
 from math import prod
 from typing import final
 
@@ -19,10 +20,12 @@ import scipy.linalg
 from pwscont.basics.arrays import Array, Indices, generic, own_dense
 from pwscont.basics.character import Character
 from pwscont.basics.rounding import EPS, GUARD
+from pwscont.curve.metric import Metric
 from pwscont.enumeration.echelon import MOST_WORK, independent
+from pwscont.system.box import Box
 from pwscont.system.contract import residual_at
 from pwscont.system.promises import checked_necessary, refuse_bent, refuse_bent_tests
-from pwscont.system.system import Block, SlicewiseLinearSystem
+from pwscont.system.system import Block, PiecewiseLinearSystem, SlicewiseLinearSystem
 
 
 @final
@@ -123,6 +126,25 @@ def reduce(system: SlicewiseLinearSystem, scale: Array, alpha: float) -> Problem
     return problem_of(system, table.rows, table.tests, checked_necessary(system, alpha), scale)
 
 
+def problem_with_alpha(system: PiecewiseLinearSystem, metric: Metric) -> Problem | None:
+    """Return the problem for the unknowns (z, alpha - lo), None for a problem without solution.
+
+    The inequality alpha >= lo is the last of the lower bounds.
+    """
+    (lo, hi), scale, box = metric.interval, metric.scale[:-1], Box.of(system)
+    n = system.size
+    x, dx = np.append(np.zeros(n), lo), aside(scale)
+    dx[-1] = hi - lo
+    tests = np.array(system.test_functions(x[:-1], lo), dtype=float)
+    K = own_dense(system.test_jacobian(x[:-1], lo))
+    refuse_bent_tests(system, x, dx, tests, K)
+    slices = list(affine(system, lo, dx, len(tests)))
+    least, most = np.append(box.lower, 0.0), np.append(box.upper, hi - lo)
+    unit, below, above = np.eye(n + 1), np.isfinite(least), np.isfinite(most)
+    within = np.vstack([unit[below], -unit[above]]), np.append(-least[below], most[above])
+    return problem_of(system, slices, (K, tests), within, np.append(scale, hi - lo))
+
+
 def problem_of(
     system: SlicewiseLinearSystem,
     slices: Sequence[tuple[Array, Array]],
@@ -139,27 +161,36 @@ def problem_of(
     negative.
     ``scale``, shape (N,): typical magnitudes.
     """
-    blocks, (K, kappa), (A, b) = system.blocks(), tests, necessary
-    common = np.setdiff1d(np.arange(system.size), [row for block in blocks for row in block.rows])
+    blocks, m = system.blocks(), len(tests[1])
+    owned = [row for block in blocks for row in block.rows]
+    common = sorted(set(range(system.size)).difference(owned))
     eliminated = _eliminate(slices[0][0][common], slices[0][1][common], scale)
     if eliminated is None:
         return None
     origin, basis, growth = eliminated
-    G, g = _reduced(K, kappa, origin, basis)
+    forms = [*((matrix[owned], vector[owned]) for matrix, vector in slices), tests, necessary]
+    rows = np.vstack([matrix for matrix, _ in forms])
+    reduced = _reduced(rows, np.concatenate([vector for _, vector in forms]), origin, basis)
+    cuts = [0, *accumulate(len(vector) for _, vector in forms)]
+    *equations, (G, g), (A, b) = (
+        tuple(part[first:end] for part in reduced) for first, end in pairwise(cuts)
+    )
 
-    def option(block: Block, k: int) -> Option:
-        mode, rows = block.modes[k], list(block.rows)
-        matrix, constants = slices[k][0][rows], slices[k][1][rows]
-        E, e = _reduced(matrix, constants, origin, basis)
-        bounds = np.array(bounding(system, block, mode, len(g)), dtype=np.intp)
-        side = np.array([1.0 if mode[block.tests.index(i)] else -1.0 for i in bounds])
+    def option(block: Block, first: int, k: int) -> Option:
+        mode, own = block.modes[k], slice(first, first + len(block.rows))
+        bounds = np.array(bounding(system, block, mode, m), dtype=np.intp)
+        side = np.array([1.0 if mode[block.tests.index(i)] else -1.0 for i in bounds.tolist()])
+        E, e = (part[own] for part in equations[k])
         signed = side[:, np.newaxis] * G[bounds], side * g[bounds]
+        matrix = slices[k][0][list(block.rows)]
         return Option(block.tests, mode, bounds, side, E, e, *signed, matrix)
 
-    options = [[option(block, k) for k in range(len(block.modes))] for block in blocks]
+    options, first = list[list[Option]](), 0
+    for block in blocks:
+        options.append([option(block, first, k) for k in range(len(block.modes))])
+        first += len(block.rows)
     options.sort(key=len)
-    A, b = _reduced(A, b, origin, basis)
-    return Problem(options, A, b, origin, basis, slices[0][0][common], len(kappa), growth)
+    return Problem(options, A, b, origin, basis, slices[0][0][common], m, growth)
 
 
 def aside(scale: Array) -> Array:

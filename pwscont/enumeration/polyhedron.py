@@ -1,14 +1,10 @@
 """Polyhedra of solutions: points, faces, extreme rays.
 
-Failure modes and answers
--------------------------
-- A solver lets inequalities be violated by 1e-10 at best, which may be more than the width of a
-  thin polyhedron: iterative refinement (Gleixner, Steffy and Wolter, INFORMS J. Comput. 28,
-  2016). The value of every inequality at the point found is magnified, and the program is solved
-  again for the rest of the way.
-- A polyhedron has no interior, such as a segment of the plane: the inequalities that hold with
-  equality only have multipliers, and the subspace that these inequalities leave holds a polyhedron
-  with interior.
+A solver lets inequalities be violated by 1e-10 at best, which may be more than the width of a thin
+polyhedron: the value of every inequality at the point found is magnified, and the program is solved
+again for the rest of the way (Gleixner, Steffy and Wolter, INFORMS J. Comput. 28, 2016). In a
+polyhedron without interior, the inequalities that hold with equality only have multipliers, and the
+subspace that these inequalities leave holds a polyhedron with interior.
 """
 
 from __future__ import annotations

@@ -12,37 +12,33 @@ value enters the basis, for the form by which the objective grows least (among e
 coefficient). If no form can make the value right, the row is the proof (Farkas 1902) that no point
 has the signs asked: form = constant + sum of coefficients times forms, where no term can help.
 
-Failure modes and answers
--------------------------
-- Rounding grows from step to step: a proof is checked against the forms themselves. If the check
-  fails, the vertex is computed anew from the basis; if the check fails again, the program counts
-  as feasible, which costs time, and no more. A program of too many steps counts as feasible as
-  well: ties may cycle.
-- A solution lies on a boundary: signs count as wrong from SLACK on only, and a proof holds for
-  points with an error of SOLUTION_MARGIN.
+Rounding grows from step to step: a proof is checked against the forms themselves. If the check
+fails, or after too many steps (ties may cycle), the program counts as feasible, which costs time,
+and no more. Signs count as wrong from SLACK on only, because a solution may lie on a boundary.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from contextlib import suppress
-from dataclasses import dataclass, fields, replace
-from itertools import chain
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
 from typing import Any, TypeAlias, final
 
 import numpy as np
 import numpy.typing as npt
 
 from pwscont.basics.arrays import Array, Indices
-from pwscont.enumeration.choices import SLACK, Subspace
+from pwscont.enumeration.choices import SLACK, Choices
 from pwscont.enumeration.options import Option, Problem
 
 Asked: TypeAlias = npt.NDArray[np.int8]
+Flags: TypeAlias = npt.NDArray[np.bool_]
 
 #: Signs that may be asked of a form, as bits: a form asked for two signs vanishes.
 ANY, NOT_NEGATIVE, NOT_POSITIVE, VANISHES = 0, 1, 2, 3
 #: The signs that are asked of a form if these signs are asked of the negative form.
-NEGATED = (ANY, NOT_POSITIVE, NOT_NEGATIVE, VANISHES)
+NEGATED = np.array([ANY, NOT_POSITIVE, NOT_NEGATIVE, VANISHES])
+#: A block of which no option is picked yet.
+OPEN = -1
 #: Number of decimals to which the entries of two unit rows agree if the rows are the same form.
 SAME_DECIMALS = 12
 
@@ -63,22 +59,28 @@ class Forms:
     numbers: npt.NDArray[np.intp]  # how many options each block has, shape (k,)
 
     @classmethod
-    def of(cls, problem: Problem, blocks: Sequence[Sequence[Option]], space: Subspace) -> Forms:
-        """Return the forms of some blocks of a problem on a subspace."""
-        table = _Table(space)
-        always = table.asked([(problem.A, problem.b, NOT_NEGATIVE)])
-        asked = [
-            [table.asked([(o.E, o.e, VANISHES), (o.G, o.g, NOT_NEGATIVE)]) for o in options]
-            for options in blocks
-        ]
-        rows, constants = table.forms()
-        options = np.zeros((len(blocks), max(map(len, blocks)), len(rows)), dtype=np.int8)
-        for k, block in enumerate(asked):
-            for m, signs in enumerate(block):
-                options[k, m] = _bits(signs, len(rows))
-        return cls(
-            rows, constants, _bits(always, len(rows)), options, np.array([*map(len, blocks)])
+    def of(cls, problem: Problem, blocks: Sequence[Sequence[Option]], first: Choices) -> Forms:
+        """Return the forms of some blocks of a problem, on what a single choice leaves."""
+        numbers = np.array([*map(len, blocks)])
+        # the last row of the table of signs is for what holds in all options
+        groups = [(len(blocks), 0, problem.A, problem.b, NOT_NEGATIVE)]
+        for k, options in enumerate(blocks):
+            for m, option in enumerate(options):
+                groups.append((k, m, option.E, option.e, VANISHES))
+                groups.append((k, m, option.G, option.g, NOT_NEGATIVE))
+        lengths = [len(vector) for *_, vector, _ in groups]
+        block, option_of, sign = (
+            np.repeat([group[i] for group in groups], lengths) for i in (0, 1, 4)
         )
+        matrix = np.vstack([group[2] for group in groups])
+        vector = np.concatenate([group[3] for group in groups])
+        forms, place, is_negative = _distinct(
+            np.column_stack([matrix @ first.directions[0], matrix @ first.starts[0] + vector])
+        )
+        asked = np.zeros((len(blocks) + 1, numbers.max(), len(forms)), dtype=np.int8)
+        sign = np.where(is_negative, NEGATED[sign], sign).astype(np.int8)
+        np.bitwise_or.at(asked, (block, option_of, place), sign)
+        return cls(forms[:, :-1].copy(), forms[:, -1].copy(), asked[-1, 0], asked[:-1], numbers)
 
     def values(self, points: Array) -> Array:
         """Return all forms at points, shapes (M, q) and (M, N)."""
@@ -86,52 +88,28 @@ class Forms:
         return values
 
 
-@final
-class _Table:
-    """Forms met so far on a subspace."""
+def _distinct(rows: Array) -> tuple[Array, Indices, Flags]:
+    """Return unit forms, each once, then the unknowns, with the form of each row.
 
-    def __init__(self, space: Subspace) -> None:
-        self._space = space
-        self._places: dict[bytes, int] = {}
-        self._rows: list[Array] = []
+    The last array tells which rows are the negative of their form. The forms stand in the order in
+    which blocks bring them: of equal forms the simplex method takes the first, and a sorted order
+    makes half as many programs again.
+    """
+    lengths = np.linalg.norm(rows[:, :-1], axis=1)
+    lengths[lengths <= 10.0**-SAME_DECIMALS] = 1.0
+    rows = rows / lengths[:, np.newaxis]
+    rounded = np.round(rows, SAME_DECIMALS)
+    first = (rounded != 0.0).argmax(axis=1)[:, np.newaxis]
+    is_negative = np.take_along_axis(rounded, first, axis=1)[:, 0] < 0.0
+    side = np.where(is_negative, -1.0, 1.0)[:, np.newaxis]
+    _, which, place = np.unique(
+        side * rounded + 0.0, axis=0, return_index=True, return_inverse=True
+    )
+    order = np.argsort(which)
+    place, which = np.argsort(order)[place.reshape(-1)], which[order]
+    q = rows.shape[1] - 1
+    return np.vstack([(side * rows)[which], np.eye(q, q + 1)]), place, is_negative
 
-    def asked(self, groups: Iterable[tuple[Array, Array, int]]) -> list[tuple[int, int]]:
-        """Return the place of each form of some groups, with the signs asked of the form."""
-        return list(chain.from_iterable(self._group(*group) for group in groups))
-
-    def _group(self, matrix: Array, vector: Array, sign: int) -> list[tuple[int, int]]:
-        rows = np.column_stack(
-            [matrix @ self._space.directions, matrix @ self._space.start + vector]
-        )
-        lengths = np.linalg.norm(rows[:, :-1], axis=1)
-        lengths[lengths <= 10.0**-SAME_DECIMALS] = 1.0
-        return [self._place(row, sign) for row in rows / lengths[:, np.newaxis]]
-
-    def _place(self, row: Array, sign: int) -> tuple[int, int]:
-        rounded = np.round(row, SAME_DECIMALS) + 0.0
-        if (place := self._places.get(rounded.tobytes())) is not None:
-            return place, sign
-        if (place := self._places.get((0.0 - rounded).tobytes())) is not None:
-            return place, NEGATED[sign]
-        self._places[rounded.tobytes()] = len(self._rows)
-        self._rows.append(row)
-        return len(self._rows) - 1, sign
-
-    def forms(self) -> tuple[Array, Array]:
-        """Return the rows and constants of all forms, then of the unknowns."""
-        q = self._space.directions.shape[1]
-        forms = np.vstack([*self._rows, np.eye(q, q + 1)])
-        return forms[:, :-1].copy(), forms[:, -1].copy()
-
-
-def _bits(asked: Iterable[tuple[int, int]], number: int) -> Asked:
-    signs = np.zeros(number, dtype=np.int8)
-    for place, sign in asked:
-        signs[place] |= sign
-    return signs
-
-
-Flags = npt.NDArray[np.bool_]
 
 #: Largest coefficient that is taken for rounding, as a part of the largest in a row, or of 1.
 ROUNDING_OF_COEFFICIENTS = 1e-9
@@ -150,7 +128,7 @@ _WAY = np.array([0.0, 1.0, -1.0, 0.0])
 @final
 @dataclass(frozen=True, slots=True, eq=False)
 class Vertices:
-    """A vertex for each of N programs."""
+    """A vertex for each of N programs, which are choices that may leave blocks open."""
 
     points: Array  # shape (N, q)
     #: How the coordinates, and last the objective, change with the value of each form of the basis,
@@ -158,6 +136,7 @@ class Vertices:
     directions: Array
     basis: Indices  # numbers of forms, shape (N, q)
     signs: Asked  # the signs asked of all forms, shape (N, forms)
+    picks: Indices  # the option picked of each block, or OPEN, shape (N, blocks)
 
     def __len__(self) -> int:
         """Return the number of programs."""
@@ -165,12 +144,15 @@ class Vertices:
 
     def __getitem__(self, index: Any) -> Vertices:
         """Return some of the programs."""
-        parts = self.points[index], self.directions[index], self.basis[index]
-        return Vertices(*parts, self.signs[index])
+        return Vertices(*(part[index] for part in _parts(self)))
 
-    def asking(self, signs: Asked) -> Vertices:
-        """Return the programs with more signs asked, shape (N, forms)."""
-        return Vertices(self.points, self.directions, self.basis, self.signs | signs)
+    def asking(self, signs: Asked, picks: Indices) -> Vertices:
+        """Return the programs with more signs asked, shape (N, forms), of other picks."""
+        return Vertices(self.points, self.directions, self.basis, self.signs | signs, picks)
+
+
+def _parts(vertices: Vertices) -> list[Any]:
+    return [getattr(vertices, field.name) for field in fields(Vertices)]
 
 
 def first_vertex(forms: Forms) -> Vertices:
@@ -187,41 +169,28 @@ def first_vertex(forms: Forms) -> Vertices:
             inverse[:, j], basis[j] = column, form
     slopes = _WAY[forms.always[basis]] * np.linspace(1.0, 2.0, q)
     directions, points = np.vstack([inverse, slopes]), -inverse @ forms.constants[basis]
-    return Vertices(points[None], directions[None], basis[None], forms.always[None])
+    picks = np.full((1, len(forms.numbers)), OPEN)
+    return Vertices(points[None], directions[None], basis[None], forms.always[None], picks)
 
 
-def feasible(forms: Forms, programs: Vertices) -> tuple[Indices, Vertices]:
+def feasible(forms: Forms, programs: Vertices) -> Vertices:
     """Return the feasible programs, each with a point of the signs asked as the new vertex."""
-    left = _Open(programs, np.arange(len(programs)), np.zeros(len(programs), dtype=bool))
-    done: list[_Open] = []
+    left, done = programs, list[Vertices]()
     for _ in range(STEPS_PER_UNKNOWN * (1 + forms.rows.shape[1])):
-        form, value = _most_wrong(forms, left.vertices)
-        done.append(left[value == 0.0])
+        form, value = _most_wrong(forms, left)
         wrong = value != 0.0
-        if not wrong.any():
+        done.append(left[~wrong])
+        left, form, value = left[wrong], form[wrong], value[wrong]
+        if not len(left):
             break
-        left, undecided = _step(forms, left[wrong], form[wrong], value[wrong])
-        done.append(undecided)
-    else:
-        done.append(left)
-    places = np.concatenate([some.places for some in done])
-    order = np.argsort(places)
-    return places[order], _joined([some.vertices for some in done])[order]
-
-
-@final
-@dataclass(frozen=True, slots=True, eq=False)
-class _Open:
-    """Programs with places in the batch, and which vertices are computed anew."""
-
-    vertices: Vertices
-    places: Indices
-    is_new: Flags
-
-    def __getitem__(self, index: Any) -> _Open:
-        if index.all():
-            return self
-        return _Open(self.vertices[index], self.places[index], self.is_new[index])
+        row = (forms.rows[form][:, np.newaxis] @ left.directions[:, :-1])[:, 0]
+        gain = _gains(left, row * np.where(value < 0.0, 1.0, -1.0)[:, np.newaxis])
+        can = (gain > _rounding(row)).any(axis=1)
+        stuck = np.flatnonzero(~can)
+        parts = form[stuck], value[stuck], row[stuck], gain[stuck]
+        done.append(left[stuck[~_is_proved(forms, left[stuck], *parts)]])
+        left = _pivoted(left[can], form[can], value[can], row[can], gain[can])
+    return Vertices(*map(np.concatenate, zip(*map(_parts, [*done, left]), strict=True)))
 
 
 def _most_wrong(forms: Forms, vertices: Vertices) -> tuple[Indices, Array]:
@@ -241,27 +210,6 @@ def slack_of(vertices: Vertices) -> Array:
     return slack
 
 
-def _step(forms: Forms, left: _Open, form: Indices, value: Array) -> tuple[_Open, _Open]:
-    """Make a form of each program vanish; return open and undecided programs, the rest is empty."""
-    vertices = left.vertices
-    row = (forms.rows[form][:, np.newaxis] @ vertices.directions[:, :-1])[:, 0]
-    gain = _gains(vertices, row * np.where(value < 0.0, 1.0, -1.0)[:, np.newaxis])
-    can = (gain > _rounding(row)).any(axis=1)
-    moved = _pivoted(left[can], form[can], value[can], row[can], gain[can])
-    if can.all():
-        return moved, left[~can]
-    stuck, parts = left[~can], (form[~can], value[~can], row[~can], gain[~can])
-    stuck = stuck[~_is_proved(forms, stuck.vertices, *parts)]
-    again = _computed_anew(forms, stuck[~stuck.is_new])
-    if len(again.places):
-        places, is_new = (
-            np.concatenate([getattr(part, name) for part in (moved, again)])
-            for name in ("places", "is_new")
-        )
-        moved = _Open(_joined([moved.vertices, again.vertices]), places, is_new)
-    return moved, stuck[stuck.is_new]
-
-
 def _gains(vertices: Vertices, slopes: Array) -> Array:
     """Return how much each form of the basis helps; less than zero for a change not allowed."""
     asked = np.take_along_axis(vertices.signs, vertices.basis, axis=1)
@@ -277,9 +225,9 @@ def _rounding(row: Array) -> Array:
     return size
 
 
-def _pivoted(left: _Open, form: Indices, value: Array, row: Array, gain: Array) -> _Open:
+def _pivoted(old: Vertices, form: Indices, value: Array, row: Array, gain: Array) -> Vertices:
     """Return the programs with a form in the basis instead of the form that costs least."""
-    old, every = left.vertices, np.arange(len(form))
+    every = np.arange(len(form))
     can, cost = gain > _rounding(row), np.abs(old.directions[:, -1])
     gain = np.where(can, gain, 1.0)
     most = np.where(can, (cost + EQUAL_COSTS) / gain, np.inf).min(axis=1, keepdims=True)
@@ -291,7 +239,7 @@ def _pivoted(left: _Open, form: Indices, value: Array, row: Array, gain: Array) 
     points = old.points - column[:, :-1] * value[:, np.newaxis]
     basis = old.basis.copy()
     basis[every, j] = form
-    return replace(left, vertices=Vertices(points, directions, basis, old.signs))
+    return Vertices(points, directions, basis, old.signs, old.picks)
 
 
 def _is_proved(
@@ -310,21 +258,3 @@ def _is_proved(
     most = SOLUTION_MARGIN * (1.0 + np.abs(row).sum(axis=1)) + REACH * off
     is_proved: Flags = constant * np.sign(value) > most
     return is_proved
-
-
-def _computed_anew(forms: Forms, some: _Open) -> _Open:
-    """Return the programs with vertices computed anew from all regular bases."""
-    old = some.vertices
-    points, directions = old.points.copy(), old.directions.copy()
-    for k, basis in enumerate(old.basis):
-        with suppress(np.linalg.LinAlgError):
-            directions[k, :-1] = np.linalg.inv(forms.rows[basis])
-            points[k] = -directions[k, :-1] @ forms.constants[basis]
-    anew = np.ones(len(points), dtype=bool)
-    return _Open(Vertices(points, directions, old.basis, old.signs), some.places, anew)
-
-
-def _joined(parts: Sequence[Vertices]) -> Vertices:
-    """Return the programs of several batches as a single batch."""
-    names = [field.name for field in fields(Vertices)]
-    return Vertices(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))

@@ -1,13 +1,10 @@
 """All solutions of a slice alpha = constant.
 
-Failure modes and answers
--------------------------
-- Two solutions are 1e-12 apart next to a fold, or there is no solution just beyond the fold: every
-  candidate is refined on the full system, and accepted by the signs of the tests to within the
-  rounding of the terms of each test, not by a fixed tolerance.
-- A solution on the common boundary of several cells is found in each cell: the solution is counted
-  once, with all these cells. At an apex 4^p cells meet, which the signs of the tests name.
-- A cell has infinitely many solutions: the cell gives a face, with dimension and corners.
+Solutions may be 1e-12 apart next to a fold, and there is no solution just beyond: every candidate
+is refined on the full system, and accepted by the signs of the tests to within the rounding of the
+terms of each test, not by a fixed tolerance. A solution on the common boundary of several cells is
+counted once, with all these cells. A cell with infinitely many solutions gives a face, with
+dimension and corners.
 """
 
 from __future__ import annotations
@@ -26,7 +23,7 @@ from pwscont.basics.rounding import CONFIDENCE, EPS, GUARD
 from pwscont.curve.curve import Curve
 from pwscont.curve.error_samples import is_same, slack_of_values
 from pwscont.curve.metric import Metric
-from pwscont.curve.newton import Root, newton, uncertainty
+from pwscont.curve.newton import Border, Root, newton, uncertainty
 from pwscont.enumeration.by_parts import (
     Cells,
     Partial,
@@ -64,7 +61,7 @@ def _at_once(system: SlicewiseLinearSystem, metric: Metric, alpha: float) -> Sli
     problem = reduce(system, metric.scale[:-1], alpha)
     if problem is None:
         return Slice((), ())
-    found, faces = _Points(system, metric, problem, alpha), list[Face]()
+    found, faces = Points(system, metric, problem, alpha), list[Face]()
     for choices in leaves(problem):
         if choices.directions.shape[-1]:
             for k in range(len(choices)):
@@ -176,15 +173,25 @@ def _root(curve: Curve, start: Array) -> Root | Failure:
 
 
 @final
-class _Points:
-    """The isolated solutions so far, each with the choices of all cells that share the solution."""
+class Points:
+    """The isolated solutions so far, each with the choices of all cells that share the solution.
+
+    ``alpha``: the alpha of all solutions.
+    ``border``: vanishes at all solutions, instead of alpha being given; then alpha is an unknown of
+    the problem, which counts from ``alpha``.
+    """
 
     def __init__(
-        self, system: SlicewiseLinearSystem, metric: Metric, problem: Problem, alpha: float
+        self,
+        system: SlicewiseLinearSystem,
+        metric: Metric,
+        problem: Problem,
+        alpha: float,
+        border: Border | None = None,
     ) -> None:
         self._system, self._metric, self._problem = system, metric, problem
-        self._alpha = alpha
-        self._found: list[_Known] = []
+        self._alpha, self._border = alpha, border
+        self.found: list[Known] = []
         #: Cells whose solution could not be refined.
         self.undecided = 0
 
@@ -192,12 +199,12 @@ class _Points:
         """Return the solutions."""
         return [
             Point(k.x, k.error, _Cells(self._problem, np.hstack(k.picks)), k.det_sign)
-            for k in self._found
+            for k in self.found
         ]
 
     def add(self, choices: Choices) -> None:
         """Add the solutions of some choices without free directions."""
-        for known in self._found:
+        for known in self.found:
             choices = known.claim(choices)
         while len(choices):
             check_budget()
@@ -205,41 +212,45 @@ class _Points:
             new = self._refined(first)
             if new is not None:
                 place = new.x, new.error
-                same = (k for k in self._found if is_same(self._metric, (k.x, k.error), place))
+                same = (k for k in self.found if is_same(self._metric, (k.x, k.error), place))
                 known = next(same, new)
-                self._found += [new] if known is new else []
+                self.found += [new] if known is new else []
                 known.picks.append(first.picks)
                 choices = known.claim(choices)
 
-    def _refined(self, one: Choices) -> _Known | None:
+    def _refined(self, one: Choices) -> Known | None:
         """Return the solution of a choice, None for a solution outside of the closed cell."""
         problem, picks = self._problem, one.picks[:, 0]
-        start = np.append(problem.origin + problem.basis @ one.starts[0], self._alpha)
-        selection = Selection(self._system, problem.character(picks))
-        root = _root(Curve(selection, self._metric), start)
+        curve = Curve(Selection(self._system, problem.character(picks)), self._metric)
+        start = problem.origin + problem.basis @ one.starts[0]
+        if self._border is None:
+            root = _root(curve, np.append(start[: self._system.size], self._alpha))
+        else:
+            start[-1] += self._alpha
+            root = newton(curve, self._border, start, REFINEMENTS)
         if isinstance(root, Failure):
             self.undecided += 1
             return None
         error = uncertainty(root)
         if isinstance(self._system, PartSlice):
-            more = self._system.inherited_error(root, selection.character)
+            more = self._system.inherited_error(root, curve.selection.character)
             error = np.vstack([error, more])
-        x = root.x
-        tests = np.array(self._system.test_functions(x[:-1], self._alpha), dtype=float)
-        gradients = self._system.test_jacobian(x[:-1], self._alpha)
+        x, alpha = root.x, float(root.x[-1])
+        tests = np.array(self._system.test_functions(x[:-1], alpha), dtype=float)
+        gradients = self._system.test_jacobian(x[:-1], alpha)
         slack = slack_of_values(gradients, x, error, self._metric.scale)
         slack += _inherited_slack(self._system, slice(None))
         holds = [
             np.array([(o.side * tests[o.bounding] >= -slack[o.bounding]).all() for o in options])
             for options in problem.blocks
         ]
-        known = _Known(x, error, holds, root.factor.sign, [])
-        return known if known.lies_in(one).all() else None
+        known = Known(x, error, holds, root.factor.sign, [])
+        return known if known.lies_in(one.picks).all() else None
 
 
 @final
 @dataclass(frozen=True, slots=True, eq=False)
-class _Known:
+class Known:
     """A solution, whose ``picks`` grow as choices that share the solution are met."""
 
     x: Array
@@ -248,16 +259,16 @@ class _Known:
     det_sign: int
     picks: list[Indices]
 
-    def lies_in(self, choices: Choices) -> Signs:
-        """Tell in which closed cells the solution lies."""
-        inside = np.ones(len(choices), dtype=bool)
-        for holds, picks in zip(self.holds, choices.picks, strict=True):
-            inside &= holds[picks]
+    def lies_in(self, picks: Indices) -> Signs:
+        """Tell in which closed cells the solution lies, of choices of shape (blocks, N)."""
+        inside = np.ones(picks.shape[1], dtype=bool)
+        for holds, picked in zip(self.holds, picks, strict=True):
+            inside &= holds[picked]
         return inside
 
     def claim(self, choices: Choices) -> Choices:
         """Take the choices that share the solution, and return all other choices."""
-        mine = self.lies_in(choices)
+        mine = self.lies_in(choices.picks)
         if mine.any():
             self.picks.append(choices.picks[:, mine])
         return choices[np.flatnonzero(~mine)]

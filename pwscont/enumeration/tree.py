@@ -4,36 +4,31 @@ Blocks are decided in turn. Linear programs, many at once, cut off choices that 
 satisfy: they relax the undecided blocks, and ask only what holds in all options of a block. Each
 choice branches on the block whose options are most wrong at the vertex of the choice.
 
-Failure modes and answers
--------------------------
-- Nothing can be cut off, because a vertex lies in the cells of all options that are left (an
-  unloaded body), or because the inequalities are too weak: all choices that are left are decided
-  together (:mod:`pwscont.enumeration.choices`). If the search has cost as much as a decision about
-  all choices together, the search is given up for that decision.
-- Many blocks have a single option: the equations of such blocks are eliminated first.
-- A cell has no unique point: the cell is handed on as a subspace, with or without a look at the
-  inequalities of the cell.
+Choices that cannot be cut off, because their vertex lies in the cells of all options that are left
+(an unloaded body), are decided together (:mod:`pwscont.enumeration.choices`). So are all choices,
+if the search has cost as much as that. A cell without a unique point is handed on with the
+directions that are left, with or without a look at the inequalities of the cell.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
-from functools import partial
 from itertools import product
 from math import prod
-from typing import Any, final
+from typing import final
 
 import numpy as np
 import numpy.typing as npt
 
 from pwscont.basics.arrays import Array, Indices
 from pwscont.basics.budget import check_budget
-from pwscont.enumeration.choices import Choices, Subspace, together
+from pwscont.enumeration.choices import Choices, narrowed, together
 from pwscont.enumeration.options import Problem
 from pwscont.enumeration.simplex import (
     NOT_NEGATIVE,
     NOT_POSITIVE,
+    OPEN,
     Forms,
     Vertices,
     feasible,
@@ -51,8 +46,6 @@ CHOICES_PER_PROGRAM = 16
 MANY_OPTIONS = 64
 #: Most linear programs solved at once: more programs would gain little and cost memory.
 PROGRAMS = 1024
-#: A decision that is still open.
-OPEN = -1
 
 
 @final
@@ -91,44 +84,28 @@ def _finished(problem: Problem, picks: Indices) -> Iterator[Choices]:
     order = np.argsort(picks == OPEN, kind="stable")
     reordered = replace(problem, blocks=[problem.blocks[i] for i in order])
     chosen = tuple(picks[picks != OPEN].tolist())
-    space = _space_of(reordered, chosen)
-    for choices in together(reordered, chosen, space) if space else ():
+    first = _of_first(reordered, chosen)
+    for choices in together(reordered, first) if first else ():
         yield replace(choices, picks=choices.picks[np.argsort(order)])
 
 
-def _space_of(problem: Problem, picks: tuple[int, ...]) -> Subspace | None:
-    """Return what options of the first blocks leave, None if nothing."""
-    space: Subspace | None = Subspace.whole(problem.dimension, problem.growth)
-    for i, option in enumerate(problem.chosen(picks)):
-        rank = partial(problem.rank_added, picks[: i + 1])
-        space = space.narrowed(option, rank) if space else None
-    return space
+def _of_first(problem: Problem, picks: tuple[int, ...]) -> Choices | None:
+    """Return the choice of options of the first blocks, None if nothing satisfies its equations."""
+    choice: Choices | None = Choices.before_all(problem)
+    for pick in picks:
+        choice = narrowed(problem, choice, pick) if choice else None
+    return choice
 
 
 def _search(problem: Problem, prices: Prices) -> list[tuple[int, ...]] | None:
     """Return the choices whose completions are all that is left; None if too costly."""
     single = [options for options in problem.blocks if len(options) == 1]
-    space = _space_of(problem, (0,) * len(single))
-    if space is None:
+    first = _of_first(problem, (0,) * len(single))
+    if first is None:
         return []
     blocks = [options for options in problem.blocks if len(options) > 1]
-    found = _Search(Forms.of(problem, blocks, space), prices.per_program).ends()
+    found = _Search(Forms.of(problem, blocks, first), prices.per_program).ends()
     return found if found is None else sorted((0,) * len(single) + picks for picks in found)
-
-
-@final
-@dataclass(frozen=True, slots=True, eq=False)
-class _Nodes:
-    """Choices that leave some blocks open, each with the vertex of a linear program."""
-
-    vertices: Vertices
-    picks: Indices
-
-    def __len__(self) -> int:
-        return len(self.picks)
-
-    def __getitem__(self, index: Any) -> _Nodes:
-        return _Nodes(self.vertices[index], self.picks[index])
 
 
 @final
@@ -146,8 +123,7 @@ class _Search:
     def ends(self) -> list[tuple[int, ...]] | None:
         """Return the choices to be completed; None if there are too many programs."""
         ends: list[tuple[int, ...]] = []
-        picks = np.full((1, len(self._numbers)), OPEN)
-        stack, programs = [self._feasible(_Nodes(first_vertex(self._forms), picks))], 0
+        stack, programs = [feasible(self._forms, first_vertex(self._forms))], 0
         while stack and programs <= self._most:
             check_budget()
             nodes = stack.pop()
@@ -158,29 +134,25 @@ class _Search:
             ends += map(tuple, nodes.picks[is_end].tolist())
             branches = self._branches(nodes[~is_end], wrong[~is_end])
             programs += len(branches)
-            stack += [self._feasible(branches)] if len(branches) else []
+            stack += [feasible(self._forms, branches)] if len(branches) else []
         return None if stack else ends
 
-    def _feasible(self, nodes: _Nodes) -> _Nodes:
-        left, vertices = feasible(self._forms, nodes.vertices)
-        return _Nodes(vertices, nodes.picks[left])
-
-    def _wrong(self, nodes: _Nodes) -> Array:
+    def _wrong(self, nodes: Vertices) -> Array:
         """Return how wrong each option is at each vertex, shape (N, k, m); 0 for decided blocks."""
-        values = self._forms.values(nodes.vertices.points)
+        values = self._forms.values(nodes.points)
         sides = np.maximum(np.hstack([-values, values]), 0.0)
         wrong: Array = (sides @ self._asked).reshape(len(nodes), *self._forms.options.shape[:2])
         wrong *= (nodes.picks == OPEN)[:, :, np.newaxis]
         return wrong
 
-    def _is_end(self, nodes: _Nodes, wrong: Array) -> npt.NDArray[np.bool_]:
+    def _is_end(self, nodes: Vertices, wrong: Array) -> npt.NDArray[np.bool_]:
         """Tell which choices are complete, or hold at the vertex and fit into a batch."""
         numbers = np.where(nodes.picks == OPEN, self._numbers, 1).astype(float).prod(axis=1)
-        holds = wrong.max(axis=(1, 2), initial=0.0) <= slack_of(nodes.vertices)
+        holds = wrong.max(axis=(1, 2), initial=0.0) <= slack_of(nodes)
         is_end: npt.NDArray[np.bool_] = holds & (numbers <= BATCH) | (numbers == 1.0)
         return is_end
 
-    def _branches(self, nodes: _Nodes, wrong: Array) -> _Nodes:
+    def _branches(self, nodes: Vertices, wrong: Array) -> Vertices:
         """Return all options of the block whose options are most wrong, for every choice."""
         block = np.where(nodes.picks == OPEN, wrong.sum(axis=2), -1.0).argmax(axis=1)
         numbers = self._numbers[block]
@@ -189,4 +161,4 @@ class _Search:
         picks = nodes.picks[parent]
         picks[np.arange(len(parent)), block[parent]] = option
         asked = self._forms.options[block[parent], option]
-        return _Nodes(nodes.vertices[parent].asking(asked), picks)
+        return nodes[parent].asking(asked, picks)

@@ -1,17 +1,11 @@
 """The balance of signs, and the verdict on what may be missing.
 
-The ends that a vertical piece joins count as a single end.
-
 The sum of signs can change only at the end of a piece that no other continues (docs/theory, F4). So
 where the sum is wrong on a stretch of alpha, the ends around this stretch tell why: a piece was
 stopped, or the model ends there. Where all pieces go on, a branch is missing, or a branch stands
-there twice.
-
-Failure modes and answers
--------------------------
-- A branch that ends on purpose takes a sign out of the sum: the sums on both sides of such an end
-  are compared without that sign.
-- A solution that stands twice is told from two close solutions by the estimated errors.
+there twice, which the estimated errors tell from two close solutions. The ends that a vertical
+piece joins count as a single end. The sums on both sides of a branch that ends on purpose are
+compared without the sign of that branch.
 """
 
 from __future__ import annotations

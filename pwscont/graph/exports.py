@@ -1,11 +1,8 @@
 """What a graph hands to readers and to other programs: text, HTML, plain data, tables, networkx.
 
-Failure modes and answers
--------------------------
-- GraphML and the like know numbers and texts only: states and characters are written as texts.
-- A recorded quantity fails at some point: a data frame is refused with what happened, the networkx
-  graph has no such attribute there, and neither changes the branch graph.
-- An unknown has the name of another column: the column is called ``z[i]``.
+GraphML and the like know numbers and texts only: states and characters are written as texts. Where
+a recorded quantity fails, a data frame is refused with what happened, and the networkx graph has no
+such attribute; neither changes the branch graph.
 """
 
 from __future__ import annotations

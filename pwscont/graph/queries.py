@@ -228,8 +228,11 @@ def joined(parts: Iterable[Continuum], known: Sequence[float]) -> tuple[Stretch,
         lo, hi = (_settled(end, part.blur, ends) for end in (part.lo, part.hi))
         rows.append(Stretch(lo, hi, math.inf, part.lo_closed, part.hi_closed))
     for new in sorted(rows, key=lambda stretch: (stretch[0], not stretch.lo_closed)):
-        if found and _touch(found[-1], new):
-            found[-1] = _both(found[-1], new)
+        last = found[-1] if found else None
+        if last and (new[0] < last[1] or (new[0] == last[1] and (last.hi_closed or new.lo_closed))):
+            hi = max(last[1], new[1])
+            hi_closed = any(one.hi_closed and one[1] == hi for one in (last, new))
+            found[-1] = Stretch(last[0], hi, math.inf, last.lo_closed, hi_closed)
         else:
             found.append(new)
     return tuple(found)
@@ -242,17 +245,6 @@ def _settled(alpha: float, blur: float, ends: list[float]) -> float:
         return nearest
     ends.append(alpha)
     return alpha
-
-
-def _touch(a: Stretch, b: Stretch) -> bool:
-    return b[0] < a[1] or (b[0] == a[1] and (a.hi_closed or b.lo_closed))
-
-
-def _both(a: Stretch, b: Stretch) -> Stretch:
-    """Return the union of two stretches that touch; ``a`` begins first."""
-    hi = max(a[1], b[1])
-    hi_closed = any(one.hi_closed and one[1] == hi for one in (a, b))
-    return Stretch(a[0], hi, math.inf, a.lo_closed, hi_closed)
 
 
 def count_at(graph: Structure, alpha: float) -> int | float:

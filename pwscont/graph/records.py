@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any, TypeAlias, final
+from typing import Any, final
 
 import numpy as np
 import numpy.typing as npt
@@ -92,8 +92,6 @@ class Track:
         return Track(self.end, self.inner[::-1], self.start)
 
 
-#: A message for the positive orientation and one for the negative orientation.
-Words: TypeAlias = tuple[str, str]
 #: Significant digits where the error is rounding.
 ALL_DIGITS = 16.0
 
@@ -102,29 +100,6 @@ def significant(error: Array, values: Array, scale: Array) -> float:
     """Return how many digits of ``values`` are significant, by the error in typical magnitudes."""
     off = largest(error / np.maximum(np.abs(values), scale))
     return min(ALL_DIGITS, max(0.0, -math.log10(off))) if off > 0.0 else ALL_DIGITS
-
-
-@final
-class Messages:
-    """The messages of a special point in the two orientations, or a function that makes these.
-
-    Words for thousands of points take long to make, and few words are ever read.
-    """
-
-    __slots__ = ("_words",)
-
-    def __init__(self, words: Words | Callable[[], Words]) -> None:
-        self._words = words
-
-    @property
-    def words(self) -> Words:
-        """The messages for the positive and for the negative orientation."""
-        if callable(self._words):
-            self._words = self._words()
-        return self._words
-
-    def __reduce__(self) -> tuple[type[Messages], tuple[Words]]:
-        return Messages, (self.words,)  # a copy, perhaps in another process, has no system
 
 
 #: With fewer significant digits a result says so wherever it is shown.
@@ -152,8 +127,11 @@ class SpecialPoint:
         or ``"nonsmooth fold"``; or a kind of a user's own detector.
     place : Place
         The point (z, alpha) and the estimated error.
-    messages : Messages
-        What happens at the point, in the two orientations.
+    message : str
+        What happens at the point when passed in positive orientation, for example
+        ``"contact-slip → contact-stick"``.
+    backward : str
+        The message when passed in negative orientation.
     piece : int or None
         For a start in the middle of a piece, the id of that piece.
     digits : float
@@ -170,7 +148,8 @@ class SpecialPoint:
     id: int
     kind: str
     place: Place
-    messages: Messages
+    message: str
+    backward: str
     piece: int | None = None
     digits: float = ALL_DIGITS
     lost: int = 0
@@ -193,19 +172,6 @@ class SpecialPoint:
     def error(self) -> Array:
         """Estimate of the error of (z, alpha) from rounding and conditioning, shape (n + 1,)."""
         return self.place.error
-
-    @property
-    def message(self) -> str:
-        """What happens there when passed in positive orientation.
-
-        For example ``"contact-slip → contact-stick"``.
-        """
-        return self.messages.words[0]
-
-    @property
-    def backward(self) -> str:
-        """The message when passed in negative orientation."""
-        return self.messages.words[1]
 
     def passed(self, orientation: int) -> str:
         """Return the message for an orientation, +1 or -1."""

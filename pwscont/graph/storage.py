@@ -1,11 +1,8 @@
 """The file of a branch graph: written and read, and given a system.
 
-Failure modes and answers
--------------------------
-- The file is cut off or bytes have changed: a zip holds a checksum of every entry.
-- The file was edited by hand: the type of every entry, the shape of every array and the target of
-  every reference are checked before a graph is made.
-- The disk is full, or the program is interrupted: the file appears whole or not at all.
+A zip holds a checksum of every entry. The file may have been edited by hand: the type of every
+entry, the shape of every array and the target of every reference are checked before a graph is
+made. The file appears whole or not at all.
 """
 
 from __future__ import annotations
@@ -35,7 +32,6 @@ from pwscont.graph.archive import (
 )
 from pwscont.graph.proved import BoxProof
 from pwscont.graph.records import (
-    Messages,
     Piece,
     Place,
     SpecialPoint,
@@ -225,7 +221,8 @@ def _node(header: Fields, z: Array, error: Array, names: tuple[str, ...] | None)
         id=header.integer("id", -1),
         kind=kind_of(header.word("kind")),
         place=Place(np.append(z, header.finite("alpha")), error),
-        messages=Messages((header.text("message"), header.text("backward"))),
+        message=header.text("message"),
+        backward=header.text("backward"),
         piece=None if piece is None else header.integer("piece", 0),
         digits=header.number("digits"),
         lost=header.integer("lost", 0),

@@ -1,11 +1,7 @@
 """Magnitudes of unknowns and rows that balance the terms of linear equations.
 
-Failure modes and answers
--------------------------
-- Units of unknowns and equations differ by many powers of ten: logarithms are balanced, which
-  another unit only shifts.
-- A row or an unknown has no terms at all, or a group of unknowns has no constants: the logarithms
-  with the least sum of squares are taken.
+Logarithms are balanced, which another unit only shifts. Of several answers (a row without terms, a
+group of unknowns without constants) the logarithms with the least sum of squares are taken.
 """
 
 from __future__ import annotations

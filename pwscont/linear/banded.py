@@ -1,14 +1,7 @@
 """Jacobians that are banded in z, and the LU of a banded matrix by LAPACK.
 
-Differences and elements along a line give such Jacobians: a few diagonals for z, and a full
-column for alpha.
-
-Failure modes and answers
--------------------------
-- Bands stored the wrong way round give a wrong matrix: the shapes are checked here, the entries
-  by :func:`pwscont.check_system`.
-- Code that knows nothing of bands: numpy takes the matrix as the dense array that the bands stand
-  for.
+Differences and elements along a line give such Jacobians: a few diagonals for z, and a full column
+for alpha. The shapes are checked here, the entries by :func:`pwscont.check_system`.
 """
 
 from __future__ import annotations

@@ -1,10 +1,10 @@
 """The seam of all factorisations, and what all implementations share.
 
 A Jacobian J has shape (n, n + 1) and columns for the unknowns z and for alpha; B is the part of J
-for z, and b the column for alpha. :class:`Factor` is implemented here
-(:class:`DenseFactor`, by LAPACK), in sparse.py, banded.py,
-bordered.py (around a factor of B), updates.py (a factor and changes) and here
-(:class:`ScaledFactor`, a factor in other units).
+for z, and b the column for alpha. :class:`LU` of a matrix with entries of about 1 is implemented
+here (:class:`DenseLU`, by LAPACK), in sparse.py and in banded.py. A matrix in any units has the LU
+of the scaled matrix (:class:`ScaledFactor`, and ``WholeFactor`` in factorise.py). Other factors are
+made from factors: in bordered.py (around a factor of B) and in updates.py (a factor and changes).
 
 Failure modes and answers
 -------------------------
@@ -170,54 +170,6 @@ def sign_of_permutation(order: Sequence[int]) -> int:
     return sign
 
 
-@final
-class DenseFactor(Factor):
-    """LU with partial pivoting of a matrix M in any units: L U = R M C, with R and C diagonal.
-
-    ``matrix``, shape (k, k): M, which is overwritten, or copied where M is not in Fortran order. If
-    M is not finite, the factorisation has ``failed``.
-    ``scale``, shape (k,): the diagonal of C: typical magnitudes of the unknowns, powers of two.
-    """
-
-    def __init__(self, matrix: Array, scale: Array) -> None:
-        matrix *= scale
-        self._columns, self._rows = scale, 1.0 / power_of_two(row_maxima(matrix))
-        by_columns = matrix.T  # the multipliers lie along the rows of the transpose
-        by_columns *= self._rows
-        self._norm = lapack.dlange("1", matrix)
-        self._lu, self._pivots, info = lapack.dgetrf(matrix, True)
-        self.failed = info > 0 or not self._norm < math.inf
-        self._is_singular: bool | None = None
-
-    @property
-    def sign(self) -> int:
-        """Sign of the determinant; 0 where a pivot vanishes exactly."""
-        return 0 if self.failed else sign_of_pivots(self._lu.diagonal(), self._pivots)
-
-    def solve(self, rhs: Array) -> Array:
-        """Return the solution for a right-hand side."""
-        # the arguments 0 and 1: not transposed, in the room of the product
-        scaled: Array = lapack.dgetrs(self._lu, self._pivots, rhs * self._rows, 0, 1)[0]
-        scaled *= self._columns
-        return scaled
-
-    def solve_all(self, rhs: Array) -> Array:
-        """Return the solutions for several right-hand sides, shape (l, k)."""
-        return _solved(self._lu, self._pivots, (rhs * self._rows).T).T * self._columns
-
-    def solve_transposed(self, rhs: Array) -> Array:
-        """Return the solution with the transposed matrix."""
-        scaled: Array = lapack.dgetrs(self._lu, self._pivots, rhs * self._columns, 1, 1)[0]
-        return scaled * self._rows
-
-    def is_singular(self) -> bool:
-        """Tell whether the scaled matrix is singular to rounding."""
-        if self._is_singular is None:
-            rcond = 0.0 if self.failed else float(lapack.dgecon(self._lu, self._norm)[0])
-            self._is_singular = not rcond >= len(self._lu) * EPS  # True for nan
-        return self._is_singular
-
-
 def _solved(lu: Array, pivots: Indices, rhs: Array, transposed: bool = False) -> Array:
     """Return the solutions for the columns of an array, shape (k,) or (k, l).
 
@@ -242,33 +194,41 @@ def row_maxima(matrix: Array) -> Array:
 class DenseLU(LU):
     """LU of a dense matrix.
 
-    ``lu``, ``pivots``, shapes (k, k) and (k,): factors and row exchanges in the form of LAPACK's
-    ``dgetrf``, see :meth:`of`.
+    ``matrix``, shape (k, k): overwritten if ``overwrite`` and if in Fortran order.
+    ``moves_pivots``: whether pivots that vanish to rounding are moved off zero; else the
+    factorisation fails where a pivot vanishes exactly, or where the matrix is not finite.
     """
 
-    def __init__(self, lu: Array, pivots: Indices) -> None:
-        self.lu, self.pivots = lu, pivots
-
-    @classmethod
-    def of(cls, matrix: Array, overwrite: bool = False) -> DenseLU:
-        """Factorise a matrix; pivots that vanish to rounding are moved off zero."""
-        lu, pivots, _ = lapack.dgetrf(matrix, overwrite_a=overwrite)
-        regularise(lu.ravel(order="K")[:: len(lu) + 1])
-        return cls(lu, pivots)
+    def __init__(
+        self, matrix: Array, *, overwrite: bool = False, moves_pivots: bool = True
+    ) -> None:
+        self._norm = lapack.dlange("1", matrix)
+        self.lu, self.pivots, info = lapack.dgetrf(matrix, overwrite_a=overwrite)
+        if moves_pivots:
+            regularise(self.lu.ravel(order="K")[:: len(self.lu) + 1])
+        else:
+            self.failed = info > 0 or not self._norm < math.inf
+        self._condition: float | None = None
 
     @property
     def sign(self) -> int:
-        """Sign of the determinant."""
-        return sign_of_pivots(self.lu.diagonal(), self.pivots)
+        """Sign of the determinant; 0 where a pivot vanishes exactly."""
+        return 0 if self.failed else sign_of_pivots(self.lu.diagonal(), self.pivots)
 
     def solved(self, rhs: Array, transposed: bool = False) -> Array:
         """Return the solutions for the columns of an array."""
         return _solved(self.lu, self.pivots, rhs, transposed)
 
-    def reciprocal_condition(self, norm: float) -> float:
-        """Return the reciprocal condition number, from the 1-norm of the matrix."""
-        rcond: float = lapack.dgecon(self.lu, norm)[0]
-        return rcond
+    @property
+    def reciprocal_condition(self) -> float:
+        """Estimate of the reciprocal condition number; 0 where the factorisation has failed."""
+        if self._condition is None:
+            self._condition = 0.0 if self.failed else float(lapack.dgecon(self.lu, self._norm)[0])
+        return self._condition
+
+    def is_singular(self) -> bool:
+        """Tell whether the matrix is singular to rounding."""
+        return not self.reciprocal_condition >= len(self.lu) * EPS  # True for nan
 
     def turned_into_inverse(self) -> Array:
         """Return the inverse matrix in the room of the factorisation, which is lost."""

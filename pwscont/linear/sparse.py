@@ -1,11 +1,6 @@
 """Sparse Jacobians, and the LU of sparse matrices by SuperLU.
 
-Failure modes and answers
--------------------------
-- SuperLU gives up if a pivot vanishes exactly: the factorisation has ``failed`` then. A bordered
-  matrix [J; row] is factorised as a whole if the part for z has failed.
-- Entries of a sparse matrix that are stored in parts: the parts are added up before the entries are
-  measured.
+SuperLU gives up if a pivot vanishes exactly: the factorisation has ``failed`` then.
 """
 
 from __future__ import annotations
@@ -18,7 +13,7 @@ import scipy.sparse as sp
 
 from pwscont.basics.arrays import Array
 from pwscont.basics.rounding import EPS
-from pwscont.linear.factor import LU, Factor, ScaledFactor, power_of_two, sign_of_permutation
+from pwscont.linear.factor import LU, sign_of_permutation
 from pwscont.linear.jacobian import StoredJacobian
 
 
@@ -52,11 +47,6 @@ class SparseJacobian(StoredJacobian):
     def tocsc(self) -> Any:
         """Return the matrix in a storage of scipy.sparse, by columns."""
         return self._csc
-
-    def bordered(self, row: Array, scale: Array, beside: Array | None = None) -> Factor:
-        """Factorise [J; row] by an LU of the part for z, or as a whole where that LU failed."""
-        by_parts = super().bordered(row, scale, beside)
-        return by_parts or SparseFactor(sp.vstack([self._csc, sp.csr_matrix(row)]), scale)
 
     def scaled(self, columns: Array) -> SparseJacobian:
         """Return a new matrix with columns multiplied by ``columns``, shape (n + 1,)."""
@@ -127,34 +117,3 @@ class SparseLU(LU):
             return True
         pivots = np.abs(self._lu.U.diagonal())
         return bool(pivots.min() <= len(pivots) * EPS * pivots.max())
-
-
-@final
-class SparseFactor(Factor):
-    """LU of a sparse matrix in any units.
-
-    ``scale``, shape (k,): typical magnitudes of the unknowns, powers of two.
-    """
-
-    def __init__(self, matrix: Any, scale: Array) -> None:
-        scaled = matrix @ sp.diags(scale)
-        rows = power_of_two(abs(scaled).max(axis=1).toarray().ravel())
-        lu = SparseLU(sp.csc_matrix(sp.diags(1.0 / rows) @ scaled))
-        self._factor, self.failed = ScaledFactor(lu, rows, scale), lu.failed
-
-    @property
-    def sign(self) -> int:
-        """Sign of the determinant; 0 where a pivot vanishes exactly."""
-        return self._factor.sign
-
-    def solve(self, rhs: Array) -> Array:
-        """Return the solution for a right-hand side."""
-        return self._factor.solve(rhs)
-
-    def solve_transposed(self, rhs: Array) -> Array:
-        """Return the solution with the transposed matrix."""
-        return self._factor.solve_transposed(rhs)
-
-    def is_singular(self) -> bool:
-        """Tell whether the scaled matrix is singular to rounding."""
-        return self._factor.is_singular()

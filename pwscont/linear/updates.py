@@ -7,18 +7,14 @@ multiplied by the sign of each pivot (docs/theory, F10).
 - :class:`ProductForm` is a :class:`~pwscont.linear.factor.Factor`: any factorisation, and the
   vectors of all changes, multiplied out, as in the simplex method (Dantzig and Orchard-Hays 1954).
 - :class:`Updating` serves a family of matrices that differ in some rows (:class:`RowMatrix`). The
-  solver keeps an explicit inverse, and replaces all changed rows at once (Woodbury).
+  solver keeps an explicit inverse, and replaces all changed rows at once (Woodbury). Every solve
+  names the matrix: rows are replaced back for a caller that solves with an older matrix.
 
-Failure modes and answers
--------------------------
-- The new matrix is nearly singular, or the change loses digits: the pivot is small beside the terms
-  1 and g.w, the change is refused, and the matrix is factorised afresh.
-- Rounding errors of the changes add up: the caller compares the residual with :func:`drifted`, and
-  asks for a fresh factorisation, due after :data:`MANY_UPDATES` anyway.
-- A matrix is badly conditioned, as at folds, or many rows change at once: every change leads to a
-  fresh LU, which is inverted only when a later change asks.
-- A caller solves with an older matrix: every solve names the matrix, and the rows are replaced
-  back, so that no system is ever solved with the wrong matrix.
+A change whose pivot is small beside the terms 1 and g.w loses digits: the matrix is factorised
+afresh. Rounding errors of the changes add up: the caller compares the residual with
+:func:`drifted`, and asks for a fresh factorisation, due after :data:`MANY_UPDATES` anyway. A matrix
+in bad condition, as at folds, and one with many changed rows has a fresh LU, which is inverted only
+when a later change asks.
 """
 
 from __future__ import annotations
@@ -27,7 +23,7 @@ from abc import ABC, abstractmethod
 from typing import final
 
 import numpy as np
-from scipy.linalg import blas, lapack
+from scipy.linalg import blas
 
 from pwscont.basics.arrays import Array, Indices
 from pwscont.basics.rounding import EPS
@@ -216,7 +212,6 @@ class Updating(RowSolver):
         self._last: RowMatrix | None = None
         self._lu: DenseLU | None = None  # of the last matrix; None if the inverse is kept
         self._inverse: Array = np.empty((0, 0))
-        self._norm = 0.0  # the 1-norm of the factorised matrix
         self._sign = 0
         self._is_invertible = True  # as far as is known
         self._replaced = 0  # rows, since the last factorisation
@@ -265,9 +260,7 @@ class Updating(RowSolver):
     def _factorise(self, matrix: RowMatrix) -> None:
         self._last = self._lu = None
         self._inverse = np.empty((0, 0))  # makes room for the new matrix
-        dense = matrix.dense()
-        self._norm = lapack.dlange("1", dense)
-        self._lu = DenseLU.of(dense, overwrite=True)
+        self._lu = DenseLU(matrix.dense(), overwrite=True)
         self._sign = self._lu.sign
         self._last, self._replaced, self._is_invertible = matrix, 0, True
         self.factorisations += 1
@@ -289,7 +282,7 @@ class Updating(RowSolver):
     def _invert(self) -> bool:
         """Turn the LU into the inverse; False where the matrix is conditioned too badly."""
         if self._lu is not None and self._is_invertible:
-            self._is_invertible = self._lu.reciprocal_condition(self._norm) >= INVERTIBLE
+            self._is_invertible = self._lu.reciprocal_condition >= INVERTIBLE
             if self._is_invertible:
                 self._inverse, self._lu = self._lu.turned_into_inverse(), None
         return self._lu is None
@@ -300,7 +293,7 @@ class Updating(RowSolver):
         M'^-1 = M^-1 - M^-1 E (R M^-1 E)^-1 (R M^-1 - E^T), as E^T M M^-1 E is the identity.
         """
         parts, largest = matrix.divided(rows, last, self._inverse)
-        pivots = DenseLU.of(parts[:, rows])
+        pivots = DenseLU(parts[:, rows])
         smallest = np.abs(pivots.lu.diagonal()).min()
         if not smallest > SMALL_PIVOT * (1.0 + largest):
             return False

@@ -15,45 +15,12 @@ from pwscont.notation.arithmetic import UntraceableError, refuse_kink
 from pwscont.notation.dual import FUNCTIONS, Dual, as_dual, as_operand, is_traced, joined, spread
 
 #: Functions that move entries around, or put zeros between entries.
-MOVING = tuple(
-    getattr(np, name)
-    for name in [
-        "append",
-        "atleast_1d",
-        "atleast_2d",
-        "broadcast_to",
-        "column_stack",
-        "concatenate",
-        "diag",
-        "diagonal",
-        "dstack",
-        "expand_dims",
-        "flip",
-        "fliplr",
-        "flipud",
-        "hstack",
-        "moveaxis",
-        "ravel",
-        "repeat",
-        "reshape",
-        "roll",
-        "rollaxis",
-        "rot90",
-        "split",
-        "array_split",
-        "squeeze",
-        "stack",
-        "swapaxes",
-        "take",
-        "tile",
-        "transpose",
-        "tril",
-        "triu",
-        "vstack",
-    ]
+NAMES_OF_MOVING = (
+    "append atleast_1d atleast_2d broadcast_to column_stack concatenate diag diagonal dstack "
+    "expand_dims flip fliplr flipud hstack moveaxis ravel repeat reshape roll rollaxis rot90 "
+    "split array_split squeeze stack swapaxes take tile transpose tril triu vstack"
 )
-
-
+MOVING = tuple(getattr(np, name) for name in NAMES_OF_MOVING.split())
 #: Modes of np.pad that put entries, or zeros, at the ends.
 PADS = frozenset({"constant", "edge", "reflect", "symmetric", "wrap"})
 

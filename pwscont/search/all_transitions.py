@@ -4,42 +4,48 @@ A component without a transition is a straight line across the whole interval; a
 closed loops included, have a transition point. The transition points and the solutions at an end
 therefore give every component, unless some unknown is free: a vertical line then need not have a
 transition point.
+
+With alpha as a further unknown, the solutions in a regular cell are a line, of which the
+inequalities of the cell leave a segment. All cells are enumerated once. The ends of the segments
+are the transition points, and the solutions at the ends of the interval.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Matrix, dense
-from pwscont.basics.character import Character
+from pwscont.basics.arrays import Array, Indices, dense, own_dense
+from pwscont.basics.budget import check_budget
 from pwscont.basics.errors import InvalidInputError
 from pwscont.basics.outcome import Guarantee, SearchScope
-from pwscont.basics.rounding import CONFIDENCE, EPS
+from pwscont.basics.rounding import CONFIDENCE, EPS, GUARD
 from pwscont.curve.error_samples import Found, has_digits, is_same, magnitude
 from pwscont.curve.metric import Metric
-from pwscont.enumeration.options import bounding
-from pwscont.enumeration.polyhedron import Face
-from pwscont.enumeration.slices import solve_slice
+from pwscont.enumeration.choices import SLACK, Choices
+from pwscont.enumeration.options import Problem, problem_with_alpha
+from pwscont.enumeration.polyhedron import Face, face_of
+from pwscont.enumeration.slices import FEW_CELLS, Points
+from pwscont.enumeration.tree import leaves
+from pwscont.graph.records import FEW_DIGITS, significant
 from pwscont.linear.factorise import factor, power_of_two
-from pwscont.search.enumeration import as_starts, starts_at
-from pwscont.search.few_cells import FewCells
+from pwscont.search.enumeration import starts_at
 from pwscont.search.search import Search
 from pwscont.system.box import Box
 from pwscont.system.contract import jacobian_at
-from pwscont.system.system import (
-    Block,
-    PiecewiseLinearSystem,
-    PiecewiseSystem,
-    SlicewiseLinearSystem,
-)
+from pwscont.system.promises import checked_necessary
+from pwscont.system.system import PiecewiseLinearSystem, PiecewiseSystem, number_of_cells
 from pwscont.transitions.rays import vanishing
 
 #: Largest component along alpha of a vertical direction, as a part of the largest component.
 ALONG = EPS**0.5
+#: In place of a test: the lower end of the interval, and an inequality of no further interest.
+LOWER_END, OTHER = -1, -2
+#: Ends of lines that are refined together; of more lines, most may end at a corner that is known.
+FEW_LINES = 64
 
 
 @final
@@ -64,7 +70,7 @@ class AllTransitions(Search):
                 f"AllTransitions needs a PiecewiseLinearSystem, and {type(system).__name__} is "
                 "none; use EndPoints, Slices or MultiStart"
             )
-        few, known = FewCells.of(system, metric, interval), list[tuple[Found, frozenset[int]]]()
+        known: list[tuple[Found, frozenset[int]]] = []
 
         def is_known(found: Found, test: int | None) -> bool:
             """Tell whether a solution was found before; remember a new solution with a digit.
@@ -79,12 +85,15 @@ class AllTransitions(Search):
             known.append((found, vanishing(system, *found, metric.scale)))
             return False
 
-        solutions = few.solutions() if few else None
+        are_few = number_of_cells(system.blocks()) <= FEW_CELLS  # then lines give all solutions
+        lines = Lines(system, metric, interval) if are_few else None
+        solutions = lines.solutions() if lines else None
         for found in starts_at(system, metric, interval[0]) if solutions is None else solutions:
             if not is_known(found, None):
                 yield found
-        for test, found in _on_interfaces(system, metric, interval, few):
-            if not is_known(found, test):
+        lines = lines or Lines(system, metric, interval)
+        for test, found in lines.transitions():
+            if _is_within(interval, *found) and not is_known(found, test):
                 yield found
 
     def searched(self, system: PiecewiseSystem) -> SearchScope:
@@ -108,27 +117,6 @@ def _has_free_unknowns(system: PiecewiseSystem) -> bool:
     return bool(np.linalg.matrix_rank(scaled) < system.size)
 
 
-def _on_interfaces(
-    system: PiecewiseLinearSystem,
-    metric: Metric,
-    interval: tuple[float, float],
-    few: FewCells | None,
-) -> Iterator[tuple[int, Found]]:
-    """Yield the solutions where a test vanishes, for each test."""
-    crossings = few.crossings() if few else None
-    if crossings is not None:
-        yield from ((test, found) for test, found in crossings if _is_within(interval, *found))
-        return
-    around = Metric(np.append(metric.scale, 1.0))
-    for block in system.blocks():
-        for test in block.tests:
-            points = _OnInterface(system, block, test, interval)
-            for x, error in _solve(points, around) if points.is_bounding else ():
-                found = np.append(x[:-2], interval[0] + x[-2]), error[:, :-1]
-                if _is_within(interval, *found):
-                    yield test, found
-
-
 def _is_within(interval: tuple[float, float], x: Array, error: Array) -> bool:
     """Tell whether a point lies in the interval; rounding beyond an end is moved to the end."""
     nearest = min(max(float(x[-1]), interval[0]), interval[1])
@@ -138,79 +126,130 @@ def _is_within(interval: tuple[float, float], x: Array, error: Array) -> bool:
     return True
 
 
-def _solve(points: _OnInterface, metric: Metric) -> list[Found]:
-    """Return the points where a test vanishes, of vertical faces the corners."""
-    found = solve_slice(points, metric, 0.0)
-
-    def is_vertical(face: Face) -> bool:
-        """Tell whether a face has corners, or lies at a single alpha."""
-        moves = np.abs(face.directions / metric.scale[:-1, np.newaxis])
-        return bool(len(face.corners)) or bool((moves[-1] <= ALONG * moves.max()).all())
-
-    return as_starts(replace(found, faces=tuple(filter(is_vertical, found.faces))))
-
-
 @final
-class _OnInterface(SlicewiseLinearSystem):
-    """H(z, alpha) = 0 and kappa_test = 0 in cells that the test bounds, for (z, alpha - lo)."""
+class Lines:
+    """The lines of all cells of a system, and where the lines end."""
 
     def __init__(
-        self,
-        system: PiecewiseLinearSystem,
-        block: Block,
-        test: int,
-        interval: tuple[float, float],
+        self, system: PiecewiseLinearSystem, metric: Metric, interval: tuple[float, float]
     ) -> None:
-        self.size = system.size + 1
-        self._system, self._test, self._interval = system, test, interval
-        tests = len(self.test_functions(np.zeros(self.size), 0.0))
-        modes = tuple(mode for mode in block.modes if test in bounding(system, block, mode, tests))
-        self.is_bounding = bool(modes)
-        self._block = Block(block.tests, block.rows, modes)
+        checked_necessary(system, interval[0])  # refused if wrong, not needed if right
+        self._system, self._metric, self._lo = system, Metric(metric.scale), interval[0]
+        self._K = own_dense(system.test_jacobian(np.zeros(system.size), interval[0]))
+        self._points: dict[int, Points] = {}
+        self._faces: list[Face] = []
+        problem = problem_with_alpha(system, metric)
+        if problem is None:
+            return
+        lower_end = int(np.isfinite(Box.of(system).lower).sum())
+        for choices in leaves(problem):
+            if choices.directions.shape[-1] == 1:
+                self._add_ends(problem, choices, lower_end)
+            else:
+                faces = (face_of(problem, choices[k : k + 1], 0.0) for k in range(len(choices)))
+                self._faces += filter(None, faces)
 
-    def test_functions(self, z: Array, alpha: float) -> Array:
-        """Return the tests of the system."""
-        return self._system.test_functions(*self._split(z))
+    def _add_ends(self, problem: Problem, choices: Choices, lower_end: int) -> None:
+        """Add the ends of the lines in the cells of choices, each end once for each test."""
+        places, tests = _ends_of_lines(problem, choices, lower_end)
+        for s, test_of in zip(places.T, tests.T, strict=True):
+            some = np.flatnonzero(np.isfinite(s))
+            for test in np.unique(test_of[some]).tolist():
+                if test != OTHER:
+                    points = self._points.setdefault(test, self._points_of(problem, test))
+                    self._add(points, choices, some[test_of[some] == test], s)
 
-    def test_jacobian(self, z: Array, alpha: float) -> Matrix:
-        """Return the gradients of the tests, with a column of zeros for the idle parameter."""
-        return _with_zero_column(self._system.test_jacobian(*self._split(z)))
+    def _add(self, points: Points, choices: Choices, which: Indices, places: Array) -> None:
+        """Add the ends of some lines at given places, unless a known end lies in the same cell."""
+        checked = 0
+        while len(which):
+            check_budget()
+            for known in points.found[checked:] if len(which) > FEW_LINES else ():
+                which = which[~known.lies_in(choices.picks[:, which])]
+            checked, first, which = len(points.found), which[:FEW_LINES], which[FEW_LINES:]
+            lines, at = choices[first], places[first, np.newaxis]
+            starts = lines.starts + at * lines.directions[..., 0]
+            points.add(replace(lines, starts=starts, directions=lines.directions[..., :0]))
 
-    def _split(self, z: Array) -> tuple[Array, float]:
-        return z[:-1], self._interval[0] + float(z[-1])
+    def _points_of(self, problem: Problem, test: int) -> Points:
+        """Return a collection of points at which a test vanishes."""
 
-    def residual(self, z: Array, alpha: float, character: Character) -> Array:
-        """Return (H_chi, kappa_test)."""
-        state, parameter = self._split(z)
-        kappa = self._system.test_functions(state, parameter)[self._test]
-        return np.append(self._system.residual(state, parameter, character), kappa)
+        def border(x: Array) -> tuple[float, Array]:
+            values = self._system.test_functions(x[:-1], float(x[-1]))
+            return float(values[test]), self._K[test]
 
-    def jacobian(self, z: Array, alpha: float, character: Character) -> Matrix:
-        """Return the constant Jacobian."""
-        state, parameter = self._split(z)
-        rows = dense(jacobian_at(self._system, state, parameter, character))
-        kappa = dense(self._system.test_jacobian(state, parameter))[self._test]
-        return _with_zero_column(np.vstack([rows, kappa]))
+        known = None if test == LOWER_END else border
+        return Points(self._system, self._metric, problem, self._lo, known)
 
-    def bounding_tests(self, character: Character) -> Sequence[int]:
-        """Return the bounding tests of the system without the test that vanishes."""
-        return [i for i in self._system.bounding_tests(character) if i != self._test]
+    def solutions(self) -> list[Found] | None:
+        """Return all solutions at the lower end of the interval.
 
-    def blocks(self) -> tuple[Block, ...]:
-        """Return the system's blocks, the test's block restricted to cells at the interface."""
-        return tuple(
-            self._block if block.tests == self._block.tests else block
-            for block in self._system.blocks()
-        )
+        None if rounding leaves doubt: if a point lies on an interface, or is known to few digits,
+        if no solution is found, or the signs of det(dH/dz) do not sum to the degree.
+        """
+        points, scale = self._points.get(LOWER_END), self._metric.scale
+        if self._faces or points is None or points.undecided or not points.found:
+            return None
+        ends = points.found
+        if any(holds.sum() > 1 for end in ends for holds in end.holds):
+            return None
+        if any(significant(magnitude(e.x, e.error), e.x, scale) < FEW_DIGITS for e in ends):
+            return None
+        is_known = self._system.degree in (None, sum(end.det_sign for end in ends))
+        return [(end.x, end.error) for end in ends] if is_known else None
 
-    def necessary(self, alpha: float) -> tuple[Matrix, Array]:
-        """Return 0 <= alpha - lo <= hi - lo."""
-        lo, hi = self._interval
-        rows = np.zeros((2, self.size))
-        rows[0, -1], rows[1, -1] = 1.0, -1.0
-        return rows, np.array([0.0, hi - lo])
+    def transitions(self) -> Iterator[tuple[int | None, Found]]:
+        """Yield where lines end because a test vanishes, with the test, and corners of faces."""
+        for test in sorted(set(self._points).difference((LOWER_END, OTHER))):
+            yield from ((test, (end.x, end.error)) for end in self._points[test].found)
+        for face in self._faces:
+            moves = np.abs(face.directions / self._metric.scale[:, np.newaxis])
+            if len(face.corners) or (moves[-1] <= ALONG * moves.max()).all():
+                error = 0.0 if len(face.corners) else np.inf
+                for z in face.representatives:
+                    x = np.append(z[:-2], self._lo + z[-2])
+                    yield None, (x, np.full((1, len(x)), error))
 
 
-def _with_zero_column(matrix: Matrix) -> Array:
-    whole = dense(matrix)
-    return np.column_stack([whole, np.zeros(len(whole))])
+def _ends_of_lines(problem: Problem, choices: Choices, lower_end: int) -> tuple[Array, Indices]:
+    """Return where each line leaves the closed cell of its choice, by each inequality, and tests.
+
+    A place is the factor of the direction of the line, and infinite for an inequality that ends
+    nothing; several inequalities end a line where their places differ by rounding only. For an end
+    of the interval, and for a bound of an unknown, the test is LOWER_END or OTHER.
+    ``lower_end``: the inequality of the problem that says alpha >= lo.
+    """
+    values, slopes, tests = _inequalities(problem, choices, lower_end)
+    level = np.abs(slopes) <= np.minimum(GUARD * choices.rounding, SLACK)[:, np.newaxis]
+    slack, divisors = choices.slack[:, np.newaxis], np.where(level, 1.0, slopes)
+    relaxed, zeros = -(values + slack) / divisors, -values / divisors
+    begin = np.where(~level & (slopes > 0.0), relaxed, -np.inf).max(axis=1, keepdims=True)
+    end = np.where(~level & (slopes < 0.0), relaxed, np.inf).min(axis=1, keepdims=True)
+    is_end = ~level & (begin <= zeros) & (zeros <= end)
+    is_end &= (~level | (values >= -slack)).all(axis=1, keepdims=True)
+    return np.where(is_end, zeros, np.inf), tests
+
+
+def _inequalities(
+    problem: Problem, choices: Choices, lower_end: int
+) -> tuple[Array, Array, Indices]:
+    """Return values at the starts of lines, slopes, and tests, of all inequalities of each cell.
+
+    Options with fewer inequalities than others get some that always hold.
+    """
+    every, starts, directions = np.arange(len(choices)), choices.starts, choices.directions[..., 0]
+    others = np.full((len(choices), len(problem.b)), OTHER)
+    others[:, lower_end] = LOWER_END
+    values, slopes, tests = [starts @ problem.A.T + problem.b], [directions @ problem.A.T], [others]
+    for options, picks in zip(problem.blocks, choices.picks, strict=True):
+        shape = len(options), max(len(option.g) for option in options)
+        G, g = np.zeros((*shape, problem.dimension)), np.ones(shape)
+        names = np.full(shape, OTHER)
+        for k, option in enumerate(options):
+            t = len(option.g)
+            G[k, :t], g[k, :t], names[k, :t] = option.G, option.g, option.bounding
+        rows, size = G.reshape(-1, problem.dimension).T, (len(choices), *shape)
+        values.append((starts @ rows).reshape(size)[every, picks] + g[picks])
+        slopes.append((directions @ rows).reshape(size)[every, picks])
+        tests.append(names[picks])
+    return np.hstack(values), np.hstack(slopes), np.hstack(tests)

@@ -1,16 +1,14 @@
 """Newton's method without error estimates, for the many rough starts of a search.
 
 Points are in typical magnitudes, y = (z, alpha) / scale. The points found are rough as well: the
-caller corrects each point with all care.
+caller corrects each point with all care. Known solutions are deflated away (Farrell, Birkisson and
+Funke 2015).
 
-Failure modes and answers
--------------------------
-- Known solutions attract: known solutions are deflated away (Farrell, Birkisson and Funke 2015).
-- No solution exists at this alpha: a deflated Newton iteration creeps to a minimum of the merit,
-  and is given up. The minimum often lies beside a fold of the branch looked for: the pursuit goes
-  on from there with alpha free, by steps of least length (Gauss and Newton).
-- Functions that saturate make endless steps where H is nearly flat. Each step is limited to a few
-  times the distance from zero, and a pursuit that goes too far is given up.
+A deflated iteration without a solution at this alpha creeps to a minimum of the merit, and is given
+up. The minimum often lies beside a fold of the branch looked for: the pursuit goes on from there
+with alpha free, by steps of least length (Gauss and Newton). Functions that saturate make endless
+steps where H is nearly flat: each step is limited to a few times the distance from zero, and a
+pursuit that goes too far is given up.
 """
 
 from __future__ import annotations
@@ -23,9 +21,9 @@ import numpy as np
 
 from pwscont.basics.arrays import Array, are_finite
 from pwscont.basics.budget import check_budget
-from pwscont.basics.rounding import EPS, SAME_ALPHA
+from pwscont.basics.rounding import EPS
 from pwscont.curve.curve import LEAN
-from pwscont.curve.metric import Metric
+from pwscont.curve.metric import Metric, deflation, stretch
 from pwscont.enumeration.continua import equations_in_magnitudes
 from pwscont.system.contract import residual_at
 from pwscont.system.system import PiecewiseSystem
@@ -66,18 +64,18 @@ class Pursuit:
         self, system: PiecewiseSystem, metric: Metric, interval: tuple[float, float]
     ) -> None:
         self._system, self._metric, self._scale = system, metric, metric.scale
-        self._interval = interval
         self._ends = interval[0] / metric.width, interval[1] / metric.width
 
     def at_alpha(self, y: Array, known: Sequence[Array]) -> tuple[Array, bool]:
         """Return where Newton's method at fixed alpha leads, and whether a solution is there."""
+        deflated = [other * self._scale for other in known]
 
         def step_at(y: Array, residual: Array, jacobian: Array) -> Array:
             step = np.append(_newton_step(jacobian[:, :-1], residual), 0.0)
-            step *= self._stretch(known, y, step)
+            step *= stretch(self._metric, deflated, y * self._scale, step * self._scale)
             return _limited(step, y)
 
-        return self._pursued(y, step_at, known)
+        return self._pursued(y, step_at, deflated)
 
     def free(self, y: Array) -> Array | None:
         """Return the point of a curve to which steps of least length lead, within the interval."""
@@ -178,42 +176,35 @@ class Pursuit:
     def _linear(self, y: Array) -> tuple[Array, Array] | None:
         """Return scaled residual and Jacobian; None if H is not finite, or outside the interval."""
         check_budget()
-        z, alpha = self._place(y)
-        if not self._has(alpha):
-            return None
-        found = equations_in_magnitudes(self._system, z, alpha, self._scale)
+        place = self._place(y)
+        found = place and equations_in_magnitudes(self._system, *place, self._scale)
         if found is None:
             return None
-        *linear, self._rows = found
-        return linear[0], linear[1]
+        residual, jacobian, self._rows = found
+        return residual, jacobian
 
-    def _place(self, y: Array) -> tuple[Array, float]:
-        """Return z and alpha of a point; an alpha that rounding put beyond an end is the end."""
+    def _place(self, y: Array) -> tuple[Array, float] | None:
+        """Return z and alpha of a point; None outside the interval by more than rounding."""
         x = y * self._scale
-        alpha = float(x[-1])
-        inside = min(max(alpha, self._interval[0]), self._interval[1])
-        return x[:-1], inside if abs(inside - alpha) <= SAME_ALPHA * self._metric.width else alpha
+        return (x[:-1], float(x[-1])) if self._metric.admits(x) else None
 
-    def _has(self, alpha: float) -> bool:
-        return self._interval[0] <= alpha <= self._interval[1]
-
-    def _residual(self, y: Array) -> Array:
-        z, alpha = self._place(y)
-        if not self._has(alpha):
-            return np.full(len(z), np.inf)
-        residual = residual_at(self._system, z, alpha, self._system.character(z, alpha))
-        scaled: Array = residual / self._rows
-        return scaled
+    def _merit(self, y: Array, known: Sequence[Array]) -> float:
+        """Return the size of H, with known solutions deflated away; infinite outside."""
+        place = self._place(y)
+        if place is None:
+            return math.inf
+        residual = residual_at(self._system, *place, self._system.character(*place)) / self._rows
+        return _length(residual) * deflation(self._metric, known, y * self._scale)
 
     def _moved(
         self, y: Array, residual: Array, step: Array, known: Sequence[Array]
     ) -> Array | None:
         """Return the first of y + step, y + step / 2, ... that reduces the merit enough."""
-        before, length = _length(residual) * self._deflation(known, y), 1.0
+        factor, length = deflation(self._metric, known, y * self._scale), 1.0
+        before = factor * _length(residual)
         for _ in range(MOST_STEP_HALVINGS):
             trial = y + length * step
-            merit = _length(self._residual(trial)) * self._deflation(known, trial)
-            if merit <= (1.0 - DESCENT * length) * before:
+            if self._merit(trial, known) <= (1.0 - DESCENT * length) * before:
                 return trial
             length *= 0.5
         return None
@@ -221,23 +212,6 @@ class Pursuit:
     def _apart(self, y: Array, other: Array) -> Array:
         apart: Array = self._metric.difference(y * self._scale, other * self._scale)
         return apart / self._scale
-
-    def _deflation(self, known: Sequence[Array], y: Array) -> float:
-        """Return the product of 1 + 1 / distance^2 over the known solutions."""
-        factor = 1.0
-        for other in known:
-            apart = self._apart(y, other)[:-1]
-            factor *= 1.0 + 1.0 / max(float(apart.dot(apart)), EPS**2)
-        return factor
-
-    def _stretch(self, known: Sequence[Array], y: Array, step: Array) -> float:
-        """Return the factor by which deflation changes a step, see semismooth_newton."""
-        slope = 0.0
-        for other in known:
-            apart = self._apart(y, other)[:-1]
-            distance = max(float(apart.dot(apart)), EPS**2)
-            slope += -2.0 * float(apart.dot(step[:-1])) / (distance * (1.0 + distance))
-        return 1.0 / (1.0 - slope) if slope != 1.0 else 1.0
 
 
 def _newton_step(jacobian: Array, residual: Array) -> Array:

@@ -2,17 +2,15 @@
 
 Closed loops, and branches that come from infinity and return to infinity, may lie inside of the
 interval (docs/theory, F19): solutions at the ends of the interval do not lead to such branches. The
-number of slices and starts follows from a budget of evaluations.
+number of slices and starts follows from a budget of evaluations. Where Newton at fixed alpha
+stalls, alpha is set free, for a loop may lie between two slices. An equation in a single unknown
+has many solutions beside each other, which sign changes show.
 
-Failure modes and answers
--------------------------
-- A loop lies between two slices: where Newton at fixed alpha stalls, alpha is set free.
-- Most starts would only repeat known solutions: the solutions of all known branches are deflated
-  away, and a point found with alpha free is compared with all known branches before the point is
-  passed on. Solutions beside a fold are closer together than solutions deflated away may be: a
-  solution found is compared with all known solutions.
-- An equation in a single unknown has many solutions beside each other: sign changes show solutions.
-- A start has run away, to where H is nearly flat: a point without a certain digit is no solution.
+Most starts would only repeat known solutions: the solutions of all known branches are deflated
+away, and a point found with alpha free is compared with all known branches before it is passed on.
+A solution found is compared with all known solutions, because solutions beside a fold are closer
+together than solutions deflated away may be. A start that has run away, to where H is nearly flat,
+has no certain digit, and is no solution.
 """
 
 from __future__ import annotations

@@ -80,10 +80,7 @@ for _name in FUNCTIONS:
 
 
 def are_columns(entries: Array) -> bool:
-    """Tell whether all entries of an array of objects are columns or numbers.
-
-    H may be evaluated at several points by a single call: each number is then a *column*, which has
-    a value for each point (``pwscont.system.columns``).
+    """Tell whether all entries are numbers, or columns: numbers at several points.
 
     Examples
     --------

@@ -1,7 +1,4 @@
-"""Selections: the smooth function of a cell.
-
-:func:`unexplained` tells whether H vanishes at a point, to the rounding of the terms of H.
-"""
+"""Selections: the smooth function of a cell."""
 
 from __future__ import annotations
 

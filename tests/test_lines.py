@@ -1,4 +1,4 @@
-"""Transition points of systems of few cells, against the ends of pieces in rational arithmetic."""
+"""The ends of the lines of all cells, against the ends of pieces in rational arithmetic."""
 
 import numpy as np
 import pytest
@@ -13,8 +13,7 @@ from pwscont.curve.error_samples import magnitude
 from pwscont.curve.metric import Metric
 from pwscont.curve.newton import newton, uncertainty
 from pwscont.linear.factorise import last_unit
-from pwscont.search import all_transitions
-from pwscont.search.few_cells import FewCells
+from pwscont.search.all_transitions import Lines
 from pwscont.system.selection import Selection
 from pwscont.transitions.ends import Standing
 
@@ -34,8 +33,8 @@ def problem(body, f0, f1, friction):
     return CoulombLoad(contact_body(body), AffineLoad(f0, f1), friction)
 
 
-def few(system):
-    return FewCells.of(system, Metric.of(system, INTERVAL), INTERVAL)
+def lines(system):
+    return Lines(system, Metric.of(system, INTERVAL), INTERVAL)
 
 
 @pytest.mark.parametrize("gap", [False, True])
@@ -45,7 +44,7 @@ def test_all_solutions_at_the_lower_end_are_found(p, seed, gap):
     parts = path(p, seed, gap=gap)
     exact = [p for p in exact_pieces(*parts, INTERVAL) if p.lo <= INTERVAL[0] <= p.hi]
     system = problem(*parts)
-    found = few(system).solutions()
+    found = lines(system).solutions()
     assert len(found) == len(exact)
     for x, error in found:
         assert x[-1] == INTERVAL[0]
@@ -56,10 +55,9 @@ def test_all_solutions_at_the_lower_end_are_found(p, seed, gap):
 
 @pytest.mark.parametrize("seed", range(8))
 def test_errors_are_those_of_a_newton_iteration_by_itself(seed):
-    """The batch estimates errors from inverse matrices, Newton from factorisations."""
     system = problem(*path(2, seed))
     metric = Metric.of(system, INTERVAL)
-    for x, error in few(system).solutions():
+    for x, error in lines(system).solutions():
         selection = Selection(system, system.character(x[:-1], x[-1]))
         row = last_unit(len(x))
         root = newton(Curve(selection, metric), lambda y, row=row: (y[-1] - INTERVAL[0], row), x, 3)
@@ -68,7 +66,7 @@ def test_errors_are_those_of_a_newton_iteration_by_itself(seed):
         np.testing.assert_allclose(found, expected, rtol=1e-2, atol=1e-3 * expected.max())
 
 
-def test_a_jump_between_cells_is_refused_though_all_points_are_solved_for_together():
+def test_a_jump_between_cells_is_refused():
     class Jumps(PiecewiseLinearSystem):
         size = 1
 
@@ -104,10 +102,10 @@ def test_a_selection_that_is_bent_in_one_cell_is_refused():
             explore(system, INTERVAL)
 
 
-def test_solutions_in_doubt_are_left_to_others():
+def test_solutions_in_doubt_are_left_to_exact_arithmetic():
     """At no load at all the only solution lies on every interface."""
     body, _, f1, friction = path(2, 0)
-    assert few(problem(body, 2.0 * f1, f1, friction)).solutions() is None
+    assert lines(problem(body, 2.0 * f1, f1, friction)).solutions() is None
 
 
 @pytest.mark.parametrize("gap", [False, True])
@@ -118,8 +116,7 @@ def test_the_ends_of_all_pieces_are_found(p, seed, gap):
     ends = {end for piece in exact_pieces(*parts, INTERVAL) for end in (piece.lo, piece.hi)}
     inside = sorted(float(end) for end in ends if INTERVAL[0] < end < INTERVAL[1])
     system = problem(*parts)
-    found = few(system).crossings()
-    assert found is not None
+    found = list(lines(system).transitions())
     alphas = sorted(x[-1] for _, (x, _) in found if INTERVAL[0] <= x[-1] <= INTERVAL[1])
     np.testing.assert_allclose(alphas, inside, rtol=0, atol=1e-10)
     for test, (x, error) in found:
@@ -127,34 +124,14 @@ def test_the_ends_of_all_pieces_are_found(p, seed, gap):
         assert np.abs(error).max() <= 1e-10 * np.abs(x).max()
 
 
-def test_many_cells_and_lines_along_interfaces_are_left_to_others():
-    several = problem(*path(4, 0))
-    assert few(several) is None
-    body, f0, f1, _ = path(1, 0)
-    level = problem(body, f0, 0.0 * f1, 1.0)  # nothing changes with alpha
-    assert few(level).crossings() is None
-
-
 def test_one_jacobian_for_each_cell_and_one_for_each_point(monkeypatch):
     system = problem(*path(2, 1))
-    found = few(system).crossings()
+    found = list(lines(system).transitions())
     with counted(system) as calls:
-        few(system).crossings()
+        list(lines(system).transitions())
     points = len({float(x[-1]) for _, (x, _) in found})
     assert calls["jacobian"] <= 16 + 2 * points
     assert calls["test_jacobian"] <= 3 + 5 * points
-
-
-@pytest.mark.parametrize("seed", range(4))
-def test_graphs_are_those_of_the_search_for_many_cells(seed, monkeypatch):
-    system = problem(*path(2, seed))
-    graph = explore(system, INTERVAL)
-    monkeypatch.setattr(all_transitions.FewCells, "of", lambda *_: None)
-    other = explore(system, INTERVAL)
-    assert graph.guarantee == other.guarantee == "complete"
-    marks = [sorted((p.alpha, str(p.kind)) for p in g.special_points()) for g in (graph, other)]
-    assert [kind for _, kind in marks[0]] == [kind for _, kind in marks[1]]
-    np.testing.assert_allclose(*([alpha for alpha, _ in m] for m in marks), rtol=0, atol=1e-12)
 
 
 @pytest.mark.parametrize("seed", range(4))
