@@ -75,7 +75,7 @@ BUDGET = {
     "bench": (15, 1840),
     "commands": (10, 1150),
 }
-#: Most files and classes of pwscont that the README's arch meets: bounds to lower, not to raise.
+#: Most files and classes that the README's arch meets; a change that needs more says why.
 MOST_FILES_MET, MOST_CLASSES_MET = 51, 70
 
 

@@ -7,7 +7,7 @@ import pytest
 from pwscont_coulomb import AffineLoad, ContactBody, CoulombLoad
 from pwscont_coulomb.scenes import two_nodes
 
-from pwscont import EndPoints, PiecewiseSystem, PseudoArclength, Scene, explore
+from pwscont import EndPoints, PiecewiseSystem, PseudoArclength, Scene, Switched, explore
 from pwscont.commands.cli import main
 
 
@@ -50,6 +50,8 @@ def test_the_search_is_said():
 
     system = Parabola()
     assert plan(system, (-1.0, 1.0))["starts"] == explore(system, (-1.0, 1.0)).searched.what
+    arch = Switched(1, lambda z, t, sw: z * (z - 1.0) * (z - 2.0) + 5.0 * sw.relu(z - 1.0) - t)
+    assert plan(arch, (-0.5, 1.0))["starts"] == explore(arch, (-0.5, 1.0)).searched.what
     told = plan(straight(), search=EndPoints())["starts"]
     assert told == explore(straight(), (0.0, 1.0), search=EndPoints()).searched.what
 

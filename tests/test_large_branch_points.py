@@ -18,6 +18,7 @@ from pwscont import (
     trace,
 )
 from pwscont.basics.errors import InvalidSystemError
+from pwscont.extending import StructuredJacobian
 from pwscont.linear.factorise import bordered
 
 pytestmark = pytest.mark.sweep(3)  # the others take too long for the README's command
@@ -371,3 +372,50 @@ def test_branch_points_within_one_step_divide_the_piece_that_passed_over_them(si
         assert len(found) == graph.count(alpha) == 2**size
         for z in solutions(alpha):
             assert any(np.allclose(z, other, rtol=1e-7, atol=1e-9) for other in found)
+
+
+class OwnKind(StructuredJacobian):
+    """A dense matrix in a class of its own, whose columns are multiplied in that class."""
+
+    def __init__(self, matrix):
+        self.matrix, self.shape = matrix, matrix.shape
+
+    def __matmul__(self, x):
+        return self.matrix @ x
+
+    def __rmatmul__(self, y):
+        return y @ self.matrix
+
+    def __abs__(self):
+        return np.abs(self.matrix)
+
+    def toarray(self):
+        return self.matrix
+
+    def bordered(self, row, scale, beside=None):
+        return None
+
+    def scaled(self, columns):
+        return OwnKind(self.matrix * columns)
+
+
+class CrossedLines(PiecewiseSystem):
+    """z (z - alpha) = 0: two lines, which cross at zero."""
+
+    size = 1
+
+    def test_functions(self, z, alpha):
+        return np.zeros(0)
+
+    def residual(self, z, alpha, character):
+        return z * (z - alpha)
+
+    def jacobian(self, z, alpha, character):
+        return OwnKind(np.array([[2.0 * z[0] - alpha, -z[0]]]))
+
+
+def test_a_jacobian_of_a_users_own_kind_at_a_branch_point():
+    graph = explore(CrossedLines(), (-1.0, 1.0))
+    (point,) = graph.special_points("branch point")
+    assert abs(point.alpha) < 1e-12
+    assert [graph.count(alpha) for alpha in (-0.5, 0.0, 0.5)] == [2, 1, 2]

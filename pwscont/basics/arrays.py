@@ -16,7 +16,7 @@ from pwscont.basics.errors import InvalidInputError
 Array: TypeAlias = npt.NDArray[np.float64]
 Indices: TypeAlias = npt.NDArray[np.intp]
 Signs: TypeAlias = npt.NDArray[np.bool_]
-#: A Jacobian (n, n + 1): dense, any scipy.sparse matrix, or a BandedJacobian.
+#: A Jacobian (n, n + 1): dense, any scipy.sparse matrix, or a StructuredJacobian.
 Matrix: TypeAlias = Any
 #: Kinds of arrays that numpy would turn into floats without a word, or with a loss.
 NO_REALS = {"c": "complex numbers", "S": "texts", "U": "texts", "M": "dates", "m": "times"}

@@ -1,4 +1,4 @@
-"""From discovered nodes and pieces to the branch graph.
+"""From discovered nodes and pieces to the records of the branch graph.
 
 Events are marked after everything has been found. No event changes a step or a piece: the graph is
 the graph without events, plus the events.

@@ -131,7 +131,7 @@ class Discovery:
         )
 
     def is_beyond(self, x: Array) -> bool:
-        """Tell whether a start lies farther out than a path was followed that never ends.
+        """Tell whether a start lies farther out than an endless path was followed.
 
         From there the same path would be followed again, to where that path repeats itself.
         """
@@ -224,8 +224,8 @@ class Discovery:
     def _reach(self, walk: FollowedPiece, place: Place, begun: KnownRay) -> int:
         """Return the node at which a walk arrived, and remove its ray that leads back.
 
-        A walk that stops so close to its beginning that both ends seem one node is no loop, and may
-        have come from another node as close by.
+        A walk that stops so close to its beginning that both ends seem one node is no loop: the end
+        may be another node close by.
         """
         rays = [KnownRay.of(ray, place) for ray in walk.arrival.rays]
         left, node = None, self._node_of(walk.arrival, rays)
@@ -247,8 +247,8 @@ class Discovery:
     ) -> int | None:
         """Return the node that a special point is, if one of its rays is known.
 
-        Curves that the system or an event ends at one place share a node, though none goes on as
-        another.
+        Curves that the system or an event ends at one place share a node, although the rays of
+        these curves do not match.
         """
         for ray in rays:
             if found := self._known_rays.match(ray, left):

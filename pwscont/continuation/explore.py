@@ -24,6 +24,7 @@ from pwscont.continuation.run import (
     check_stepper_fits,
     checked_detectors,
     checked_interval,
+    default_search_of,
     follow,
     silent,
 )
@@ -41,9 +42,8 @@ from pwscont.curve.stepper import Stepper
 from pwscont.graph import BranchGraph
 from pwscont.graph.structure import NOT_SEARCHED
 from pwscont.search import Search
-from pwscont.search.default_search import default_search
 from pwscont.search.search import scope_of, starts_of
-from pwscont.system.abilities import completed, formula_of, shown_size
+from pwscont.system.abilities import completed, shown_size
 from pwscont.system.contract import check_declaration
 from pwscont.system.promises import check_start, refuse_undefined
 from pwscont.system.system import PiecewiseSystem
@@ -51,7 +51,7 @@ from pwscont.transitions import TransitionDetector
 from pwscont.transitions.ends import settled
 from pwscont.transitions.user_event import Stop
 
-#: A rough state and its alpha, and a solution with samples of its error.
+#: A rough state and its alpha.
 Start = tuple[Array, float]
 
 
@@ -133,7 +133,7 @@ def followed(
     """
     if plan.system.gives_scale or plan.reduction:
         return follow(plan, starts_of(plan), searched), plan
-    # with these magnitudes an interrupted run had begun again
+    # a journal has the magnitudes with which the interrupted run had begun again
     revised = None if plan.journal is None else plan.journal.magnitudes
     if revised is not None and len(revised) == plan.followed.size:
         plan = plan.with_magnitudes(revised)
@@ -386,7 +386,7 @@ def explore(
         plan = prepared(system, (guess, lo), (lo, hi), stepper, watched, budget)
         plan = replace(plan, parameter=parameter, record=recorded, report=report, journal=journal)
         around = [plan.reduced(z)[: shown_size(plan.followed)] for z, _ in given.values()]
-        chosen = search or _default_search(plan, around)
+        chosen = search or default_search_of(plan, around)
         searched = scope_of(chosen, plan.followed)
         if given:
             what = f"{counted(len(given), 'given start')}; {searched.what}"
@@ -399,16 +399,6 @@ def explore(
     if not graph.pieces and not budget.spent:
         refuse_undefined(plan.system, plan.interval)
     return graph
-
-
-def _default_search(plan: Plan, around: list[Array]) -> Search:
-    """Return the default search; if the system is a formula, with proofs where these are quick."""
-    search = default_search(plan.followed, plan.interval, around)
-    if formula_of(plan.followed) is None:
-        return search
-    from pwscont.proof.everywhere import AlsoProved  # noqa: PLC0415  for formulas only
-
-    return AlsoProved(search)
 
 
 def _found(plan: Plan, given: Mapping[str, Start], search: Search | None = None) -> Iterator[Found]:

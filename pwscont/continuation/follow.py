@@ -155,10 +155,9 @@ class FollowedPiece:
         return self.points if self.arrival.kind == Kind.STOPPED else self.points[:-1]
 
     def sharing(self, ray: Ray) -> FollowedPiece:
-        """Return the walk whose end has the interface and the index of the first ray.
+        """Return the piece with the interface and the index of a ray on the ray back.
 
-        The ray back gets interface and index, and beyond an event also the ray that goes on along
-        the interface.
+        Beyond an event the ray that goes on along the interface gets both, too.
         """
         if not ray.interface_cells:
             return self
@@ -362,7 +361,7 @@ class _Reached:
         self._part = part_of(self.curve)
 
     def go_to(self, step: CurvedSegment, before: Segment | None) -> None:
-        """Add a point, at the end of a step that may be shorter than the one before proposed."""
+        """Add a point, at the end of a step that may be shorter than the step before suggested."""
         self._before, self.state = self.state, step.end
         self.points.append(step.end.x)
         if not isinstance(before, CurvedSegment):

@@ -125,9 +125,9 @@ class KnownRays:
     def match(self, new: KnownRay, left: KnownRay | None = None) -> KnownRay | None:
         """Return the known ray that a ray is, None for a new ray.
 
-        Of several rays in one cell, as at a branch point, the best aligned is taken. ``left`` is a
-        ray that a piece has followed without ever being clearly away from the node. This ray is not
-        the ray that goes on where the piece arrives, and digits tell nothing then.
+        Of several rays in one cell, as at a branch point, the best aligned is taken. ``left`` is
+        the ray on which a piece left, if the piece was never clearly away from the node: never the
+        answer, and digits tell nothing then.
         """
         assert new.ray is not None
         metric, state = new.ray.curve.metric, new.ray.state

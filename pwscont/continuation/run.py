@@ -55,7 +55,7 @@ from pwscont.linear.threads import MOST_FACTORISED, MOST_MULTIPLIED, few_threads
 from pwscont.search import Search
 from pwscont.search.default_search import default_search
 from pwscont.search.search import scope_of
-from pwscont.system.abilities import Reducible, Reduction, shown_size
+from pwscont.system.abilities import Reducible, Reduction, formula_of, shown_size
 from pwscont.system.box import Box
 from pwscont.system.contract import check_attributes
 from pwscont.system.selection import Selection
@@ -235,7 +235,7 @@ def plan_in_words(
     watched = checked_detectors(system, detectors, events)
     check_stepper_fits(system, stepper)
     plan = Plan.of(system, (lo, hi), stepper, watched, Budget(Limits()))
-    search = search or default_search(plan.followed, (lo, hi))
+    search = search or default_search_of(plan)
     unknowns = f"{plan.followed.size} of {plan.system.size}"
     return {
         "steps": repr(plan.stepper),
@@ -243,6 +243,19 @@ def plan_in_words(
         "starts": scope_of(search, plan.followed).what,
         "unknowns": "; ".join([unknowns, *(plan.reduction.reasons if plan.reduction else ())]),
     }
+
+
+def default_search_of(plan: Plan, around: Sequence[Array] = ()) -> Search:
+    """Return the default search; if the system is a formula, with proofs where these are quick.
+
+    ``around``: states from which starts are tried.
+    """
+    search = default_search(plan.followed, plan.interval, list(around))
+    if formula_of(plan.followed) is None:
+        return search
+    from pwscont.proof.everywhere import AlsoProved  # noqa: PLC0415  for formulas only
+
+    return AlsoProved(search)
 
 
 Interval = tuple[float, float]

@@ -143,9 +143,11 @@ def last_unit(size: int) -> Array:
 
 
 def columns_scaled(jacobian: Matrix, scale: Array) -> Matrix:
-    """Return a new Jacobian with columns multiplied by ``scale``, shape (n + 1,)."""
-    is_dense = isinstance(jacobian, np.ndarray)
-    return jacobian * scale if is_dense else _structured(jacobian).scaled(scale)
+    """Return a new Jacobian with columns multiplied by ``scale``, an array or stored entries."""
+    if isinstance(jacobian, np.ndarray):
+        return jacobian * scale
+    scaled = _structured(jacobian).scaled(scale)
+    return scaled if isinstance(scaled, StoredJacobian) else dense(scaled)
 
 
 def rows_divided(jacobian: Matrix, rows: Array) -> Matrix:

@@ -328,7 +328,7 @@ class EndPoints(Search):
         if isinstance(system, SlicewiseLinearSystem):
             ends = Guarantee.NOTHING if Box.of(system).is_bounded else Guarantee.BUT_LOOPS
             return SearchScope("all solutions at both ends of the interval", ends)
-        return SearchScope("one Newton iteration per cell at both ends", Guarantee.NOTHING)
+        return SearchScope("Newton once per cell at both ends", Guarantee.NOTHING)
 
 
 @final
@@ -388,7 +388,7 @@ class Slices(Search):
     def searched(self, system: PiecewiseSystem) -> SearchScope:
         """Promise nothing beyond the slices."""
         linear = isinstance(system, SlicewiseLinearSystem)
-        what = "all solutions" if linear else "one Newton iteration per cell"
+        what = "all solutions" if linear else "Newton once per cell"
         if len(self.alphas) > MANY_LISTED:
             first, last = min(self.alphas), max(self.alphas)
             where = f"{len(self.alphas)} values of alpha from {first:.6g} to {last:.6g}"

@@ -159,9 +159,9 @@ def _inside(curve: Curve, x: Array, error: Array) -> SpecialPointFound:
 
 
 def ended(arrival: SpecialPointFound) -> SpecialPointFound:
-    """Return a special point as the end of all its rays, if the system ends the curve of any.
+    """Return a special point of kind END, if the system ends any of the curves there.
 
-    Systems that are not :class:`~pwscont.extending.Ending` end none.
+    Systems that are not :class:`~pwscont.extending.Ending` end no curve.
     """
     if arrival.kind == Kind.START or not arrival.rays:
         return arrival
