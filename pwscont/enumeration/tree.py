@@ -12,7 +12,7 @@ directions that are left, with or without a look at the inequalities of the cell
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 from math import prod
@@ -23,8 +23,10 @@ import numpy.typing as npt
 
 from pwscont.basics.arrays import Array, Indices
 from pwscont.basics.budget import check_budget
+from pwscont.basics.character import Character
 from pwscont.enumeration.choices import Choices, narrowed, together
-from pwscont.enumeration.options import Problem
+from pwscont.enumeration.options import Problem, problem_of
+from pwscont.enumeration.polyhedron import satisfies
 from pwscont.enumeration.simplex import (
     NOT_NEGATIVE,
     NOT_POSITIVE,
@@ -35,6 +37,7 @@ from pwscont.enumeration.simplex import (
     first_vertex,
     slack_of,
 )
+from pwscont.system.system import SlicewiseLinearSystem
 
 #: Most choices in a batch: a larger batch would gain little and cost memory.
 BATCH = 4**7
@@ -76,6 +79,131 @@ def leaves(problem: Problem, prices: Prices | None = None) -> Iterator[Choices]:
         ends = ((*picks, *open_blocks) for picks in product(*map(range, numbers[:first])))
     for picks in ends:
         yield from filter(len, _finished(problem, np.array(picks, dtype=np.intp)))
+
+
+@final
+@dataclass(frozen=True, slots=True, eq=False)
+class AffineCells:
+    """Some cells of a system and the points that solve H there, parameters being unknowns, too.
+
+    The solutions of cell i are the points ``starts[i] + directions[i] @ w`` for which no entry of
+    ``sides[i] @ w + values[i]`` is negative; rounding may have let cells without solutions pass.
+
+    Attributes
+    ----------
+    starts, directions : ndarray, shapes (N, n) and (N, n, q)
+    sides, values : ndarray, shapes (N, k, q) and (N, k)
+        The inequalities that hold in every cell, then the tests that bound the cell, filled up with
+        1 >= 0; a row has unit length in the unknowns that are left of all common equations.
+    tests : ndarray of int, shape (N, k)
+        The test function of each inequality, -1 for other inequalities.
+    growth, rounding : ndarray, shape (N,)
+        The factor by which rounding may have grown in the starts, and the estimated error of the
+        values.
+
+    Examples
+    --------
+    >>> from pwscont.extending import AffineCells
+    >>> AffineCells.__name__  # made by enumerate_cells
+    'AffineCells'
+    """
+
+    starts: Array
+    directions: Array
+    sides: Array
+    values: Array
+    tests: Indices
+    growth: Array
+    rounding: Array
+    _problem: Problem
+    _choices: Choices
+
+    @classmethod
+    def of(cls, problem: Problem, choices: Choices) -> AffineCells:
+        """Return the cells of choices of options."""
+        starts = choices.starts @ problem.basis.T + problem.origin
+        errors = choices.growth, choices.rounding
+        inequalities = inequalities_of(problem, choices)
+        lines = problem.basis @ choices.directions
+        return cls(starts, lines, *inequalities, *errors, problem, choices)
+
+    def __len__(self) -> int:
+        """Return the number of cells."""
+        return len(self.starts)
+
+    def character(self, i: int) -> Character:
+        """Return the character of cell i."""
+        return self._problem.character(self._choices.picks[:, i])
+
+    def is_solved(self, i: int, growth: float) -> bool:
+        """Tell whether the start of cell i solves H to rounding, grown by a factor."""
+        chosen = self._problem.chosen(self._choices.picks[:, i])
+        return satisfies(chosen, self._choices.starts[i], growth)
+
+
+def enumerate_cells(
+    system: SlicewiseLinearSystem,
+    forms: Sequence[tuple[Array, Array]],
+    necessary: tuple[Array, Array],
+    scale: Array,
+    *,
+    few: int = FEW_CHOICES,
+) -> Iterator[AffineCells]:
+    """Yield all cells with solutions, where parameters are unknowns.
+
+    Parameters
+    ----------
+    system : SlicewiseLinearSystem
+        Gives the blocks and the tests that bound a cell.
+    forms : sequence of (ndarray, ndarray)
+        As from :func:`affine_forms`, of z and any number of parameters.
+    necessary : (ndarray, ndarray)
+        Matrix A and constant b with A x + b >= 0 at all solutions that are asked for.
+    scale : ndarray, shape (n,)
+        Typical magnitudes of the unknowns.
+    few : int, optional
+        Cells that are tried all at once; of more cells linear programs cut off most.
+
+    Yields
+    ------
+    AffineCells
+        Cells with equally many directions.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pwscont import LCP
+    >>> from pwscont.extending import affine_forms, enumerate_cells
+    >>> problem, size = LCP([[2.0]], q=[-1.0], d=[1.0]), np.ones(2)
+    >>> within = np.array([[0.0, 1.0], [0.0, -1.0]]), np.array([3.0, 3.0])  # abs(alpha) <= 3
+    >>> forms = affine_forms(problem, 0.0, size)
+    >>> [cells.directions.shape for cells in enumerate_cells(problem, forms, within, size)]
+    [(2, 2, 1)]
+    """
+    problem = problem_of(system, forms, necessary, scale)
+    prices = None if few == FEW_CHOICES else Prices(few, 1)
+    for choices in leaves(problem, prices) if problem else ():
+        yield AffineCells.of(problem, choices)
+
+
+def inequalities_of(problem: Problem, choices: Choices) -> tuple[Array, Array, Indices]:
+    """Return the sides, values and tests of :class:`AffineCells`."""
+    (number, d, q), every = choices.directions.shape, np.arange(len(choices))
+    ways = np.swapaxes(choices.directions, 1, 2).reshape(-1, d)
+    sides = [(ways @ problem.A.T).reshape(number, q, len(problem.b))]
+    values = [choices.starts @ problem.A.T + problem.b]
+    tests = [np.full(values[0].shape, -1)]
+    for options, picks in zip(problem.blocks, choices.picks, strict=True):
+        shape = len(options), max(len(option.g) for option in options)
+        G, g, names = np.zeros((*shape, d)), np.ones(shape), np.full(shape, -1)
+        for k, option in enumerate(options):
+            t = len(option.g)
+            G[k, :t], g[k, :t], names[k, :t] = option.G, option.g, option.bounding
+        rows = G.reshape(-1, d).T
+        sides.append((ways @ rows).reshape(number, q, *shape)[every, :, picks])
+        values.append((choices.starts @ rows).reshape(number, *shape)[every, picks] + g[picks])
+        tests.append(names[picks])
+    return np.swapaxes(np.concatenate(sides, axis=2), 1, 2), np.hstack(values), np.hstack(tests)
 
 
 def _finished(problem: Problem, picks: Indices) -> Iterator[Choices]:
