@@ -268,10 +268,6 @@ def test_a_plug_in_imports_public_names_only(path):
 
 #: Internal names that a satellite still imports: a list to shorten, not to lengthen.
 STILL_INTERNAL = {
-    "two_parameters": (
-        "Choices Option Polyhedron Prices Problem aside check_blocks det_sign inward_ray is_bent "
-        "leaves most_modes problem_of refuse_bent refuse_bent_tests satisfies solve_surely"
-    ),
     "bench": "WholeFactor",
 }
 

@@ -24,7 +24,12 @@ from pwscont.curve.metric import Metric
 from pwscont.enumeration.echelon import MOST_WORK, independent
 from pwscont.system.box import Box
 from pwscont.system.contract import residual_at
-from pwscont.system.promises import checked_necessary, refuse_bent, refuse_bent_tests
+from pwscont.system.promises import (
+    check_blocks,
+    checked_necessary,
+    refuse_bent,
+    refuse_bent_tests,
+)
 from pwscont.system.system import Block, PiecewiseLinearSystem, SlicewiseLinearSystem
 
 
@@ -151,6 +156,7 @@ def affine_forms(
     x, blocks = np.append(np.zeros(system.size), alpha), system.blocks()
     dx = reach * np.append(np.abs(generic(system.size)), 1.0)
     tests = np.array(system.test_functions(x[:-1], alpha), dtype=float)
+    check_blocks(system, len(tests))
     K = own_dense(system.test_jacobian(x[:-1], alpha))
     refuse_bent_tests(system, x, dx, tests, K)
     forms, all_true = list[tuple[Array, Array]](), Character([True] * len(tests))

@@ -24,7 +24,7 @@ import numpy.typing as npt
 from pwscont.basics.arrays import Array, Indices
 from pwscont.basics.budget import check_budget
 from pwscont.basics.character import Character
-from pwscont.enumeration.choices import Choices, narrowed, together
+from pwscont.enumeration.choices import Choices, inequalities_of, narrowed, together
 from pwscont.enumeration.options import Problem, problem_of
 from pwscont.enumeration.polyhedron import satisfies
 from pwscont.enumeration.simplex import (
@@ -101,11 +101,7 @@ class AffineCells:
         The factor by which rounding may have grown in the starts, and the estimated error of the
         values.
 
-    Examples
-    --------
-    >>> from pwscont.extending import AffineCells
-    >>> AffineCells.__name__  # made by enumerate_cells
-    'AffineCells'
+    See the example of :func:`enumerate_cells`, which makes these.
     """
 
     starts: Array
@@ -182,28 +178,8 @@ def enumerate_cells(
     """
     problem = problem_of(system, forms, necessary, scale)
     prices = None if few == FEW_CHOICES else Prices(few, 1)
-    for choices in leaves(problem, prices) if problem else ():
-        yield AffineCells.of(problem, choices)
-
-
-def inequalities_of(problem: Problem, choices: Choices) -> tuple[Array, Array, Indices]:
-    """Return the sides, values and tests of :class:`AffineCells`."""
-    (number, d, q), every = choices.directions.shape, np.arange(len(choices))
-    ways = np.swapaxes(choices.directions, 1, 2).reshape(-1, d)
-    sides = [(ways @ problem.A.T).reshape(number, q, len(problem.b))]
-    values = [choices.starts @ problem.A.T + problem.b]
-    tests = [np.full(values[0].shape, -1)]
-    for options, picks in zip(problem.blocks, choices.picks, strict=True):
-        shape = len(options), max(len(option.g) for option in options)
-        G, g, names = np.zeros((*shape, d)), np.ones(shape), np.full(shape, -1)
-        for k, option in enumerate(options):
-            t = len(option.g)
-            G[k, :t], g[k, :t], names[k, :t] = option.G, option.g, option.bounding
-        rows = G.reshape(-1, d).T
-        sides.append((ways @ rows).reshape(number, q, *shape)[every, :, picks])
-        values.append((choices.starts @ rows).reshape(number, *shape)[every, picks] + g[picks])
-        tests.append(names[picks])
-    return np.swapaxes(np.concatenate(sides, axis=2), 1, 2), np.hstack(values), np.hstack(tests)
+    if problem is not None:
+        yield from (AffineCells.of(problem, choices) for choices in leaves(problem, prices))
 
 
 def _finished(problem: Problem, picks: Indices) -> Iterator[Choices]:

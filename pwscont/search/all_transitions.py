@@ -25,11 +25,11 @@ from pwscont.basics.outcome import Guarantee, SearchScope
 from pwscont.basics.rounding import CONFIDENCE, EPS, GUARD
 from pwscont.curve.error_samples import Found, has_digits, is_same, magnitude
 from pwscont.curve.metric import Metric
-from pwscont.enumeration.choices import SLACK, Choices
+from pwscont.enumeration.choices import SLACK, Choices, inequalities_of
 from pwscont.enumeration.options import Problem, problem_with_alpha
 from pwscont.enumeration.polyhedron import Face, face_of
 from pwscont.enumeration.slices import FEW_CELLS, Points
-from pwscont.enumeration.tree import inequalities_of, leaves
+from pwscont.enumeration.tree import leaves
 from pwscont.graph.records import FEW_DIGITS, significant
 from pwscont.linear.factorise import factor, power_of_two
 from pwscont.search.enumeration import starts_at
