@@ -44,8 +44,7 @@ from pwscont.curve.looks import gap_of
 from pwscont.curve.magnitudes import Gauge, MisjudgedError, rounded_to_one
 from pwscont.curve.metric import Metric
 from pwscont.curve.pseudo_arclength import PseudoArclength
-from pwscont.curve.stepper import Stepper
-from pwscont.curve.steppers import ExactLinear
+from pwscont.curve.stepper import ExactLinear, Stepper
 from pwscont.enumeration.continua import find_continua
 from pwscont.graph import BranchGraph
 from pwscont.graph.queries import joined

@@ -1,12 +1,9 @@
 """The curve of a selection, a state on a curve, and the tangents of a curve.
 
-Failure modes and answers
--------------------------
-- A function changes within the longer steps of fourth order: if differences of second order err by
-  d, differences of fourth order err by RATIO d^2, and are taken only if RATIO d^2 is less than d.
-- Along a vertical piece the slope of alpha is only the error of differences, and changes of sign
-  would be folds. The errors depend on the units of alpha and on the length of the interval, and are
-  estimated from the terms of the derivatives.
+Where Jacobians are differences, a tangent is computed again by differences of fourth order. If
+differences of second order err by d, those of fourth order err by RATIO d^2, and are taken only if
+RATIO d^2 is less than d. Along a vertical piece the slope of alpha is only the error of
+differences: the errors are estimated from the terms of the derivatives.
 """
 
 from __future__ import annotations
@@ -35,20 +32,10 @@ RATIO = (FINE_STEP / STEP) ** 4
 def finer_tangent(
     selection: Selection, metric: Metric, x: Array, tangent: Array
 ) -> tuple[Array, Array] | None:
-    """Return the tangent by differences of fourth order, and samples of the rounding error.
+    """Return the tangent by differences of fourth order, and samples of its rounding.
 
-    Parameters
-    ----------
-    selection : Selection
-    metric : Metric
-    x : ndarray, shape (n + 1,)
-    tangent : ndarray, shape (n + 1,)
-        The tangent by differences of second order.
-
-    Returns
-    -------
-    tangent, rounding : ndarray, shapes (n + 1,) and (k, n + 1)
-        None if the bordered matrix is singular.
+    Shapes (n + 1,) and (k, n + 1); None if the bordered matrix is singular. ``tangent``: the
+    tangent by differences of second order.
     """
     differences = selection.system.differences(float(x[-1]))
     jacobian = differences.to_fourth_order(selection.residual, x)

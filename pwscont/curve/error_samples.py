@@ -43,11 +43,7 @@ SAMPLES = 4
 def magnitude(x: Array, error: Array) -> Array:
     """Return the estimated error of every component of ``x``, shape (n + 1,).
 
-    Parameters
-    ----------
-    x : ndarray, shape (n + 1,)
-    error : ndarray, shape (k, n + 1)
-        Independent contributions, as from :func:`uncertainty`.
+    ``error``, shape (k, n + 1): independent contributions, as from :func:`uncertainty`.
     """
     return magnitude_beside(np.abs(x), error)
 

@@ -1,23 +1,14 @@
 """What lies inside a step: places at which H tells whether the curve is where the cubic leads.
 
-Two folds of a bump that is far narrower than the step leave no trace at the ends of the step. Only
-values of H inside the step, next to the bump, show such a bump.
+Two folds of a bump that is far narrower than the step leave no trace at the ends of the step. H is
+evaluated at places about :attr:`~pwscont.StepSize.gap` apart, at uneven distances, since H may be
+periodic; all places are solved for at once with the factorisation of the end. A narrower bump may
+be passed over.
 
-Failure modes and answers
--------------------------
-- A bump between two places: neighbouring places are about :attr:`~pwscont.StepSize.gap` apart.
-  A narrower bump may be passed over.
-- H repeats itself with the period of the places: the distances between places vary, as multiples of
-  the golden section do.
-- At a place beside a bump the curve is off the cubic by less than is allowed: what counts is how
-  the distances from the cubic vary. Along a smooth curve the distances are u^2 (1 - u)^2 times a
-  polynomial. If the distances vary otherwise, places around the odd place are looked at, ever
-  closer.
-- The cubic may be close enough where alpha hardly changes, and alpha turn back all the same: the
-  points of the curve next to the places must be in order. Points out of order are corrected before
-  the order counts.
-- Looking must cost less than the step: a residual for each place, all solved for at once with the
-  factorisation of the end; fewer places where there are many unknowns.
+Beside a bump the curve is off the cubic by less than is allowed. Along a smooth curve the distances
+are u^2 (1 - u)^2 times a polynomial; if the distances vary otherwise, places around the odd place
+are looked at, ever closer. Where alpha hardly changes the cubic may be close and alpha turn back
+all the same: the points of the curve next to the places must be in order.
 """
 
 from __future__ import annotations
@@ -73,15 +64,9 @@ def gap_of(stepper: Stepper, system: PiecewiseSystem) -> float:
 def farthest_off(segment: CurvedSegment, factor: Factor, gap: float, allowed: float) -> float:
     """Return how far the curve is from the cubic of a step at most, infinite where alpha turns.
 
-    Parameters
-    ----------
-    segment : CurvedSegment
-    factor : Factor
-        A factorisation [J; border] from the end of the segment.
-    gap : float
-        The distance between places, in the metric.
-    allowed : float
-        Largest distance of the curve from the cubic; beyond, no closer look is taken.
+    ``factor``: a factorisation [J; border] from the end of the segment. ``gap``: the distance
+    between places, in the metric. ``allowed``: the largest distance of the curve from the cubic;
+    beyond, no closer look is taken.
     """
     gap = gap_between_looks(segment.curve.selection.system, gap)
     if segment.length <= gap:
