@@ -48,20 +48,6 @@ def finer_tangent(
     return metric.normalised(along), np.array(errors)
 
 
-def fine_slope(selection: Selection, metric: Metric, x: Array, tangent: Array) -> float:
-    """Return d alpha / d arc length of a tangent by differences, zero where zero is possible."""
-    slope = float(tangent[-1]) / metric.width
-    found = finer_tangent(selection, metric, x, tangent)
-    if found is None:
-        return slope
-    finer, errors = found
-    fine = float(finer[-1]) / metric.width
-    rounding = float(np.linalg.norm(errors[:, -1])) / metric.width
-    relative = abs(fine - slope) * FINE / rounding if rounding else 0.0
-    off = CONFIDENCE * rounding + min(1.0, RATIO * relative) * abs(fine - slope)
-    return fine if abs(fine) > off else 0.0
-
-
 #: Slope of alpha, in intervals per arc length, below which alpha may not change at all: differences
 #: and a factorisation from next to the point do not tell.
 LEAN = GUARD * CONVERGED
@@ -86,12 +72,20 @@ class Curve:
 
         The slope is proportional to det(dH/dz): zero at a fold and all along a vertical piece.
         """
-        slope = float(state.tangent[-1]) / self.metric.width
+        width = self.metric.width
+        slope = float(state.tangent[-1]) / width
         if abs(slope) > LEAN or not slope:
             return slope  # nearly always; exactly zero at a fold that has been located
+        found = None
         if not self.selection.system.knows_jacobian:
-            slope = fine_slope(self.selection, self.metric, state.x, state.tangent)
-        return slope if abs(slope) > GUARD * EPS else 0.0
+            found = finer_tangent(self.selection, self.metric, state.x, state.tangent)
+        if found is None:
+            return slope if abs(slope) > GUARD * EPS else 0.0
+        fine = float(found[0][-1]) / width
+        rounding = float(np.linalg.norm(found[1][:, -1])) / width
+        relative = abs(fine - slope) * FINE / rounding if rounding else 0.0
+        off = CONFIDENCE * rounding + min(1.0, RATIO * relative) * abs(fine - slope)
+        return fine if abs(fine) > max(off, GUARD * EPS) else 0.0
 
 
 @final

@@ -194,7 +194,7 @@ def accepted(
     """
     end = corrected.state
     cosine = dot(curve.metric.covector(state.tangent), end.tangent)
-    if not step_size.accepts(cosine):
+    if not cosine >= step_size.least_cosine:  # also where the cosine is not a number
         return Failure(FailureReason.JUMP)
     segment = CurvedSegment.between(curve, state, end, length)
     correction = curve.metric.norm(end.x - predicted)
@@ -203,7 +203,7 @@ def accepted(
     if not strain <= 1.0 and math.isfinite(measured[1]):
         strain = _strain(*measured, corrected.contraction, length, _noise(curve, corrected))
     if strain <= 1.0:
-        inside = farthest_off(segment, corrected.factor, step_size.gap, OFF * length)
+        inside = farthest_off(segment, corrected.factor, step_size, OFF * length)
         strain = max(strain, inside / (OFF * length + NEGLIGIBLE))
         if 1.0 < strain < math.inf:
             strain = inside / (OFF * length + _noise(curve, corrected))

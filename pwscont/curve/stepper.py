@@ -7,8 +7,6 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
 from typing import final
 
-import numpy as np
-
 from pwscont.basics.arrays import Array
 from pwscont.basics.looks import at, named
 from pwscont.basics.outcome import Failure, FailureReason
@@ -139,17 +137,6 @@ class CurvedSegment(Segment):
         point = plus(self.start.x.copy(), s - first + last, self.chord)
         point = plus(point, first * by, leaving)
         return plus(point, -last * to, arriving)
-
-    def combined(self, weights: Array) -> Array:
-        """Return points of the cubic through the two ends, shape (k, n + 1).
-
-        ``weights``, shape (k, 3): of the chord and the tangents at start and end, for length 1.
-        """
-        (leaving, by), (arriving, to), length = self.leaving, self.arriving, self.length
-        ways = np.array([self.chord, leaving, arriving])
-        points: Array = (weights * (length, length * by, length * to)).dot(ways)
-        points += self.start.x
-        return points
 
     def slopes_of_alpha(self) -> tuple[float, float, float]:
         """Return d alpha per distance along the chord: at the start, on average, at the end."""
