@@ -51,28 +51,22 @@ MANY_OPTIONS = 64
 PROGRAMS = 1024
 
 
-@final
-@dataclass(frozen=True, slots=True)
-class Prices:
-    """The costs of batches and linear programs, which decide between batches and programs."""
-
-    few: int  # number of choices for which batches take about as long as linear programs
-    per_program: float  # choices that are decided in batches in the time of a linear program
-
-
-def leaves(problem: Problem, prices: Prices | None = None) -> Iterator[Choices]:
+def leaves(
+    problem: Problem, few: int | None = None, per_program: float | None = None
+) -> Iterator[Choices]:
     """Yield all complete choices with a point that nearly satisfies the inequalities.
 
     The inequalities of singular cells need not have been looked at.
 
-    ``prices``: default: the prices if a choice is done once the point of the choice is found.
+    ``few, per_program``: in place of FEW_CHOICES and CHOICES_PER_PROGRAM, which hold if a choice is
+    done once the point of the choice is found.
     """
-    prices = prices or Prices(FEW_CHOICES, CHOICES_PER_PROGRAM)
+    few, per_program = few or FEW_CHOICES, per_program or CHOICES_PER_PROGRAM
     numbers = [len(options) for options in problem.blocks]
-    is_worth_searching = prod(numbers) > prices.few and max(numbers) <= MANY_OPTIONS
+    is_worth_searching = prod(numbers) > few and max(numbers) <= MANY_OPTIONS
     ends: Iterable[tuple[int, ...]] | None = None
     if is_worth_searching:
-        ends = _search(problem, prices)
+        ends = _search(problem, per_program)
     if ends is None:  # all choices, by batches for each choice of the first blocks
         first = next(m for m in range(len(numbers) + 1) if prod(numbers[m:]) <= BATCH)
         open_blocks = (OPEN,) * (len(numbers) - first)
@@ -143,7 +137,7 @@ def enumerate_cells(
     necessary: tuple[Array, Array],
     scale: Array,
     *,
-    few: int = FEW_CHOICES,
+    few: int | None = None,
 ) -> Iterator[AffineCells]:
     """Yield all cells with solutions, where parameters are unknowns.
 
@@ -158,7 +152,8 @@ def enumerate_cells(
     scale : ndarray, shape (n,)
         Typical magnitudes of the unknowns.
     few : int, optional
-        Cells that are tried all at once; of more cells linear programs cut off most.
+        Cells that are tried all at once; of more cells linear programs cut off most. Default: many,
+        as pays if no more is done with a cell than to find a point.
 
     Yields
     ------
@@ -177,9 +172,9 @@ def enumerate_cells(
     [(2, 2, 1)]
     """
     problem = problem_of(system, forms, necessary, scale)
-    prices = None if few == FEW_CHOICES else Prices(few, 1)
     if problem is not None:
-        yield from (AffineCells.of(problem, choices) for choices in leaves(problem, prices))
+        found = leaves(problem, few, few and 1.0)
+        yield from (AffineCells.of(problem, choices) for choices in found)
 
 
 def _finished(problem: Problem, picks: Indices) -> Iterator[Choices]:
@@ -201,14 +196,14 @@ def _of_first(problem: Problem, picks: tuple[int, ...]) -> Choices | None:
     return choice
 
 
-def _search(problem: Problem, prices: Prices) -> list[tuple[int, ...]] | None:
+def _search(problem: Problem, per_program: float) -> list[tuple[int, ...]] | None:
     """Return the choices whose completions are all that is left; None if too costly."""
     single = [options for options in problem.blocks if len(options) == 1]
     first = _of_first(problem, (0,) * len(single))
     if first is None:
         return []
     blocks = [options for options in problem.blocks if len(options) > 1]
-    found = _Search(Forms.of(problem, blocks, first), prices.per_program).ends()
+    found = _Search(Forms.of(problem, blocks, first), per_program).ends()
     return found if found is None else sorted((0,) * len(single) + picks for picks in found)
 
 

@@ -249,7 +249,8 @@ def cells_of(family: AffineFamily) -> tuple[list[Cell], list[Strip]]:
     """Return the regular cells with solutions over a polygon, and the strips of singular cells."""
     cells: list[Cell] = []
     strips: list[Strip] = []
-    sizes, metric = np.append(family.scale, family.typical), _metric(family)
+    metric = Metric.of(family.system, family.window.alphas)
+    sizes = np.append(family.scale, family.typical)
     parts = family.system, family.forms, family.necessary, sizes
     for found in enumerate_cells(*parts, few=MOST_AT_ONCE):
         check_budget()
@@ -259,10 +260,6 @@ def cells_of(family: AffineFamily) -> tuple[list[Cell], list[Strip]]:
         if is_regular.any():
             cells += _cells(family, metric, found, is_regular, inverses)
     return cells, strips
-
-
-def _metric(family: AffineFamily) -> Metric:
-    return Metric.of(family.system, family.window.alphas)
 
 
 def _inverses(family: AffineFamily, cells: AffineCells) -> tuple[Signs, Array]:
