@@ -35,6 +35,9 @@ from pwscont.curve.predictor import Predictor
 from pwscont.curve.pseudo_arclength import accepted, land_on, land_on_end, land_on_zero
 from pwscont.curve.semismooth import semismooth_newton
 from pwscont.curve.stepper import CurvedSegment, Segment, Stepper, StraightSegment
+from pwscont.enumeration.options import affine_forms
+from pwscont.enumeration.polyhedron import Polyhedron
+from pwscont.enumeration.tree import AffineCells, enumerate_cells
 from pwscont.graph.exports import DUST, number
 from pwscont.graph.proved import Proof
 from pwscont.graph.queries import fine_points
@@ -99,6 +102,7 @@ __all__ = [
     "GUARD",
     "SAME_ALPHA",
     "THREADS",
+    "AffineCells",
     "Answer",
     "Array",
     "BodyPicture",
@@ -139,6 +143,7 @@ __all__ = [
     "Moment",
     "Moments",
     "Piece",
+    "Polyhedron",
     "Predictor",
     "Proof",
     "Quantities",
@@ -172,6 +177,7 @@ __all__ = [
     "Way",
     "WaysOn",
     "accepted",
+    "affine_forms",
     "all_names",
     "apart",
     "are_columns",
@@ -187,6 +193,7 @@ __all__ = [
     "counted",
     "dense",
     "drifted",
+    "enumerate_cells",
     "fine_points",
     "finite_array",
     "generic",

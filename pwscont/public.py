@@ -20,10 +20,9 @@ from pwscont.continuation import explore, trace
 from pwscont.continuation.journal import Journal
 from pwscont.curve.corrector import BorderedNewton, MoorePenrose
 from pwscont.curve.predictor import Hermite, Secant, Tangent
-from pwscont.curve.pseudo_arclength import PseudoArclength
+from pwscont.curve.pseudo_arclength import NaturalParameter, PseudoArclength
 from pwscont.curve.step_size import StepSize
-from pwscont.curve.stepper import Stepper
-from pwscont.curve.steppers import ExactLinear, NaturalParameter
+from pwscont.curve.stepper import ExactLinear, Stepper
 from pwscont.graph import BranchGraph
 from pwscont.linear.banded import BandedJacobian
 from pwscont.search import (

@@ -26,8 +26,7 @@ from pwscont.basics.outcome import Failure, FailureReason, Kind
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.magnitudes import Gauge
 from pwscont.curve.step_size import StepSize, step_size_of
-from pwscont.curve.stepper import CurvedSegment, Segment, Stepper
-from pwscont.curve.steppers import ExactLinear
+from pwscont.curve.stepper import CurvedSegment, ExactLinear, Segment, Stepper
 from pwscont.system.contract import refuse_wrong_jacobian
 from pwscont.system.differences import FINEST_PART, REFINEMENT, STEP
 from pwscont.transitions.bounding import BoundingTests

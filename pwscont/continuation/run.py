@@ -44,8 +44,8 @@ from pwscont.curve.looks import gap_of
 from pwscont.curve.magnitudes import Gauge, MisjudgedError, rounded_to_one
 from pwscont.curve.metric import Metric
 from pwscont.curve.pseudo_arclength import PseudoArclength
-from pwscont.curve.stepper import Stepper
-from pwscont.curve.steppers import ExactLinear
+from pwscont.curve.step_size import step_size_of
+from pwscont.curve.stepper import ExactLinear, Stepper
 from pwscont.enumeration.continua import find_continua
 from pwscont.graph import BranchGraph
 from pwscont.graph.queries import joined
@@ -364,7 +364,7 @@ def _scope(plan: Plan, searched: SearchScope, lost: int) -> SearchScope:
     if plan.system.unique:
         what += "; at most one solution, by the system's promise"
         promise = Guarantee.UNIQUE
-    gap = gap_of(plan.stepper, plan.followed)
+    gap = gap_of(step_size_of(plan.stepper), plan.followed)
     return SearchScope(what, promise, plan.budget.spent, gap)
 
 

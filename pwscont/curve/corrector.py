@@ -1,17 +1,9 @@
-"""Correctors: from a prediction back onto the curve.
+"""Correctors: from a prediction back onto the curve, and to a zero of a function on the curve.
 
-Newton accepts a point that is off the curve by a little more than rounding, where the tangent
-differs from the curve's tangent: :func:`polished` corrects the point again. A Jacobian of central
-differences has ten digits: a tangent with twelve digits is computed again, see
-:mod:`pwscont.curve.curve`.
-
-Failure modes and answers
--------------------------
-- The curve is tangent to the zero set: the bordered matrix is singular and the answer is a
-  :class:`~pwscont.basics.outcome.Failure`, not a point.
-- The curve is nearly tangent to the zero set: at the angle d, a correction c is followed by a
-  correction of about c^2 / d, which need not be rounding where c is small. Newton goes on until the
-  corrections are rounding; if no correction ever is, the last correction counts as an error.
+Where the curve is tangent to the zero set the bordered matrix is singular: a failure. Where the
+curve is nearly tangent, at the angle d, a correction c is followed by a correction of about
+c^2 / d, which need not be rounding: Newton goes on until corrections are rounding, and if no
+correction ever is, the last correction counts as an error.
 """
 
 from __future__ import annotations
@@ -164,16 +156,7 @@ CORRECTIONS_TO_COME = 10.0
 
 
 def zero(curve: Curve, border: Border, x: Array) -> Corrected | Failure:
-    """Return the state next to ``x`` at which ``border`` vanishes, and falls along the tangent.
-
-    Parameters
-    ----------
-    curve : Curve
-    border : callable
-        x -> (value, gradient).
-    x : ndarray, shape (n + 1,)
-        The point from which Newton begins.
-    """
+    """Return the state next to ``x`` at which ``border`` vanishes, and falls along the tangent."""
     root = newton(curve, border, x, MOST_NEWTON)
     if isinstance(root, Failure):
         return root

@@ -6,16 +6,11 @@ J loses rank, and {H + mu b = 0, g = 0} is a square system for (x, mu), regular 
 point although J is not: the minimally extended system of Moore (1980) and of Allgower and Georg
 (1990, section 8.2), with g by bordering (Govaerts 2000, chapter 3). The directions d = V delta of
 the curves solve the algebraic branching equation w^T H''[d, d] = 0, whose two by two matrix also
-serves in Newton's method.
+serves in Newton's method. No point of the curve is computed, so all matrices stay regular; each
+iteration renews the borders from the null vectors.
 
-Failure modes and answers
--------------------------
-- [J; t^T] is singular at the point, and nearby points of the curve are known to no more than
-  EPS / distance: no point of the curve is computed here, all matrices stay regular.
-- Poor borders make M singular: each iteration renews the borders from the null vectors.
-- Two curves pass each other without meeting: mu says how far H misses zero at the point.
-- Curves that touch, or more than two curves that meet: the two by two matrix has no two real
-  directions that are told apart, which is a failure, not a guess.
+If two curves pass each other without meeting, mu says how far H misses zero. If the curves touch,
+or more than two curves meet, the two by two matrix has no two real directions: a failure.
 """
 
 from __future__ import annotations
@@ -80,40 +75,14 @@ class Crossing:
 @final
 @dataclass(frozen=True, slots=True)
 class _Null:
-    """The bordered matrix at a point, in unknowns and equations scaled to about 1.
+    """The bordered matrix at a point, in unknowns and equations scaled to about 1."""
 
-    Attributes
-    ----------
-    right : ndarray, shape (n + 1, 2)
-        V: spans the null space of J at the branch point.
-    left : ndarray, shape (n,)
-        w: spans the left null space.
-    rows : ndarray, shape (n,)
-        The divisors of the equations.
-    g : ndarray, shape (2,)
-        The functions that vanish where J loses rank.
-    particular : ndarray, shape (n + 2,)
-        M^-1 (-H; 0).
-    size : float
-        w . |J| |x|, the size of the terms of H in the equation for the unfolding mu.
-    """
-
-    right: Array
-    left: Array
-    rows: Array
-    g: Array
-    particular: Array
-    size: float
-
-
-@final
-@dataclass(frozen=True, slots=True)
-class _Step:
-    """A Newton step: the correction of x, the new mu, and the form w^T H''[V, V]."""
-
-    dx: Array
-    mu: float
-    form: Array
+    right: Array  # V, shape (n + 1, 2): spans the null space of J at the branch point
+    left: Array  # w, shape (n,): spans the left null space
+    rows: Array  # the divisors of the equations, shape (n,)
+    g: Array  # the functions that vanish where J loses rank, shape (2,)
+    particular: Array  # M^-1 (-H; 0), shape (n + 2,)
+    size: float  # w . |J| |x|, the size of the terms of H in the equation for the unfolding mu
 
 
 def crossing(curve: Curve, x: Array) -> Crossing | Failure:
@@ -123,58 +92,36 @@ def crossing(curve: Curve, x: Array) -> Crossing | Failure:
         null = _null(curve, x, equations, *borders)
         if null is None:
             return Failure(FailureReason.SINGULAR)
-        borders = _renewed(null)
+        # the null vectors themselves make M best conditioned
+        borders = null.left / np.linalg.norm(null.left), np.linalg.qr(null.right)[0].T
         if iteration < 0:
             continue
-        step = _step(curve, x, null)
-        if step is None:
+        rows = np.array([_second(curve, x, null.left / null.rows, v) for v in null.right.T])
+        form = rows @ null.right
+        if not np.isfinite(form).all() or np.linalg.cond(form) > 1.0 / APART:
             return Failure(FailureReason.SINGULAR)
-        x = _in_the_interval(curve, x + step.dx)
-        size = curve.metric.relative(step.dx, x)
+        eta = np.linalg.solve(form, null.g - rows @ null.particular[:-1])
+        dx = curve.metric.scale * (null.particular[:-1] + null.right @ eta)
+        differences = curve.selection.system.differences(float(x[-1]))
+        x = x + dx
+        x[-1] = min(max(x[-1], differences.lo), differences.hi)  # nothing is evaluated outside
+        size = curve.metric.relative(dx, x)
         if size <= CONVERGED:
-            return _found(curve, x, null, step)
+            directions = _directions(curve, null, form)
+            if directions is None:
+                return Failure(FailureReason.SINGULAR)
+            mu = abs(float(null.particular[-1] + null.g @ eta))
+            return Crossing(x, dx[np.newaxis], directions, mu <= MEETS * (1.0 + null.size))
         if iteration >= FAR_OFF and size > LINEAR * before:
             break
         before = size
     return Failure(FailureReason.NOT_CONVERGED)
 
 
-def _in_the_interval(curve: Curve, x: Array) -> Array:
-    """Return ``x`` with alpha clipped to the interval: nothing is evaluated outside."""
-    differences = curve.selection.system.differences(float(x[-1]))
-    x[-1] = min(max(x[-1], differences.lo), differences.hi)
-    return x
-
-
-def _step(curve: Curve, x: Array, null: _Null) -> _Step | None:
-    """Solve with the Jacobian of the extended system; None for a singular Jacobian."""
-    rows = np.array([_second(curve, x, null.left / null.rows, v) for v in null.right.T])
-    form = rows @ null.right
-    if not np.isfinite(form).all() or np.linalg.cond(form) > 1.0 / APART:
-        return None
-    eta = np.linalg.solve(form, null.g - rows @ null.particular[:-1])
-    dx = curve.metric.scale * (null.particular[:-1] + null.right @ eta)
-    return _Step(dx, float(null.particular[-1] + null.g @ eta), form)
-
-
-def _found(curve: Curve, x: Array, null: _Null, step: _Step) -> Crossing | Failure:
-    """Return the branch point to which Newton converged."""
-    directions = _directions(curve, null, step.form)
-    if directions is None:
-        return Failure(FailureReason.SINGULAR)
-    meets = abs(step.mu) <= MEETS * (1.0 + null.size)
-    return Crossing(x, step.dx[np.newaxis], directions, meets)
-
-
 def _generic(n: int) -> tuple[Array, Array]:
     """Return borders b, shape (n,), and C, shape (2, n + 1), related to no simple numbers."""
     angles = generic_angles(2 * n + 2)
     return np.cos(angles[:n]) / np.sqrt(n), np.sin(angles).reshape(2, n + 1) / np.sqrt(n)
-
-
-def _renewed(null: _Null) -> tuple[Array, Array]:
-    """Return the borders that make M best conditioned: the null vectors themselves."""
-    return null.left / np.linalg.norm(null.left), np.linalg.qr(null.right)[0].T
 
 
 def _equations(curve: Curve, x: Array) -> Array:

@@ -1,12 +1,9 @@
 """The curve of a selection, a state on a curve, and the tangents of a curve.
 
-Failure modes and answers
--------------------------
-- A function changes within the longer steps of fourth order: if differences of second order err by
-  d, differences of fourth order err by RATIO d^2, and are taken only if RATIO d^2 is less than d.
-- Along a vertical piece the slope of alpha is only the error of differences, and changes of sign
-  would be folds. The errors depend on the units of alpha and on the length of the interval, and are
-  estimated from the terms of the derivatives.
+Where Jacobians are differences, a tangent is computed again by differences of fourth order. If
+differences of second order err by d, those of fourth order err by RATIO d^2, and are taken only if
+RATIO d^2 is less than d. Along a vertical piece the slope of alpha is only the error of
+differences: the errors are estimated from the terms of the derivatives.
 """
 
 from __future__ import annotations
@@ -35,20 +32,10 @@ RATIO = (FINE_STEP / STEP) ** 4
 def finer_tangent(
     selection: Selection, metric: Metric, x: Array, tangent: Array
 ) -> tuple[Array, Array] | None:
-    """Return the tangent by differences of fourth order, and samples of the rounding error.
+    """Return the tangent by differences of fourth order, and samples of its rounding.
 
-    Parameters
-    ----------
-    selection : Selection
-    metric : Metric
-    x : ndarray, shape (n + 1,)
-    tangent : ndarray, shape (n + 1,)
-        The tangent by differences of second order.
-
-    Returns
-    -------
-    tangent, rounding : ndarray, shapes (n + 1,) and (k, n + 1)
-        None if the bordered matrix is singular.
+    Shapes (n + 1,) and (k, n + 1); None if the bordered matrix is singular. ``tangent``: the
+    tangent by differences of second order.
     """
     differences = selection.system.differences(float(x[-1]))
     jacobian = differences.to_fourth_order(selection.residual, x)
@@ -59,20 +46,6 @@ def finer_tangent(
     rounding = FINE * samples(len(x)) * joined(terms, 0.0)
     along, *errors = factor.solve_all(np.vstack([last_unit(len(x)), rounding]))
     return metric.normalised(along), np.array(errors)
-
-
-def fine_slope(selection: Selection, metric: Metric, x: Array, tangent: Array) -> float:
-    """Return d alpha / d arc length of a tangent by differences, zero where zero is possible."""
-    slope = float(tangent[-1]) / metric.width
-    found = finer_tangent(selection, metric, x, tangent)
-    if found is None:
-        return slope
-    finer, errors = found
-    fine = float(finer[-1]) / metric.width
-    rounding = float(np.linalg.norm(errors[:, -1])) / metric.width
-    relative = abs(fine - slope) * FINE / rounding if rounding else 0.0
-    off = CONFIDENCE * rounding + min(1.0, RATIO * relative) * abs(fine - slope)
-    return fine if abs(fine) > off else 0.0
 
 
 #: Slope of alpha, in intervals per arc length, below which alpha may not change at all: differences
@@ -99,12 +72,20 @@ class Curve:
 
         The slope is proportional to det(dH/dz): zero at a fold and all along a vertical piece.
         """
-        slope = float(state.tangent[-1]) / self.metric.width
+        width = self.metric.width
+        slope = float(state.tangent[-1]) / width
         if abs(slope) > LEAN or not slope:
             return slope  # nearly always; exactly zero at a fold that has been located
+        found = None
         if not self.selection.system.knows_jacobian:
-            slope = fine_slope(self.selection, self.metric, state.x, state.tangent)
-        return slope if abs(slope) > GUARD * EPS else 0.0
+            found = finer_tangent(self.selection, self.metric, state.x, state.tangent)
+        if found is None:
+            return slope if abs(slope) > GUARD * EPS else 0.0
+        fine = float(found[0][-1]) / width
+        rounding = float(np.linalg.norm(found[1][:, -1])) / width
+        relative = abs(fine - slope) * FINE / rounding if rounding else 0.0
+        off = CONFIDENCE * rounding + min(1.0, RATIO * relative) * abs(fine - slope)
+        return fine if abs(fine) > max(off, GUARD * EPS) else 0.0
 
 
 @final

@@ -43,11 +43,7 @@ SAMPLES = 4
 def magnitude(x: Array, error: Array) -> Array:
     """Return the estimated error of every component of ``x``, shape (n + 1,).
 
-    Parameters
-    ----------
-    x : ndarray, shape (n + 1,)
-    error : ndarray, shape (k, n + 1)
-        Independent contributions, as from :func:`uncertainty`.
+    ``error``, shape (k, n + 1): independent contributions, as from :func:`uncertainty`.
     """
     return magnitude_beside(np.abs(x), error)
 
@@ -67,7 +63,7 @@ def _root_of_squares(error: Array) -> Array:
     if error.size <= MOST_BY_HYPOT:
         spread = np.abs(np.hypot.reduce(error, axis=0))
         return spread
-    spread = np.sqrt(_ones(len(error)).dot(np.square(error)))
+    spread = np.sqrt(np.ones(len(error)).dot(np.square(error)))  # a sum takes twice as long
     if len(spread) and smallest(spread) < SQUARES_UNDERFLOW:  # most numbers are zero
         lost = spread < SQUARES_UNDERFLOW
         if len(error) and is_anywhere(np.logical_and(error, lost)):
@@ -127,12 +123,6 @@ def is_same(metric: Metric, a: tuple[Array, Array], b: tuple[Array, Array]) -> b
     """Tell whether two solutions, each with samples of the error, agree within the errors."""
     errors = (metric.norm(magnitude(*found)) for found in (a, b))
     return metric.norm(metric.difference(a[0], b[0])) <= CONFIDENCE * sum(errors)
-
-
-@lru_cache(maxsize=8)
-def _ones(number: int) -> Array:
-    """Return (1, ..., 1): a product with that vector is twice as fast as a sum."""
-    return np.ones(number)
 
 
 @lru_cache(maxsize=8)

@@ -1,23 +1,14 @@
 """What lies inside a step: places at which H tells whether the curve is where the cubic leads.
 
-Two folds of a bump that is far narrower than the step leave no trace at the ends of the step. Only
-values of H inside the step, next to the bump, show such a bump.
+Two folds of a bump that is far narrower than the step leave no trace at the ends of the step. H is
+evaluated at places about :attr:`~pwscont.StepSize.gap` apart, at uneven distances, since H may be
+periodic; all places are solved for at once with the factorisation of the end. A narrower bump may
+be passed over.
 
-Failure modes and answers
--------------------------
-- A bump between two places: neighbouring places are about :attr:`~pwscont.StepSize.gap` apart.
-  A narrower bump may be passed over.
-- H repeats itself with the period of the places: the distances between places vary, as multiples of
-  the golden section do.
-- At a place beside a bump the curve is off the cubic by less than is allowed: what counts is how
-  the distances from the cubic vary. Along a smooth curve the distances are u^2 (1 - u)^2 times a
-  polynomial. If the distances vary otherwise, places around the odd place are looked at, ever
-  closer.
-- The cubic may be close enough where alpha hardly changes, and alpha turn back all the same: the
-  points of the curve next to the places must be in order. Points out of order are corrected before
-  the order counts.
-- Looking must cost less than the step: a residual for each place, all solved for at once with the
-  factorisation of the end; fewer places where there are many unknowns.
+Beside a bump the curve is off the cubic by less than is allowed. Along a smooth curve the distances
+are u^2 (1 - u)^2 times a polynomial; if the distances vary otherwise, places around the odd place
+are looked at, ever closer. Where alpha hardly changes the cubic may be close and alpha turn back
+all the same: the points of the curve next to the places must be in order.
 """
 
 from __future__ import annotations
@@ -29,8 +20,8 @@ import numpy as np
 
 from pwscont.basics.arrays import Array, largest
 from pwscont.basics.rounding import CONVERGED
-from pwscont.curve.step_size import step_size_of
-from pwscont.curve.stepper import CurvedSegment, Stepper
+from pwscont.curve.step_size import StepSize
+from pwscont.curve.stepper import CurvedSegment
 from pwscont.linear.factorise import Factor
 from pwscont.system.system import PiecewiseSystem, SlicewiseLinearSystem
 
@@ -53,38 +44,23 @@ CLOSER_PLACES, CLOSER_ROUNDS, ZOOM = 8, 3, 0.25
 SMOOTH_DEGREE = 3
 
 
-def gap_between_looks(system: PiecewiseSystem, gap: float) -> float:
-    """Return how far apart the places are in which the steps of a system are looked at.
-
-    In the metric; infinite for equations that are linear at fixed alpha, as no cell has a fold.
-    """
-    if isinstance(system, SlicewiseLinearSystem):
-        return inf
-    return gap * sqrt(max(system.size / CHEAP_UNKNOWNS, 1.0))
+def gap_of(step_size: StepSize | None, system: PiecewiseSystem) -> float:
+    """Return the distance within which two folds of a system may be passed over, or zero."""
+    if step_size is None or isinstance(system, SlicewiseLinearSystem):
+        return 0.0  # equations that are linear at fixed alpha have no fold in a cell
+    return step_size.gap * sqrt(max(system.size / CHEAP_UNKNOWNS, 1.0))
 
 
-def gap_of(stepper: Stepper, system: PiecewiseSystem) -> float:
-    """Return the distance within which a stepper may pass over two folds of a system, or zero."""
-    step_size = step_size_of(stepper)
-    gap = inf if step_size is None else gap_between_looks(system, step_size.gap)
-    return gap if gap < inf else 0.0
-
-
-def farthest_off(segment: CurvedSegment, factor: Factor, gap: float, allowed: float) -> float:
+def farthest_off(
+    segment: CurvedSegment, factor: Factor, step_size: StepSize, allowed: float
+) -> float:
     """Return how far the curve is from the cubic of a step at most, infinite where alpha turns.
 
-    Parameters
-    ----------
-    segment : CurvedSegment
-    factor : Factor
-        A factorisation [J; border] from the end of the segment.
-    gap : float
-        The distance between places, in the metric.
-    allowed : float
-        Largest distance of the curve from the cubic; beyond, no closer look is taken.
+    ``factor``: a factorisation [J; border] from the end of the segment. ``allowed``: the largest
+    distance of the curve from the cubic; beyond, no closer look is taken.
     """
-    gap = gap_between_looks(segment.curve.selection.system, gap)
-    if segment.length <= gap:
+    gap = gap_of(step_size, segment.curve.selection.system)
+    if not 0.0 < gap < segment.length:
         return 0.0
     count = min(ceil(segment.length / gap) - 1, MOST_PLACES)
     off, alphas = _looked_at(segment, factor, _at_places(count))
@@ -136,8 +112,14 @@ def _looked_at(segment: CurvedSegment, factor: Factor, weights: Array) -> tuple[
     The distances are in typical magnitudes, shape (k, n + 1). Places outside the interval are left
     out.
     """
-    metric = segment.curve.metric
-    points = metric.admitted(segment.combined(weights))
+    metric, (lo, hi) = segment.curve.metric, segment.curve.metric.interval
+    (leaving, by), (arriving, to), length = segment.leaving, segment.arriving, segment.length
+    ways = np.array([segment.chord, leaving, arriving])
+    points: Array = (weights * (length, length * by, length * to)).dot(ways)
+    points += segment.start.x
+    alphas = points[:, -1]
+    if not lo <= alphas.min(initial=lo) <= alphas.max(initial=lo) <= hi:
+        points = points[[metric.admits(x) for x in points]]
     if not len(points):
         return points, np.empty(0)
     off = factor.solve_all(segment.curve.selection.residuals(points))

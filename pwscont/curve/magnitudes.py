@@ -2,37 +2,22 @@
 
 The typical magnitude of an unknown is the distance of the unknown from the beginning of the path,
 as a mean over alpha. A mean over the points would follow a branch that leaves for infinity, where
-there are many points and alpha hardly changes.
+there are many points and alpha hardly changes. Magnitudes follow the units of unknowns, equations
+and alpha.
 
-Before a solution is known, the magnitude of an unknown is the change of the unknown by which H
-changes by the terms of H. Solutions then say more, and :class:`Gauge` what the path says.
-Magnitudes follow the units of unknowns, equations and alpha.
+Before a solution is known (:func:`rough_magnitudes`), the magnitude of an unknown is the change by
+which H changes by the terms of H. H is evaluated for changes of all sizes, because H may be flat or
+singular at a point; if unknowns are many, one Newton step tells, in less time. If H oscillates, as
+tan(z), the size by which H changes a little is found first, and larger sizes in turn. Equations
+with alpha come first: the constant of another equation may be a small saturation current.
 
-Failure modes and answers
--------------------------
-- Magnitudes are far too small: thousands of steps lead nowhere. The path is looked at after some
-  steps; the magnitude of an unknown that has moved far while alpha has hardly moved grows by a
-  factor.
-- Magnitudes are far too large: a fold is as sharp as a kink, and may be passed over. The end of the
-  path tells.
-- Another path begins far away, as of tan(z) = alpha: magnitudes grow by the distances from the
-  beginning of each path alone. Magnitudes shrink only if all paths are close together, too.
-- An unknown that moves by no more than rounding has no magnitude, and is left out.
-- Newton's method by differences needs steps that fit: H is evaluated before Newton is used.
-- H may be flat or singular at a point: H is evaluated for changes of all sizes, and no derivative
-  is taken. If unknowns are many, one Newton step tells, in less time.
-- H may oscillate, as tan(z): then changes do not grow with the size, and a bisection may find any
-  size. At a far smaller size H changes by far more than in proportion. The size by which H changes
-  a little is then found first, and larger sizes in turn.
-- An unknown may rest at a bound, whose value is no magnitude: the size of an unknown that does not
-  move says nothing.
-- Equations with alpha come first. The constant of another equation may be a small saturation
-  current of a switch: unknowns with known magnitudes give such an equation larger terms first.
-- Next to a fold dz/dalpha is large: if unknowns are many, the smallest of several solutions counts.
-- H need not be defined beyond the bounds of z, or far out: values outside are not asked for, and a
-  value that is not finite says nothing.
-- A solution decays along a chain of unknowns: the size of an unknown that is tiny beside the
-  largest unknown is no magnitude.
+From solutions (:func:`magnitudes_of`) sizes are taken of unknowns that move: others may rest at a
+bound. Next to a fold dz/dalpha is large, so the smallest of several solutions counts if unknowns
+are many; an unknown that is tiny beside the largest, at the end of a chain, has no size.
+
+On the path (:class:`Gauge`) magnitudes that are far too small lead to thousands of steps, and
+magnitudes that are far too large make a fold as sharp as a kink. Magnitudes grow by the distances
+from the beginning of each path alone, and shrink only if all paths are close together, too.
 """
 
 from __future__ import annotations
@@ -81,13 +66,7 @@ class MisjudgedError(Exception):
 
 @final
 class Gauge:
-    """Adds up how far a path moves.
-
-    Parameters
-    ----------
-    metric : Metric
-        With the magnitudes that are judged.
-    """
+    """Adds up how far a path moves, to judge the magnitudes of a metric."""
 
     def __init__(self, metric: Metric) -> None:
         self._scale, self._width = metric.scale[:-1], metric.width
@@ -102,12 +81,7 @@ class Gauge:
         self._begun = None
 
     def see(self, x: Array, y: Array) -> None:
-        """Add a step from x to y, each of shape (n + 1,).
-
-        Raises
-        ------
-        MisjudgedError
-        """
+        """Add a step from x to y, each of shape (n + 1,); may raise a MisjudgedError."""
         first = self._first = x if self._first is None else self._first
         begun = self._begun = x if self._begun is None else self._begun
         change, middle = float(abs(y[-1] - x[-1])), 0.5 * (x + y)
@@ -135,12 +109,7 @@ class Gauge:
         return (alpha - before[0]) * before[1] < SLOWER * before[0] * (far - before[1])
 
     def close(self) -> None:
-        """Judge the whole path.
-
-        Raises
-        ------
-        MisjudgedError
-        """
+        """Judge the whole path; may raise a MisjudgedError."""
         if self._steps:
             self._judge(TOO_SMALL, TOO_LARGE)
 
@@ -200,12 +169,7 @@ def are_alike(sizes: Array, others: Array) -> bool:
 def rough_magnitudes(system: PiecewiseSystem, interval: tuple[float, float], z: Array) -> Array:
     """Return magnitudes from the terms of H around a point, shape (n,), one where H says nothing.
 
-    Parameters
-    ----------
-    system : PiecewiseSystem
-        Fitted to the interval.
-    interval : tuple of float
-    z : ndarray, shape (n,)
+    ``system`` is fitted to the interval.
     """
     if system.size > MANY and system.knows_jacobian:
         return _by_newton(system, interval, z)
@@ -339,13 +303,7 @@ def _without_tails(sizes: Array, jacobian: Matrix) -> Array:
 def magnitudes_of(system: PiecewiseSystem, metric: Metric, found: Sequence[Found]) -> Array:
     """Return magnitudes from solutions and the directions of the curves there, shape (n,).
 
-    Parameters
-    ----------
-    system : PiecewiseSystem
-    metric : Metric
-        Its magnitudes are kept where nothing is seen.
-    found : sequence of (x, error)
-        Solutions with their errors, one at least.
+    ``found``: one solution at least. The magnitudes of ``metric`` stay where nothing is seen.
     """
     sizes, slopes = np.zeros(system.size), np.full(system.size, np.inf)
     for x, error in found:

@@ -112,13 +112,6 @@ class Metric:
         x[-1] = end
         return True
 
-    def admitted(self, points: Array) -> Array:
-        """Return the points whose alpha is in the interval, shape (k, n + 1), as :meth:`admits`."""
-        (lo, hi), alphas = self.interval, points[:, -1]
-        if lo <= alphas.min() and alphas.max() <= hi:  # nearly always
-            return points
-        return points[[self.admits(x) for x in points]]
-
     def difference(self, x: Array, y: Array) -> Array:
         """Return x - y, up to whole periods: from y to the nearest copy of x.
 

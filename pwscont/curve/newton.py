@@ -2,40 +2,18 @@
 
 :func:`newton` solves {H_chi = 0, border = 0}. With the border t . (x - predicted) = 0 Newton is a
 corrector, with kappa_i = 0 Newton locates a transition, with alpha = constant Newton finds a
-solution. Callers correct the root further (:func:`again`), ask for the error of the root
-(:func:`uncertainty`) and for the tangent there (:func:`direction`).
+solution. Corrections are judged relative to the size of each unknown, so units do not matter.
 
-The residual of the bordered system at the root is a sum of terms J_ij x_j that cancel. The rounding
-error of the sum is of the order of EPS times the sum of the magnitudes of the terms, and the
-inverse of the bordered matrix turns that rounding into an error of x. For large systems the inverse
-is not formed: a few right-hand sides with these magnitudes and random signs are solved for, in
-which the same cancellation happens as in the true error (statistical condition estimation, Kenney
-and Laub 1994).
+The residual at the root is a sum of terms J_ij x_j that cancel. The rounding error of the sum is
+about EPS times the sum of the magnitudes of the terms, and the inverse of the bordered matrix turns
+that rounding into an error of x. For large systems a few right-hand sides with these magnitudes and
+random signs are solved for (statistical condition estimation, Kenney and Laub 1994). Derivatives do
+not tell the rounding of constants that cancel, as in (z + B) - B: :func:`unseen_rounding` evaluates
+H next to the root.
 
-Failure modes and answers
--------------------------
-- The root is zero although the terms were not (an unloaded body reached from a loaded body): the
-  terms are taken before the last correction as well as after.
-- Constants in H cancel, and no derivative tells: (z + B) - B moves in stairs as high as the
-  rounding of B. H is evaluated next to the root, at three places on a line, where rounding shows as
-  a second difference. The difference has a part from curvature as well; that part is measured
-  farther away in the same direction, and removed.
-- The selection is undefined far from the cell: non-finite values are a failure, and the caller
-  shortens the step.
-- H need not be defined outside the interval of alpha: an iterate that leaves the interval is a
-  failure.
-- Newton converges from far away, to another curve: the ratio of the first two corrections is kept,
-  and the caller judges by that ratio (Deuflhard 2011, chapter 5).
-- Scale: convergence is judged by the correction of each unknown relative to the size of the
-  unknown, which does not depend on the units of z or of the equations.
-- A derivative is nearly infinite next to the root of zero: corrections are tiny there although H is
-  not zero. The residual counts as well (:func:`is_solved`).
-- Ill conditioning: corrections stall at the condition number times rounding. The point is accepted
-  there, and the error estimate says how few digits are left.
-- A needless iteration costs as much as the rest of a step: where quadratic convergence predicts
-  that two further corrections at most suffice, these corrections use the old factorisation (each
-  correction shrinks by the relative change of the Jacobian). The factorisation is marked as stale:
-  next to a branch point the tangent turns within these corrections.
+A needless factorisation costs as much as the rest of a step: if quadratic convergence predicts that
+two more corrections suffice, these corrections use the old factorisation, which is marked as stale,
+because next to a branch point the tangent turns within these corrections.
 """
 
 from __future__ import annotations
@@ -126,7 +104,9 @@ def newton(curve: Curve, border: Border, x: Array, most_iterations: int) -> Root
         jacobian = selection.jacobian(x)
         factor = bordered(jacobian, row, metric.binary)
         if factor.failed:
-            return Failure(why_failed(jacobian))
+            entries = jacobian if isinstance(jacobian, np.ndarray) else getattr(jacobian, "data", 0)
+            is_finite = bool(np.isfinite(entries).all())
+            return Failure(FailureReason.SINGULAR if is_finite else FailureReason.NOT_FINITE)
         rest = selection.residual_and(x, value)
         dx = factor.solve(rest)
         x, last = x - dx, np.abs(dx)
@@ -185,13 +165,6 @@ def is_solved(
     return bool((above <= GUARD * EPS * terms)[depends].all())
 
 
-def why_failed(jacobian: Matrix) -> FailureReason:
-    """Return why a bordered Jacobian could not be factorised."""
-    entries = jacobian if isinstance(jacobian, np.ndarray) else getattr(jacobian, "data", 0.0)
-    is_finite = bool(np.isfinite(entries).all())
-    return FailureReason.SINGULAR if is_finite else FailureReason.NOT_FINITE
-
-
 def first_quotient(sizes: Sequence[float]) -> float:
     """Return the ratio of the first two corrections, 0 where the first correction was small."""
     return sizes[1] / sizes[0] if len(sizes) > 1 and sizes[0] > NEXT_IS_ROUNDING else 0.0
@@ -225,19 +198,9 @@ def by_chords(curve: Curve, factor: Factor, x: Array) -> Array | None:
 def corrected(curve: Curve, x: Array, value: float, row: Array) -> tuple[Root, Array] | None:
     """Return a nearly exact point after a single correction, and the error of the point.
 
-    Parameters
-    ----------
-    curve : Curve
-        The curve of an affine selection.
-    x : ndarray, shape (n + 1,)
-    value, row
-        The border there and the gradient of the border, as for :func:`newton`.
-
-    Returns
-    -------
-    Root and ndarray, or None
-        The error as from :func:`uncertainty`; None if the correction is more than rounding,
-        or cannot be computed.
+    ``curve``: of an affine selection. ``value, row``: the border at x, and the border's gradient.
+    The error is as from :func:`uncertainty`. None if the correction is more than rounding, or
+    cannot be computed.
     """
     metric = curve.metric
     if not metric.admits(x):
@@ -330,24 +293,24 @@ def unseen_rounding(curve: Curve, root: Root, border: Callable[[Array], float]) 
     """
     if isinstance(curve.selection.system, SlicewiseLinearSystem):
         return np.zeros(len(root.x))
-    here, unseen = _rows(curve, root.x, border), np.zeros(len(root.x))
+
+    def rows(x: Array) -> Array:
+        return curve.selection.residual_and(x, border(x))
+
+    here, unseen = rows(root.x), np.zeros(len(root.x))
     ratio = CURVATURE_VARIES * (ROUNDING_SHOWS / CURVATURE_SHOWS) ** 2
     for place in range(ROUNDING_PLACES):
         aside = _aside(curve, root, place)
         dx = ROUNDING_SHOWS * aside
-        once, twice = (_rows(curve, root.x + k * dx, border) for k in (1.0, 2.0))
+        once, twice = rows(root.x + dx), rows(root.x + 2.0 * dx)
         # the Jacobian of the root is from before the last correction: a line needs none
         bend = 0.5 * np.abs(here - 2.0 * once + twice)
         # the same direction has the same curvature
         dx = CURVATURE_SHOWS * aside
         linear = joined(product(root.jacobian, dx), product(root.row, dx).item())
-        curvature = np.abs(_rows(curve, root.x + dx, border) - here - linear)
+        curvature = np.abs(rows(root.x + dx) - here - linear)
         unseen = np.fmax(unseen, bend - ratio * curvature)
     return np.where(np.isfinite(unseen), unseen, 0.0)
-
-
-def _rows(curve: Curve, x: Array, border: Callable[[Array], float]) -> Array:
-    return curve.selection.residual_and(x, border(x))
 
 
 def _aside(curve: Curve, root: Root, place: int) -> Array:

@@ -1,14 +1,4 @@
-"""Predictors: from the last points of a curve to a guess for the next point.
-
-Failure modes and answers
--------------------------
-- Extrapolation far beyond the previous step goes wrong: the stepper halves the step, with which
-  every predictor tends to the tangent.
-- The previous step is so short that the chord of the step is rounding: the prediction is along the
-  tangent.
-- Unit tangents belong to a polynomial of arc length, which is longer than the chord: the
-  angle between the tangents gives arc length well enough.
-"""
+"""Predictors: from the last points of a curve to a guess for the next point."""
 
 from __future__ import annotations
 
@@ -102,21 +92,9 @@ class Hermite(Predictor):
         if chord < CONVERGED:
             return on_tangent
         cosine = dot(curve.metric.covector(previous.tangent), state.tangent)
-        behind = arc_length(chord, cosine)
-        return _cubic(state, previous, behind, length), state.tangent
-
-
-def arc_length(chord: float, cosine: float) -> float:
-    """Return the length of a curve from the chord and the cosine of the angle between tangents.
-
-    The relative error is of fourth order in the angle.
-    """
-    return chord * (1.0 + (1.0 - cosine) / 12.0)
-
-
-def _cubic(state: State, previous: State, s: float, u: float) -> Array:
-    """Return Hermite's cubic at ``u``, with a state at 0 and the previous state at ``-s``."""
-    here, there = ((u + s) / s) ** 2, (u / s) ** 2
-    point = plus(state.x.copy(), (3.0 + 2.0 * u / s) * there, previous.x - state.x)
-    point = plus(point, u * here, state.tangent)
-    return plus(point, (u + s) * there, previous.tangent)
+        # arc length, whose relative error is of fourth order in the angle between the tangents
+        s, u = chord * (1.0 + (1.0 - cosine) / 12.0), length
+        here, there = ((u + s) / s) ** 2, (u / s) ** 2
+        point = plus(state.x.copy(), (3.0 + 2.0 * u / s) * there, previous.x - state.x)
+        point = plus(point, u * here, state.tangent)
+        return plus(point, (u + s) * there, previous.tangent), state.tangent

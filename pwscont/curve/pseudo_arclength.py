@@ -1,32 +1,17 @@
 """The step of pseudo-arclength continuation: predict, correct, accept or say why not.
 
 :meth:`PseudoArclength.step` halves the step until :func:`accepted` calls the corrected prediction a
-true step; where a prediction leaves the interval of alpha, the step ends at the end of the interval
-(:func:`land_on_end`). If a function with a gradient vanishes about a step ahead, the step ends at
-the zero (:meth:`PseudoArclength.aim`).
+true step. A step ends early at the end of the interval (:func:`land_on_end`), because H may be
+undefined beyond, or at a zero of a function (:meth:`PseudoArclength.aim`).
 
-What stays unseen: sheets that are closer than about a thousandth of a step.
-
-Failure modes and answers
--------------------------
-- A load path may be undefined outside the interval: no residual is evaluated there.
-- The corrector converges far from the prediction, on another part of the curve: the correction
-  is measured against the step.
-- The corrector converges on a neighbouring sheet of the same selection: the prediction was off by
-  as much as the sheets are apart, so Newton is not in the quadratic regime, and the ratio of the
-  first two corrections is not small (Deuflhard 2011, chapter 5).
-- These two measures accept by chance, where the sheets are much closer than the step: the cubic
-  between the two points, which the graph interpolates, then leads from sheet to sheet, and inside
-  the step the cubic is off by the part of the sheets' distance that the cubic has crossed there.
-- Ill-conditioned curves are known to few digits: where a step fails, the error that rounding makes
-  of the point is estimated, and measures no larger than that error tell nothing.
-- The check must be cheap: a point inside costs a residual and a solution with the factorisation
-  that the corrector leaves. A well chosen point is enough: where the cubic has crossed a golden
-  section of the distance between the sheets. The multiples of the golden section stay farther from
-  whole numbers than of any other part, so that no sheet between passes for the curve.
-- A jump over many sheets at once may pass even so: for Fibonacci numbers the golden multiple is
-  nearly whole. Such a jump needs a large correction: there a second point is looked at, and the
-  larger the correction, the closer the cubic must be.
+The corrector may converge on another part of the curve or on a neighbouring sheet. A step is true
+if the correction is a small part of the step, if Newton contracts at once (Deuflhard 2011, chapter
+5), and if the cubic between the two points, which the graph interpolates, is on the curve inside
+the step. A point inside costs a residual and a solution with the corrector's factorisation. At this
+point a cubic that leads to another sheet has crossed a golden section of the distance: multiples of
+the golden section stay far from whole numbers, so no sheet between passes for the curve. For jumps
+over many sheets the multiple may be nearly whole: after a large correction a second point is looked
+at. Sheets closer than about a thousandth of a step stay unseen.
 """
 
 from __future__ import annotations
@@ -209,7 +194,7 @@ def accepted(
     """
     end = corrected.state
     cosine = dot(curve.metric.covector(state.tangent), end.tangent)
-    if not step_size.accepts(cosine):
+    if not cosine >= step_size.least_cosine:  # also where the cosine is not a number
         return Failure(FailureReason.JUMP)
     segment = CurvedSegment.between(curve, state, end, length)
     correction = curve.metric.norm(end.x - predicted)
@@ -218,7 +203,7 @@ def accepted(
     if not strain <= 1.0 and math.isfinite(measured[1]):
         strain = _strain(*measured, corrected.contraction, length, _noise(curve, corrected))
     if strain <= 1.0:
-        inside = farthest_off(segment, corrected.factor, step_size.gap, OFF * length)
+        inside = farthest_off(segment, corrected.factor, step_size, OFF * length)
         strain = max(strain, inside / (OFF * length + NEGLIGIBLE))
         if 1.0 < strain < math.inf:
             strain = inside / (OFF * length + _noise(curve, corrected))
@@ -317,3 +302,53 @@ def land_on_zero(
         return None
     segment = accepted(curve, state, predicted, corrected, length, step_size)
     return None if isinstance(segment, Failure) else segment
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class NaturalParameter(Stepper):
+    """Increase or decrease alpha and correct z at fixed alpha.
+
+    Follows kinks and non-smooth folds, where the tangent says which way alpha goes; stops with
+    a message at a smooth fold or a vertical piece. Here for comparison and for load paths that
+    are known not to turn smoothly.
+
+    Attributes
+    ----------
+    step_size : StepSize
+        Lengths along the tangent, in the metric, in which the interval of alpha has length 1.
+
+    Examples
+    --------
+    >>> from pwscont import NaturalParameter, Switched, trace
+    >>> curve = Switched(1, lambda z, t, sw: z + z**3 - sw.abs(t))
+    >>> len(trace(curve, ([0.5], 0.6), (-1.0, 1.0), stepper=NaturalParameter()).pieces)
+    2
+    """
+
+    step_size: StepSize = field(default_factory=StepSize)
+
+    def __post_init__(self) -> None:
+        """Check the parts."""
+        needed_kind("step_size of NaturalParameter", self.step_size, StepSize)
+
+    def step(
+        self,
+        curve: Curve,
+        interval: tuple[float, float],
+        state: State,
+        before: Segment | None,
+        longest: float,
+    ) -> Segment | Failure:
+        """Halve the increment of alpha until the corrector converges."""
+        length = before.suggestion if isinstance(before, CurvedSegment) else self.step_size.first
+        length = min(length, longest)
+        lo, hi = interval
+        # beside a fold alpha hardly changes along the tangent: to creep there is not to turn
+        while length * abs(state.tangent[-1]) >= self.step_size.smallest * (hi - lo):
+            alpha = min(max(state.alpha + length * state.tangent[-1], lo), hi)
+            segment = land_on(curve, state, state.tangent, alpha, self.step_size)
+            if not isinstance(segment, Failure):
+                return segment
+            length *= 0.5
+        return Failure(FailureReason.NO_TURN)

@@ -1,23 +1,14 @@
 """Semismooth Newton at fixed alpha, for a start that is only rough.
 
 Qi and Sun (1993); damping by the merit function |H|^2 / 2 as in Facchinei and Pang (2003),
-chapter 8.
+chapter 8; rows of H are divided by the largest scaled coefficients. The step of a singular Jacobian
+is regularised (Levenberg and Marquardt). The merit must fall, by Armijo's rule, except for a few
+undamped steps at kinks, where the step of a single cell need not reduce the merit. If a short last
+step crosses an interface, Newton goes on in the cell beyond, since the solution of the cell that
+was left is no solution. Known solutions are deflated away (Farrell, Birkisson and Funke 2015).
 
-Failure modes and answers
--------------------------
-- A singular element of the Jacobian: the step is regularised (Levenberg and Marquardt).
-- Cycling between cells: the merit function must fall, by Armijo's rule.
-- At a kink, such as the body at rest, the step of a single cell need not reduce the merit at all: a
-  few steps are taken undamped, and the rule holds again from there on.
-- A short last step crosses an interface: the solution of the cell that was left is no solution,
-  however close by. Newton goes on in the cell on the other side.
-- A stationary point of the merit function that is no solution: the failure says so.
-- Known solutions attract: known solutions are deflated away (Farrell, Birkisson and Funke 2015).
-- Equations in different units: each row is divided by the row's largest scaled coefficient.
-- Divergence: so far out that rounding hides the residual, no step reduces the residual. A point
-  whose error is as large as the point itself is no solution.
-- Ill conditioning: a solution can be so uncertain that corrections never converge. A point is
-  a solution where no step reduces the residual any more and the correction is only rounding.
+A point where no step reduces the residual is a solution if the correction is only rounding, and the
+error is less than the point.
 """
 
 from __future__ import annotations
@@ -60,23 +51,12 @@ _Evaluated: TypeAlias = tuple[Array, Character, Array]
 
 
 class _Linearised(NamedTuple):
-    """The Jacobian J at a point.
-
-    Attributes
-    ----------
-    character : Character
-    jacobian : ndarray or sparse matrix, shape (n, n + 1)
-    rows : ndarray, shape (n,)
-        The largest coefficient of z in each row, for unknowns in typical magnitudes.
-    factor : Factor
-        A factorisation of [J; e_alpha], whose last row holds alpha.
-    is_singular : bool
-    """
+    """The Jacobian J at a point."""
 
     character: Character
-    jacobian: Matrix
-    rows: Array
-    factor: Factor
+    jacobian: Matrix  # shape (n, n + 1)
+    rows: Array  # largest coefficient of each row, for z in typical magnitudes, shape (n,)
+    factor: Factor  # of [J; e_alpha], whose last row holds alpha
     is_singular: bool
 
 
@@ -105,11 +85,11 @@ def semismooth_newton(
         of the error where conditioning allows no smaller correction; or a Failure.
     """
     point, linear = _evaluated(system, joined(z, alpha)), None
-    leaps = crossings = 0
+    leaps, crossings, is_straight = 0, 0, isinstance(system, PiecewiseLinearSystem)
     for iteration in range(1, MOST_ITERATIONS + 1):
         check_budget()
         x, character, residual = point
-        if linear is None or not _is_same_cell(system, linear.character, character):
+        if not (linear and is_straight and _is_same_cell(system, linear.character, character)):
             linear = _linearised(system, metric, x, character)
         if linear is None or not are_finite(residual):
             return Failure(FailureReason.NOT_FINITE)
@@ -120,7 +100,7 @@ def semismooth_newton(
         size = metric.relative(step, x)
         if size <= CONVERGED:
             there, may_cross = x + step, size > GUARD * EPS and crossings < MOST_LEAPS
-            if may_cross and not _is_same_side(
+            if may_cross and not _is_same_cell(
                 system, character, system.character(there[:-1], float(there[-1]))
             ):
                 point, crossings = _evaluated(system, there), crossings + 1
@@ -152,15 +132,7 @@ def _evaluated(system: PiecewiseSystem, x: Array) -> _Evaluated:
     return x, character, residual_at(system, z, alpha, character)
 
 
-def _is_same_side(system: PiecewiseSystem, one: Character, other: Character) -> bool:
-    """Tell whether two characters name the same cell."""
-    return one == other or system.cell(one) == system.cell(other)
-
-
 def _is_same_cell(system: PiecewiseSystem, one: Character, other: Character) -> bool:
-    """Tell whether two characters are known to have the same Jacobian, as in a straight cell."""
-    if not isinstance(system, PiecewiseLinearSystem):
-        return False
     return one == other or system.cell(one) == system.cell(other)
 
 

@@ -78,10 +78,6 @@ class StepSize:
         """Return the control with ``largest`` and ``gap`` multiplied by a factor."""
         return replace(self, largest=factor * self.largest, gap=factor * self.gap)
 
-    def accepts(self, cosine: float) -> bool:
-        """Tell whether the curve turned little enough within the step."""
-        return cosine >= self.least_cosine
-
     def after(self, length: float, strain: float, cosine: float) -> float:
         """Return the length of the next step, at least half and at most twice ``length``.
 

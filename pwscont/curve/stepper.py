@@ -7,8 +7,6 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
 from typing import final
 
-import numpy as np
-
 from pwscont.basics.arrays import Array
 from pwscont.basics.looks import at, named
 from pwscont.basics.outcome import Failure, FailureReason
@@ -140,20 +138,6 @@ class CurvedSegment(Segment):
         point = plus(point, first * by, leaving)
         return plus(point, -last * to, arriving)
 
-    def combined(self, weights: Array) -> Array:
-        """Return points of the cubic through the two ends, shape (k, n + 1).
-
-        Parameters
-        ----------
-        weights : ndarray, shape (k, 3)
-            Weights of the chord and the tangents at start and end, for a segment of length 1.
-        """
-        (leaving, by), (arriving, to), length = self.leaving, self.arriving, self.length
-        ways = np.array([self.chord, leaving, arriving])
-        points: Array = (weights * (length, length * by, length * to)).dot(ways)
-        points += self.start.x
-        return points
-
     def slopes_of_alpha(self) -> tuple[float, float, float]:
         """Return d alpha per distance along the chord: at the start, on average, at the end."""
         (leaving, by), (arriving, to) = self.leaving, self.arriving
@@ -277,3 +261,31 @@ class Stepper(ABC):
         A piece that runs towards infinity is followed by steps in proportion to the distance.
         """
         return self
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class ExactLinear(Stepper):
+    """Takes a whole piece of a :class:`~pwscont.PiecewiseLinearSystem` in a single step.
+
+    The ray along the tangent is the curve. A ratio test says where the ray leaves the cell, and the
+    point there is solved for afresh, so that errors do not accumulate from piece to piece.
+
+    Examples
+    --------
+    >>> from pwscont import LCP, ExactLinear, explore
+    >>> problem = LCP([[2, 1], [1, 2]], q=[-1, -1], d=[1, 0])
+    >>> len(explore(problem, (-1.0, 2.0), stepper=ExactLinear()).pieces)
+    2
+    """
+
+    def step(
+        self,
+        curve: Curve,
+        interval: tuple[float, float],
+        state: State,
+        before: Segment | None,
+        longest: float,
+    ) -> Segment | Failure:
+        """Return the ray from ``state``."""
+        return StraightSegment(curve, state)

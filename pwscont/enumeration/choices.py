@@ -163,3 +163,27 @@ def _inside(problem: Problem, choices: Choices) -> Choices:
     values = choices.starts[inside] @ problem.A.T + problem.b
     inside[inside] = (values >= -slack[inside, np.newaxis]).all(axis=1)
     return choices[np.flatnonzero(inside)]
+
+
+def inequalities_of(problem: Problem, choices: Choices) -> tuple[Array, Array, Indices]:
+    """Return the inequalities sides @ w + values >= 0 of the points starts + directions @ w.
+
+    Shapes (N, k, q), (N, k), and, for the numbers of the tests, (N, k): -1 for inequalities that
+    hold in every cell, which come first, and for 1 >= 0, which fills up.
+    """
+    (number, d, q), every = choices.directions.shape, np.arange(len(choices))
+    ways = np.swapaxes(choices.directions, 1, 2).reshape(-1, d)
+    sides = [(ways @ problem.A.T).reshape(number, q, len(problem.b))]
+    values = [choices.starts @ problem.A.T + problem.b]
+    tests = [np.full(values[0].shape, -1)]
+    for options, picks in zip(problem.blocks, choices.picks, strict=True):
+        shape = len(options), max(len(option.g) for option in options)
+        G, g, names = np.zeros((*shape, d)), np.ones(shape), np.full(shape, -1)
+        for k, option in enumerate(options):
+            t = len(option.g)
+            G[k, :t], g[k, :t], names[k, :t] = option.G, option.g, option.bounding
+        rows = G.reshape(-1, d).T
+        sides.append((ways @ rows).reshape(number, q, *shape)[every, :, picks])
+        values.append((choices.starts @ rows).reshape(number, *shape)[every, picks] + g[picks])
+        tests.append(names[picks])
+    return np.swapaxes(np.concatenate(sides, axis=2), 1, 2), np.hstack(values), np.hstack(tests)

@@ -30,7 +30,7 @@ from pwscont.enumeration.choices import Choices
 from pwscont.enumeration.options import Problem, problem_with_alpha
 from pwscont.enumeration.polyhedron import Polyhedron, inside_of
 from pwscont.enumeration.slices import solve_slice
-from pwscont.enumeration.tree import Prices, leaves
+from pwscont.enumeration.tree import leaves
 from pwscont.system.contract import jacobian_at, residual_at
 from pwscont.system.system import (
     PiecewiseLinearSystem,
@@ -54,8 +54,8 @@ MOST_CELLS_FILLED = 4**10
 NEAR_AN_END = 1e-3
 #: Most unknowns for which a singular value decomposition costs little beside a search.
 MOST_UNKNOWNS_OF_SVD = 200
-#: Cells are cut off by linear programs before anything else is done.
-CUT_OFF = Prices(1, 1e-9)
+#: Cells are cut off by linear programs before anything else is done (see :func:`leaves`).
+CUT_OFF = 1, 1e-9
 #: Largest component along alpha, in widths of the interval, of a unit direction at a single alpha.
 LEVEL_DIRECTION = EPS**0.5
 
@@ -199,7 +199,7 @@ def _in_linear_pieces(system: PiecewiseLinearSystem, metric: Metric) -> Iterator
     problem, (lo, hi) = problem_with_alpha(system, metric), metric.interval
     if problem is None:
         return
-    for choices in leaves(problem, CUT_OFF):
+    for choices in leaves(problem, *CUT_OFF):
         may_fill = np.ones(len(choices), dtype=bool)
         if choices.directions.shape[-1] == 1:  # then only a line at a single alpha
             rise = choices.directions[..., 0] @ problem.basis[-1] / (hi - lo)

@@ -8,7 +8,7 @@ contact node, however many displacements the body has.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import accumulate, pairwise
 from math import prod
@@ -24,7 +24,12 @@ from pwscont.curve.metric import Metric
 from pwscont.enumeration.echelon import MOST_WORK, independent
 from pwscont.system.box import Box
 from pwscont.system.contract import residual_at
-from pwscont.system.promises import checked_necessary, refuse_bent, refuse_bent_tests
+from pwscont.system.promises import (
+    check_blocks,
+    checked_necessary,
+    refuse_bent,
+    refuse_bent_tests,
+)
 from pwscont.system.system import Block, PiecewiseLinearSystem, SlicewiseLinearSystem
 
 
@@ -108,13 +113,63 @@ class Table:
     @classmethod
     def of(cls, system: SlicewiseLinearSystem, alpha: float, scale: Array) -> Table:
         """Evaluate a system at z = 0, and check at typical magnitudes that the system is affine."""
-        zero, dx, blocks = np.zeros(system.size), aside(scale), system.blocks()
-        tests = np.array(system.test_functions(zero, alpha), dtype=float)
-        gradients = own_dense(system.test_jacobian(zero, alpha))
-        refuse_bent_tests(system, np.append(zero, alpha), dx, tests, gradients)
-        rows = [(J[:, :-1], r) for J, r in affine(system, alpha, dx, len(tests))]
+        *rows, (K, tests) = affine_forms(system, alpha, np.append(scale, 0.0))
+        blocks = system.blocks()
         bounds = [[bounding(system, b, mode, len(tests)) for mode in b.modes] for b in blocks]
-        return cls(rows, (gradients[:, :-1], tests), blocks, bounds)
+        return cls([(J[:, :-1], r) for J, r in rows], (K[:, :-1], tests), blocks, bounds)
+
+
+def affine_forms(
+    system: SlicewiseLinearSystem, alpha: float, reach: Array
+) -> list[tuple[Array, Array]]:
+    """Return the matrices and constants of H in every mode, and of the tests, as functions of x.
+
+    Parameters
+    ----------
+    system : SlicewiseLinearSystem
+    alpha : float
+        The forms count from the point z = 0 at ``alpha``.
+    reach : ndarray, shape (n + 1,)
+        Typical magnitudes of z, and the change of alpha over which the forms hold: 0 for a system
+        that is affine in z only.
+
+    Returns
+    -------
+    list of (ndarray, ndarray)
+        Matrix, shape (n, n + 1), and constant, shape (n,), of H with every block in mode k, or in
+        the last mode of the block; then, as the last form, matrix and constant of the m tests.
+
+    Raises
+    ------
+    InvalidSystemError
+        If H or a test is not affine over ``reach``.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pwscont import LCP
+    >>> from pwscont.extending import affine_forms
+    >>> forms = affine_forms(LCP([[2.0]], q=[-1.0], d=[1.0]), 0.0, np.array([1.0, 1.0]))
+    >>> len(forms)  # two modes, and the tests
+    3
+    """
+    x, blocks = np.append(np.zeros(system.size), alpha), system.blocks()
+    dx = reach * np.append(np.abs(generic(system.size)), 1.0)
+    tests = np.array(system.test_functions(x[:-1], alpha), dtype=float)
+    check_blocks(system, len(tests))
+    K = own_dense(system.test_jacobian(x[:-1], alpha))
+    refuse_bent_tests(system, x, dx, tests, K)
+    forms, all_true = list[tuple[Array, Array]](), Character([True] * len(tests))
+    for k in range(max((len(block.modes) for block in blocks), default=1)):
+        character = all_true
+        for block in blocks:
+            mode = block.modes[min(k, len(block.modes) - 1)]
+            character = character.with_signs(block.tests, mode)
+        jacobian = own_dense(system.jacobian(x[:-1], alpha, character))
+        residual = residual_at(system, x[:-1], alpha, character)
+        refuse_bent(system, character, x, dx, residual, jacobian)
+        forms.append((jacobian, residual))
+    return [*forms, (K, tests)]
 
 
 def reduce(system: SlicewiseLinearSystem, scale: Array, alpha: float) -> Problem | None:
@@ -123,7 +178,8 @@ def reduce(system: SlicewiseLinearSystem, scale: Array, alpha: float) -> Problem
     ``scale``, shape (n,): typical magnitudes of z; the reduced unknowns are of the order of 1.
     """
     table = Table.of(system, alpha, scale)
-    return problem_of(system, table.rows, table.tests, checked_necessary(system, alpha), scale)
+    forms = [*table.rows, table.tests]
+    return problem_of(system, forms, checked_necessary(system, alpha), scale)
 
 
 def problem_with_alpha(system: PiecewiseLinearSystem, metric: Metric) -> Problem | None:
@@ -131,36 +187,29 @@ def problem_with_alpha(system: PiecewiseLinearSystem, metric: Metric) -> Problem
 
     The inequality alpha >= lo is the last of the lower bounds.
     """
-    (lo, hi), scale, box = metric.interval, metric.scale[:-1], Box.of(system)
-    n = system.size
-    x, dx = np.append(np.zeros(n), lo), aside(scale)
-    dx[-1] = hi - lo
-    tests = np.array(system.test_functions(x[:-1], lo), dtype=float)
-    K = own_dense(system.test_jacobian(x[:-1], lo))
-    refuse_bent_tests(system, x, dx, tests, K)
-    slices = list(affine(system, lo, dx, len(tests)))
+    (lo, hi), box = metric.interval, Box.of(system)
+    reach = np.append(metric.scale[:-1], hi - lo)
     least, most = np.append(box.lower, 0.0), np.append(box.upper, hi - lo)
-    unit, below, above = np.eye(n + 1), np.isfinite(least), np.isfinite(most)
+    unit, below, above = np.eye(len(reach)), np.isfinite(least), np.isfinite(most)
     within = np.vstack([unit[below], -unit[above]]), np.append(-least[below], most[above])
-    return problem_of(system, slices, (K, tests), within, np.append(scale, hi - lo))
+    return problem_of(system, affine_forms(system, lo, reach), within, reach)
 
 
 def problem_of(
     system: SlicewiseLinearSystem,
-    slices: Sequence[tuple[Array, Array]],
-    tests: tuple[Array, Array],
+    affine: Sequence[tuple[Array, Array]],
     necessary: tuple[Array, Array],
     scale: Array,
 ) -> Problem | None:
     """Return a problem from affine forms of some unknowns, None if without solution.
 
     ``system``: the system that names blocks and bounding tests.
-    ``slices``: matrix, shape (n, N), and constant, shape (n,), of H where every block is in mode k
-    (or the last mode). The first n of the N unknowns are z; parameters may follow.
-    ``tests``, ``necessary``: matrix and constant of the tests, and of the functions that are never
-    negative.
+    ``affine``: matrices and constants as from :func:`affine_forms`. The first n of the N unknowns
+    are z; parameters may follow.
+    ``necessary``: matrix and constant of the functions that are never negative.
     ``scale``, shape (N,): typical magnitudes.
     """
+    *slices, tests = affine
     blocks, m = system.blocks(), len(tests[1])
     owned = [row for block in blocks for row in block.rows]
     common = sorted(set(range(system.size)).difference(owned))
@@ -191,40 +240,6 @@ def problem_of(
         first += len(block.rows)
     options.sort(key=len)
     return Problem(options, A, b, origin, basis, slices[0][0][common], m, growth)
-
-
-def aside(scale: Array) -> Array:
-    """Return a generic displacement of z, shape (n + 1,), for testing that H is affine."""
-    return np.append(scale * np.abs(generic(len(scale))), 0.0)
-
-
-def most_modes(blocks: Sequence[Block]) -> int:
-    """Return the largest number of modes of a block."""
-    return max((len(block.modes) for block in blocks), default=1)
-
-
-def affine(
-    system: SlicewiseLinearSystem, alpha: float, dx: Array, tests: int
-) -> Iterator[tuple[Array, Array]]:
-    """Yield the Jacobian, and H at z = 0, where every block is in mode k (or the last mode).
-
-    Refuse a system whose H is not affine up to ``dx``.
-    """
-    zero, blocks = np.zeros(system.size), system.blocks()
-    for k in range(most_modes(blocks)):
-        character = in_modes(blocks, k, tests)
-        jacobian = own_dense(system.jacobian(zero, alpha, character))
-        residual = residual_at(system, zero, alpha, character)
-        refuse_bent(system, character, np.append(zero, alpha), dx, residual, jacobian)
-        yield jacobian, residual
-
-
-def in_modes(blocks: Sequence[Block], k: int, tests: int) -> Character:
-    """Return the character in which every block is in mode k (or in the last mode)."""
-    character = Character([True] * tests)
-    for block in blocks:
-        character = character.with_signs(block.tests, block.modes[min(k, len(block.modes) - 1)])
-    return character
 
 
 def _eliminate(C: Array, c: Array, scale: Array) -> tuple[Array, Array, float] | None:

@@ -20,7 +20,7 @@ from scipy.linalg import null_space
 from pwscont.basics.arrays import Array
 from pwscont.basics.character import Character
 from pwscont.basics.rounding import EPS, GUARD
-from pwscont.enumeration.choices import SLACK, Choices
+from pwscont.enumeration.choices import SLACK, Choices, inequalities_of
 from pwscont.enumeration.options import Option, Problem
 
 
@@ -99,13 +99,11 @@ def inside_of(problem: Problem, one: Choices) -> tuple[Polyhedron, Array, Array,
     The inside is a point and a basis of the directions there, as :meth:`Polyhedron.inside` returns
     them; the last number is the rounding. None for a cell without solution.
     """
-    start, directions, chosen = one.starts[0], one.directions[0], problem.chosen(one.picks[:, 0])
-    if not satisfies(chosen, start):
+    if not satisfies(problem.chosen(one.picks[:, 0]), one.starts[0]):
         return None
     rounding = min(GUARD * float(one.rounding[0]), SLACK)
-    G = np.vstack([problem.A, *(option.G for option in chosen)])
-    g = np.concatenate([problem.b, *(option.g for option in chosen)])
-    around = Polyhedron.of(G @ directions, G @ start + g, rounding)
+    sides, values, _ = inequalities_of(problem, one)
+    around = Polyhedron.of(sides[0], values[0], rounding)
     inside = around and around.inside(rounding)
     return (around, *inside, rounding) if around and inside else None
 
@@ -169,10 +167,22 @@ LEAST_LENGTH = float(np.finfo(float).tiny)
 @final
 @dataclass(frozen=True, slots=True, eq=False)
 class Polyhedron:
-    """The points {w : matrix w + vector >= 0}."""
+    """The points {w : matrix w + vector >= 0}.
 
-    matrix: Array  # shape (k, q)
-    vector: Array  # shape (k,)
+    Attributes
+    ----------
+    matrix, vector : ndarray, shapes (k, q) and (k,)
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pwscont.extending import Polyhedron
+    >>> Polyhedron(np.array([[1.0], [-2.0]]), np.array([1.0, 4.0])).ends()
+    (-1.0, 2.0)
+    """
+
+    matrix: Array
+    vector: Array
 
     @classmethod
     def of(cls, matrix: Array, vector: Array, rounding: float) -> Polyhedron | None:

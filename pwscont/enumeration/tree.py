@@ -12,7 +12,7 @@ directions that are left, with or without a look at the inequalities of the cell
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 from math import prod
@@ -23,8 +23,10 @@ import numpy.typing as npt
 
 from pwscont.basics.arrays import Array, Indices
 from pwscont.basics.budget import check_budget
-from pwscont.enumeration.choices import Choices, narrowed, together
-from pwscont.enumeration.options import Problem
+from pwscont.basics.character import Character
+from pwscont.enumeration.choices import Choices, inequalities_of, narrowed, together
+from pwscont.enumeration.options import Problem, problem_of
+from pwscont.enumeration.polyhedron import satisfies
 from pwscont.enumeration.simplex import (
     NOT_NEGATIVE,
     NOT_POSITIVE,
@@ -35,6 +37,7 @@ from pwscont.enumeration.simplex import (
     first_vertex,
     slack_of,
 )
+from pwscont.system.system import SlicewiseLinearSystem
 
 #: Most choices in a batch: a larger batch would gain little and cost memory.
 BATCH = 4**7
@@ -48,34 +51,130 @@ MANY_OPTIONS = 64
 PROGRAMS = 1024
 
 
-@final
-@dataclass(frozen=True, slots=True)
-class Prices:
-    """The costs of batches and linear programs, which decide between batches and programs."""
-
-    few: int  # number of choices for which batches take about as long as linear programs
-    per_program: float  # choices that are decided in batches in the time of a linear program
-
-
-def leaves(problem: Problem, prices: Prices | None = None) -> Iterator[Choices]:
+def leaves(
+    problem: Problem, few: int | None = None, per_program: float | None = None
+) -> Iterator[Choices]:
     """Yield all complete choices with a point that nearly satisfies the inequalities.
 
     The inequalities of singular cells need not have been looked at.
 
-    ``prices``: default: the prices if a choice is done once the point of the choice is found.
+    ``few, per_program``: in place of FEW_CHOICES and CHOICES_PER_PROGRAM, which hold if a choice is
+    done once the point of the choice is found.
     """
-    prices = prices or Prices(FEW_CHOICES, CHOICES_PER_PROGRAM)
+    few, per_program = few or FEW_CHOICES, per_program or CHOICES_PER_PROGRAM
     numbers = [len(options) for options in problem.blocks]
-    is_worth_searching = prod(numbers) > prices.few and max(numbers) <= MANY_OPTIONS
+    is_worth_searching = prod(numbers) > few and max(numbers) <= MANY_OPTIONS
     ends: Iterable[tuple[int, ...]] | None = None
     if is_worth_searching:
-        ends = _search(problem, prices)
+        ends = _search(problem, per_program)
     if ends is None:  # all choices, by batches for each choice of the first blocks
         first = next(m for m in range(len(numbers) + 1) if prod(numbers[m:]) <= BATCH)
         open_blocks = (OPEN,) * (len(numbers) - first)
         ends = ((*picks, *open_blocks) for picks in product(*map(range, numbers[:first])))
     for picks in ends:
         yield from filter(len, _finished(problem, np.array(picks, dtype=np.intp)))
+
+
+@final
+@dataclass(frozen=True, slots=True, eq=False)
+class AffineCells:
+    """Some cells of a system and the points that solve H there, parameters being unknowns, too.
+
+    The solutions of cell i are the points ``starts[i] + directions[i] @ w`` for which no entry of
+    ``sides[i] @ w + values[i]`` is negative; rounding may have let cells without solutions pass.
+
+    Attributes
+    ----------
+    starts, directions : ndarray, shapes (N, n) and (N, n, q)
+    sides, values : ndarray, shapes (N, k, q) and (N, k)
+        The inequalities that hold in every cell, then the tests that bound the cell, filled up with
+        1 >= 0; a row has unit length in the unknowns that are left of all common equations.
+    tests : ndarray of int, shape (N, k)
+        The test function of each inequality, -1 for other inequalities.
+    growth, rounding : ndarray, shape (N,)
+        The factor by which rounding may have grown in the starts, and the estimated error of the
+        values.
+
+    See the example of :func:`enumerate_cells`, which makes these.
+    """
+
+    starts: Array
+    directions: Array
+    sides: Array
+    values: Array
+    tests: Indices
+    growth: Array
+    rounding: Array
+    _problem: Problem
+    _choices: Choices
+
+    @classmethod
+    def of(cls, problem: Problem, choices: Choices) -> AffineCells:
+        """Return the cells of choices of options."""
+        starts = choices.starts @ problem.basis.T + problem.origin
+        errors = choices.growth, choices.rounding
+        inequalities = inequalities_of(problem, choices)
+        lines = problem.basis @ choices.directions
+        return cls(starts, lines, *inequalities, *errors, problem, choices)
+
+    def __len__(self) -> int:
+        """Return the number of cells."""
+        return len(self.starts)
+
+    def character(self, i: int) -> Character:
+        """Return the character of cell i."""
+        return self._problem.character(self._choices.picks[:, i])
+
+    def is_solved(self, i: int, growth: float) -> bool:
+        """Tell whether the start of cell i solves H to rounding, grown by a factor."""
+        chosen = self._problem.chosen(self._choices.picks[:, i])
+        return satisfies(chosen, self._choices.starts[i], growth)
+
+
+def enumerate_cells(
+    system: SlicewiseLinearSystem,
+    forms: Sequence[tuple[Array, Array]],
+    necessary: tuple[Array, Array],
+    scale: Array,
+    *,
+    few: int | None = None,
+) -> Iterator[AffineCells]:
+    """Yield all cells with solutions, where parameters are unknowns.
+
+    Parameters
+    ----------
+    system : SlicewiseLinearSystem
+        Gives the blocks and the tests that bound a cell.
+    forms : sequence of (ndarray, ndarray)
+        As from :func:`affine_forms`, of z and any number of parameters.
+    necessary : (ndarray, ndarray)
+        Matrix A and constant b with A x + b >= 0 at all solutions that are asked for.
+    scale : ndarray, shape (n,)
+        Typical magnitudes of the unknowns.
+    few : int, optional
+        Cells that are tried all at once; of more cells linear programs cut off most. Default: many,
+        as pays if no more is done with a cell than to find a point.
+
+    Yields
+    ------
+    AffineCells
+        Cells with equally many directions.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pwscont import LCP
+    >>> from pwscont.extending import affine_forms, enumerate_cells
+    >>> problem, size = LCP([[2.0]], q=[-1.0], d=[1.0]), np.ones(2)
+    >>> within = np.array([[0.0, 1.0], [0.0, -1.0]]), np.array([3.0, 3.0])  # abs(alpha) <= 3
+    >>> forms = affine_forms(problem, 0.0, size)
+    >>> [cells.directions.shape for cells in enumerate_cells(problem, forms, within, size)]
+    [(2, 2, 1)]
+    """
+    problem = problem_of(system, forms, necessary, scale)
+    if problem is not None:
+        found = leaves(problem, few, few and 1.0)
+        yield from (AffineCells.of(problem, choices) for choices in found)
 
 
 def _finished(problem: Problem, picks: Indices) -> Iterator[Choices]:
@@ -97,14 +196,14 @@ def _of_first(problem: Problem, picks: tuple[int, ...]) -> Choices | None:
     return choice
 
 
-def _search(problem: Problem, prices: Prices) -> list[tuple[int, ...]] | None:
+def _search(problem: Problem, per_program: float) -> list[tuple[int, ...]] | None:
     """Return the choices whose completions are all that is left; None if too costly."""
     single = [options for options in problem.blocks if len(options) == 1]
     first = _of_first(problem, (0,) * len(single))
     if first is None:
         return []
     blocks = [options for options in problem.blocks if len(options) > 1]
-    found = _Search(Forms.of(problem, blocks, first), prices.per_program).ends()
+    found = _Search(Forms.of(problem, blocks, first), per_program).ends()
     return found if found is None else sorted((0,) * len(single) + picks for picks in found)
 
 

@@ -25,7 +25,7 @@ from pwscont.basics.outcome import Guarantee, SearchScope
 from pwscont.basics.rounding import CONFIDENCE, EPS, GUARD
 from pwscont.curve.error_samples import Found, has_digits, is_same, magnitude
 from pwscont.curve.metric import Metric
-from pwscont.enumeration.choices import SLACK, Choices
+from pwscont.enumeration.choices import SLACK, Choices, inequalities_of
 from pwscont.enumeration.options import Problem, problem_with_alpha
 from pwscont.enumeration.polyhedron import Face, face_of
 from pwscont.enumeration.slices import FEW_CELLS, Points
@@ -42,8 +42,8 @@ from pwscont.transitions.rays import vanishing
 
 #: Largest component along alpha of a vertical direction, as a part of the largest component.
 ALONG = EPS**0.5
-#: In place of a test: the lower end of the interval, and an inequality of no further interest.
-LOWER_END, OTHER = -1, -2
+#: In place of a test: an inequality of no further interest, and the lower end of the interval.
+OTHER, LOWER_END = -1, -2
 #: Ends of lines that are refined together; of more lines, most may end at a corner that is known.
 FEW_LINES = 64
 
@@ -219,7 +219,8 @@ def _ends_of_lines(problem: Problem, choices: Choices, lower_end: int) -> tuple[
     of the interval, and for a bound of an unknown, the test is LOWER_END or OTHER.
     ``lower_end``: the inequality of the problem that says alpha >= lo.
     """
-    values, slopes, tests = _inequalities(problem, choices, lower_end)
+    sides, values, tests = inequalities_of(problem, choices)
+    slopes, tests[:, lower_end] = sides[..., 0], LOWER_END
     level = np.abs(slopes) <= np.minimum(GUARD * choices.rounding, SLACK)[:, np.newaxis]
     slack, divisors = choices.slack[:, np.newaxis], np.where(level, 1.0, slopes)
     relaxed, zeros = -(values + slack) / divisors, -values / divisors
@@ -228,28 +229,3 @@ def _ends_of_lines(problem: Problem, choices: Choices, lower_end: int) -> tuple[
     is_end = ~level & (begin <= zeros) & (zeros <= end)
     is_end &= (~level | (values >= -slack)).all(axis=1, keepdims=True)
     return np.where(is_end, zeros, np.inf), tests
-
-
-def _inequalities(
-    problem: Problem, choices: Choices, lower_end: int
-) -> tuple[Array, Array, Indices]:
-    """Return values at the starts of lines, slopes, and tests, of all inequalities of each cell.
-
-    Options with fewer inequalities than others get some that always hold.
-    """
-    every, starts, directions = np.arange(len(choices)), choices.starts, choices.directions[..., 0]
-    others = np.full((len(choices), len(problem.b)), OTHER)
-    others[:, lower_end] = LOWER_END
-    values, slopes, tests = [starts @ problem.A.T + problem.b], [directions @ problem.A.T], [others]
-    for options, picks in zip(problem.blocks, choices.picks, strict=True):
-        shape = len(options), max(len(option.g) for option in options)
-        G, g = np.zeros((*shape, problem.dimension)), np.ones(shape)
-        names = np.full(shape, OTHER)
-        for k, option in enumerate(options):
-            t = len(option.g)
-            G[k, :t], g[k, :t], names[k, :t] = option.G, option.g, option.bounding
-        rows, size = G.reshape(-1, problem.dimension).T, (len(choices), *shape)
-        values.append((starts @ rows).reshape(size)[every, picks] + g[picks])
-        slopes.append((directions @ rows).reshape(size)[every, picks])
-        tests.append(names[picks])
-    return np.hstack(values), np.hstack(slopes), np.hstack(tests)

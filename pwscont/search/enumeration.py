@@ -58,6 +58,8 @@ class Solutions(list[Solution]):
         uncertain.
     system : PiecewiseSystem, optional
     alpha : float, optional
+    is_finite : bool, optional
+        Whether no segment or more of solutions was found, of which only some are listed.
     """
 
     def __init__(
@@ -66,9 +68,12 @@ class Solutions(list[Solution]):
         guarantee: str = "",
         system: PiecewiseSystem | None = None,
         alpha: float | None = None,
+        *,
+        is_finite: bool = True,
     ) -> None:
         super().__init__(solutions)
         self.guarantee, self.system, self.alpha = guarantee, system, alpha
+        self.is_finite = is_finite
 
 
 def enumerate_solutions(system: SlicewiseLinearSystem, alpha: float) -> Solutions:
@@ -119,7 +124,7 @@ def enumerate_solutions(system: SlicewiseLinearSystem, alpha: float) -> Solution
     pairs = zip(solutions, points, strict=True)
     within = [s for s, p in pairs if is_inside(box, p.x, p.error, metric.scale)]
     guarantee = _guarantee(system, found, sum(s.det_sign for s in solutions))
-    return Solutions(within, guarantee, system, alpha)
+    return Solutions(within, guarantee, system, alpha, is_finite=not found.faces)
 
 
 def _representatives(found: Slice, metric: Metric) -> list[Point]:

@@ -148,11 +148,6 @@ def refuse_bent_tests(
         raise _bent(system, "test_functions", dx)
 
 
-def is_bent(value: Array, origin: Array, matrix: Matrix, dx: Array) -> bool:
-    """Tell whether ``value`` is not ``origin + matrix @ dx``, or not finite."""
-    return not (_bend(value, origin, matrix @ dx, abs(matrix) @ np.abs(dx)) <= 0.0).all()
-
-
 def _bend(value: Array, origin: Array, change: Array, terms: Array) -> Array:
     """Return how far ``value`` is off ``origin + change``, beyond a part of all terms."""
     terms = np.abs(value) + np.abs(origin) + terms

@@ -1,8 +1,7 @@
 """Families that are affine in z, alpha and mu together, in a window of the two parameters.
 
 In every cell H = A z + b s + c t + d, with (s, t) the point of the window's square; test functions
-have the same form. A row depends only on the mode of the row's block, so a matrix for each k
-suffices: the matrix of H with every block in mode k.
+have the same form.
 
 Failure modes and answers
 -------------------------
@@ -17,21 +16,14 @@ Failure modes and answers
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import TypeAlias, final
 
 import numpy as np
 
-from pwscont import Character, InvalidInputError, PiecewiseLinearSystem, PiecewiseSystem
-from pwscont.enumeration.options import Problem, aside, most_modes, problem_of
-from pwscont.extending import EPS, Array, Box, dense, finite_array, jacobian_at, residual_at
-from pwscont.system.promises import (
-    check_blocks,
-    is_bent,
-    refuse_bent,
-    refuse_bent_tests,
-)
+from pwscont import InvalidInputError, PiecewiseLinearSystem, PiecewiseSystem
+from pwscont.extending import EPS, Array, Box, affine_forms, dense, finite_array
 from pwscont.two_parameters.family import AlphaRange, Family, MakeSystem
 
 
@@ -103,17 +95,20 @@ class AffineFamily:
     system : PiecewiseLinearSystem
         The system in the middle of the window, with the blocks, labels and names of all systems.
     window : Window
-    problem : Problem or None
-        Blocks, options and bounds of options, with unknowns (z, s, t); None if no solution exists.
+    forms : list of (ndarray, ndarray)
+        H in every mode, then the tests, as functions of (z, s, t).
+    necessary : (ndarray, ndarray)
+        The functions of (z, s, t) that are not negative at solutions, then the sides of the square.
     scale : ndarray, shape (n,)
         Typical magnitudes of z.
     typical : ndarray, shape (2,)
-        Magnitudes of s and t by which the unknowns of the problem are scaled.
+        Magnitudes of s and t by which the unknowns are scaled.
     """
 
     system: PiecewiseLinearSystem
     window: Window
-    problem: Problem | None
+    forms: list[Form]
+    necessary: Form
     scale: Array
     typical: Array
 
@@ -135,14 +130,46 @@ class AffineFamily:
         system = _checked(family.sample)
         _check_sizes(family, window)
         scale = family.scale(window.mus)
-        coefficients = _Coefficients(family, system, window, scale)
-        modes = range(most_modes(system.blocks()))
-        rows = [coefficients.form(_residuals(coefficients, k), "H") for k in modes]
-        tests = coefficients.form(coefficients.tests, "the test functions")
-        check_blocks(system, len(tests[1]))
-        sizes = np.append(scale, _typical([*rows, tests], scale))
-        problem = problem_of(system, rows, tests, coefficients.necessary(), sizes)
-        return cls(system, window, problem, scale, sizes[-2:])
+        forms, necessary = _forms(family, window, scale), _necessary(family, window, scale)
+        return cls(system, window, forms, necessary, scale, _typical(forms, scale))
+
+
+def _forms(family: Family, window: Window, scale: Array) -> list[Form]:
+    """Return H in every mode, and the tests, from both ends of mu and a third value."""
+    (alpha, _), (lo, hi) = window.centre.tolist(), window.mus
+    reach = np.append(scale, THIRD * window.half[0])
+    values = (lo, hi, lo + THIRD * (hi - lo))
+    below, above, third = (affine_forms(_checked(family.at(mu)), alpha, reach) for mu in values)
+    forms: list[Form] = []
+    for (J, low), (K, high), (L, inside) in zip(below, above, third, strict=True):
+        rate = (high - low)[:, np.newaxis]
+        bent = _is_off(inside, low, rate, np.array([THIRD]))
+        if bent or any(_differ(J, other, reach) for other in (K, L)):
+            what = "the test functions" if J is below[-1][0] else "H"
+            raise InvalidInputError(
+                f"{what} of {type(family.sample).__name__} is not affine in z, alpha and the "
+                "second parameter together, so modes have no polygons; a PlaneScene follows loci "
+                "instead"
+            )
+        matrix = np.hstack([J[:, :-1], window.half[0] * J[:, -1:], 0.5 * rate])
+        forms.append((matrix, 0.5 * (low + high)))
+    return forms
+
+
+def _necessary(family: Family, window: Window, scale: Array) -> Form:
+    """Return the systems' own inequalities, if affine, and the sides of the square."""
+    square = np.hstack([np.zeros((4, len(scale))), np.kron([[1.0], [-1.0]], np.eye(2))])
+    corners = window.inside(np.array([[-1.0, -1.0], [1.0, -1.0], [-1.0, 1.0], [1.0, 1.0]]))
+    said = [_inequalities(family.at(mu), alpha) for alpha, mu in corners.tolist()]
+    (A, b), (_, by_s), (_, by_t), (_, last) = said
+    if len({matrix.shape for matrix, _ in said}) > 1:
+        return square, np.ones(4)
+    s, t = 0.5 * (by_s - b)[:, np.newaxis], 0.5 * (by_t - b)[:, np.newaxis]
+    bent = _is_off(last, b, np.hstack([s, t]), np.array([2.0, 2.0]))
+    if bent or any(_differ(A, matrix, scale) for matrix, _ in said):
+        return square, np.ones(4)
+    own = np.hstack([A, s, t])
+    return np.vstack([own, square]), np.append(0.5 * (by_s + by_t), np.ones(4))
 
 
 def _typical(forms: Iterable[Form], scale: Array) -> Array:
@@ -215,96 +242,20 @@ def _sizes(system: PiecewiseSystem, alpha: float) -> tuple[int, int]:
     return system.size, len(system.test_functions(np.zeros(system.size), alpha))
 
 
-@final
-class _Coefficients:
-    """Affine forms of (z, s, t), computed at the ends of mu and checked at a third value."""
-
-    def __init__(
-        self, family: Family, system: PiecewiseLinearSystem, window: Window, scale: Array
-    ) -> None:
-        self.family, self.system, self._window = family, system, window
-        self._alpha = float(window.centre[0])
-        self.x = np.append(np.zeros(system.size), self._alpha)
-        self.dx = aside(scale)
-        self.dx[-1] = THIRD * window.half[0]
-
-    def form(self, at: Callable[[float], Form], what: str) -> Form:
-        """Return the affine form of ``at``, mu -> Jacobian, shape (k, n + 1), and value."""
-        lo, hi = self._window.mus
-        (J, low), (K, high), (L, third) = map(at, (lo, hi, lo + THIRD * (hi - lo)))
-        along, rate = (hi - lo) * THIRD, (high - low)[:, np.newaxis] / (hi - lo)
-        bent = is_bent(third, low, rate, np.array([along]))
-        if bent or any(_differ(J, other, self.dx) for other in (K, L)):
-            raise InvalidInputError(
-                f"{what} of {type(self.system).__name__} is not affine in z, alpha and the second "
-                "parameter together, so modes have no polygons; a PlaneScene follows loci instead"
-            )
-        columns = [J[:, :-1], self._window.half[0] * J[:, -1:], 0.5 * (high - low)[:, np.newaxis]]
-        return np.hstack(columns), 0.5 * (low + high)
-
-    def tests(self, mu: float) -> Form:
-        """Return gradients and values of the tests at mu, in the middle of alpha."""
-        system, z = self.family.at(mu), self.x[:-1]
-        values = np.array(system.test_functions(z, self._alpha), dtype=float)
-        gradients = dense(system.test_jacobian(z, self._alpha))
-        refuse_bent_tests(system, self.x, self.dx, values, gradients)
-        return gradients, values
-
-    def necessary(self) -> Form:
-        """Return the forms that are not negative at solutions, then the sides of the square."""
-        square = np.hstack([np.zeros((4, self.system.size)), np.kron([[1.0], [-1.0]], np.eye(2))])
-        known = self._necessary()
-        if known is None:
-            return square, np.ones(4)
-        return np.vstack([known[0], square]), np.append(known[1], np.ones(4))
-
-    def _necessary(self) -> Form | None:
-        """Return the systems' own inequalities, from three corners; None if not affine."""
-        corners = self._window.inside(
-            np.array([[-1.0, -1.0], [1.0, -1.0], [-1.0, 1.0], [1.0, 1.0]])
-        )
-        said = [_inequalities(self.family.at(mu), alpha) for alpha, mu in corners.tolist()]
-        (A, b), (_, by_s), (_, by_t), (_, last) = said
-        if len({matrix.shape for matrix, _ in said}) > 1:
-            return None
-        s, t = 0.5 * (by_s - b)[:, np.newaxis], 0.5 * (by_t - b)[:, np.newaxis]
-        bent = is_bent(last, b, np.hstack([s, t]), np.array([2.0, 2.0]))
-        if bent or any(_differ(A, matrix, self.dx) for matrix, _ in said):
-            return None
-        return np.hstack([A, s, t]), 0.5 * (by_s + by_t)
-
-
-def _residuals(coefficients: _Coefficients, k: int) -> Callable[[float], Form]:
-    """Return the function from mu to Jacobian and value of H with every block in mode k."""
-    system, x = coefficients.system, coefficients.x
-    signs = [True] * len(system.test_functions(x[:-1], float(x[-1])))
-    for block in system.blocks():
-        for test, sign in zip(block.tests, block.modes[min(k, len(block.modes) - 1)], strict=True):
-            signs[test] = sign
-    character = Character(tuple(signs))
-
-    def at(mu: float) -> Form:
-        own = coefficients.family.at(mu)
-        value = residual_at(own, x[:-1], float(x[-1]), character)
-        jacobian = dense(jacobian_at(own, x[:-1], float(x[-1]), character))
-        refuse_bent(own, character, x, coefficients.dx, value, jacobian)
-        return jacobian, value
-
-    return at
-
-
 def _inequalities(system: PiecewiseSystem, alpha: float) -> Form:
     A, b = _checked(system).necessary(alpha)
     return np.array(dense(A), dtype=float), np.array(b, dtype=float)
 
 
-def _differ(one: Array, other: Array, dx: Array) -> bool:
+def _differ(one: Array, other: Array, magnitudes: Array) -> bool:
     """Tell whether matrices differ by more than the rounding of the terms of a row."""
     if one.shape != other.shape:
         return True
-    sizes = np.abs(dx[: one.shape[1]])
-    return bool(
-        (
-            np.abs(one - other) @ sizes > HALF_OF_DIGITS * ((np.abs(one) + np.abs(other)) @ sizes)
-        ).any()
-    )
+    limit = HALF_OF_DIGITS * ((np.abs(one) + np.abs(other)) @ magnitudes)
+    return bool((np.abs(one - other) @ magnitudes > limit).any())
+
+
+def _is_off(value: Array, origin: Array, rates: Array, way: Array) -> bool:
+    """Tell whether a value is not ``origin + rates @ way`` to half of the digits of the terms."""
+    terms = np.abs(value) + np.abs(origin) + np.abs(rates) @ way
+    return not bool((np.abs(value - origin - rates @ way) <= HALF_OF_DIGITS * terms).all())

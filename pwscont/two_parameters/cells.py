@@ -18,7 +18,7 @@ Failure modes and answers
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import final
@@ -26,12 +26,22 @@ from typing import final
 import numpy as np
 
 from pwscont import Character, InvalidSystemError
-from pwscont.enumeration.choices import Choices
-from pwscont.enumeration.options import Option, Problem
-from pwscont.enumeration.polyhedron import Polyhedron, satisfies
-from pwscont.enumeration.slices import det_sign
-from pwscont.enumeration.tree import Prices, leaves
-from pwscont.extending import EPS, GUARD, Array, Indices, Metric, Signs, check_budget
+from pwscont.extending import (
+    EPS,
+    GUARD,
+    AffineCells,
+    Array,
+    Curve,
+    Failure,
+    Indices,
+    Metric,
+    Polyhedron,
+    Selection,
+    Signs,
+    check_budget,
+    enumerate_cells,
+    newton,
+)
 from pwscont.two_parameters.affine import AffineFamily
 from pwscont.two_parameters.half_planes import clipped
 
@@ -69,83 +79,58 @@ class Strip:
     is_certain: bool
 
 
-def strip_of(problem: Problem, typical: Array, one: Choices) -> Strip | None:
-    """Return the strip of a singular cell, None without infinitely many solutions over a point.
-
-    Parameters
-    ----------
-    problem : Problem
-        The problem in the unknowns (z, s, t), with the sides of the square as last inequalities.
-    typical : ndarray, shape (2,)
-        Magnitudes of s and t by which the unknowns of the problem are scaled.
-    one : Choices
-        The cell.
-    """
-    picks, chosen = one.picks[:, 0], problem.chosen(one.picks[:, 0])
-    above = _Above.of(problem, typical, one)
-    off = float(one.rounding[0])
-    around = above.polyhedron(chosen, GUARD * off)
-    if around is None or not satisfies(chosen, above.start, GUARD * float(one.growth[0])):
+def strip_of(family: AffineFamily, cells: AffineCells, i: int) -> Strip | None:
+    """Return the strip of singular cell i, None without infinitely many solutions over a point."""
+    off, growth = float(cells.rounding[i]), float(cells.growth[i])
+    onto, turned, is_certain = _onto(family, cells.directions[i], growth)
+    around = _around(family, cells, i, onto, turned)
+    if around is None or not cells.is_solved(i, GUARD * growth):
         return None
+    character = cells.character(i)
     if GUARD * off > COARSE:
-        return Strip(problem.character(picks), np.zeros((1, 2)), False, 1.0, False)
+        return Strip(character, np.zeros((1, 2)), False, 1.0, False)
     inside = around.inside(GUARD * off)
-    if inside is None or not _is_infinite(above.onto @ inside[1], typical):
+    if inside is None or not _is_infinite(onto @ inside[1], family.typical):
         return None
-    shadow = _Shadow(around.moved(inside[0]), above.onto)
-    hull = shadow.hull() + above.onto @ inside[0] + above.origin
-    blur, is_unbounded = 4.0 * off * float(typical.max()), shadow.has_no_bound()
-    return Strip(problem.character(picks), hull, is_unbounded, blur, above.is_certain)
+    shadow = _Shadow(around.moved(inside[0]), onto)
+    hull = shadow.hull() + onto @ inside[0] + cells.starts[i, -2:]
+    blur = 4.0 * off * float(family.typical.max())
+    return Strip(character, hull, shadow.has_no_bound(), blur, is_certain)
+
+
+def _onto(family: AffineFamily, directions: Array, growth: float) -> tuple[Array, Array, bool]:
+    """Return how points of a cell move over the square, and whether the rank is certain.
+
+    The points start + directions @ turned @ w lie over the points origin + onto @ w. Columns of
+    ``onto`` that are zero within rounding are exactly zero: along such directions solutions may be
+    unbounded, and rounding would grow.
+    """
+    typical = family.typical[:, np.newaxis]
+    U, sigma, Vt = np.linalg.svd(directions[-2:] / typical, full_matrices=True)
+    rank = int((sigma > GUARD * EPS * growth).sum())
+    onto = np.zeros((2, directions.shape[1]))
+    onto[:, :rank] = typical * U[:, :rank] * sigma[:rank]
+    return onto, Vt.T, bool((sigma[rank:] <= GUARD * EPS).all())
+
+
+def _around(
+    family: AffineFamily, cells: AffineCells, i: int, onto: Array, turned: Array
+) -> Polyhedron | None:
+    """Return the inequalities of a cell and of the square; None if no point satisfies all."""
+    typical, origin = np.tile(family.typical, 2), cells.starts[i, -2:]
+    own = slice(len(family.necessary[1]), None)
+    parts = cells.sides[i, own], cells.sides[i, : own.start - 4]
+    values = cells.values[i, own], cells.values[i, : own.start - 4]
+    square = np.vstack([onto, -onto]) / typical[:, np.newaxis]
+    matrix = np.vstack([*(part @ turned for part in parts), square])
+    vector = np.concatenate([*values, (1.0 + np.append(origin, -origin)) / typical])
+    return Polyhedron.of(matrix, vector, GUARD * float(cells.rounding[i]))
 
 
 def _is_infinite(onto: Array, typical: Array) -> bool:
     """Tell whether several points of a cell lie over a single point of the square."""
     rank = np.linalg.matrix_rank(onto / typical[:, np.newaxis], tol=GUARD * EPS)
     return bool(onto.shape[1] > rank)
-
-
-@final
-@dataclass(frozen=True, slots=True, eq=False)
-class _Above:
-    """The points start + directions @ w of a cell, which lie over the points origin + onto @ w.
-
-    Columns of ``onto`` that are zero within rounding are exactly zero: along such directions
-    solutions may be unbounded, and rounding would grow.
-    """
-
-    problem: Problem
-    typical: Array
-    start: Array
-    directions: Array
-    onto: Array
-    is_certain: bool
-
-    @classmethod
-    def of(cls, problem: Problem, typical: Array, one: Choices) -> _Above:
-        start, directions = one.starts[0], one.directions[0]
-        U, sigma, Vt = np.linalg.svd(
-            problem.basis[-2:] / typical[:, np.newaxis] @ directions, full_matrices=True
-        )
-        rank = int((sigma > GUARD * EPS * float(one.growth[0])).sum())
-        onto = np.zeros((2, directions.shape[1]))
-        onto[:, :rank] = typical[:, np.newaxis] * U[:, :rank] * sigma[:rank]
-        is_certain = bool((sigma[rank:] <= GUARD * EPS).all())
-        return cls(problem, typical, start, directions @ Vt.T, onto, is_certain)
-
-    @property
-    def origin(self) -> Array:
-        """The point of the square under the start."""
-        point: Array = self.problem.basis[-2:] @ self.start + self.problem.origin[-2:]
-        return point
-
-    def polyhedron(self, chosen: Sequence[Option], rounding: float) -> Polyhedron | None:
-        """Return the inequalities of cell and square; None if no point satisfies all."""
-        G = np.vstack([*(option.G for option in chosen), self.problem.A[:-4]])
-        g = np.concatenate([*(option.g for option in chosen), self.problem.b[:-4]])
-        square = np.vstack([self.onto, -self.onto]) / np.tile(self.typical, 2)[:, np.newaxis]
-        sides = (1.0 + np.append(self.origin, -self.origin)) / np.tile(self.typical, 2)
-        matrix = np.vstack([G @ self.directions, square])
-        return Polyhedron.of(matrix, np.append(G @ self.start + g, sides), rounding)
 
 
 @final
@@ -203,9 +188,11 @@ def _apart(points: list[Array]) -> list[Array]:
     return kept
 
 
-#: Prices of linear programs against batches: a cell that a batch leaves over has a polygon cut,
-#: which takes longer than computing a point.
-PRICES = Prices(1024, 1)
+#: Most Newton iterations to a solution in a cell: the first solves, the rest mends rounding.
+REFINEMENTS = 3
+#: Most cells that are tried all at once: a cell that is left over has a polygon cut, which takes
+#: longer than computing a point.
+MOST_AT_ONCE = 1024
 
 
 @final
@@ -262,60 +249,52 @@ def cells_of(family: AffineFamily) -> tuple[list[Cell], list[Strip]]:
     """Return the regular cells with solutions over a polygon, and the strips of singular cells."""
     cells: list[Cell] = []
     strips: list[Strip] = []
-    if family.problem is None:
-        return cells, strips
     metric = Metric.of(family.system, family.window.alphas)
-    for choices in leaves(family.problem, PRICES):
+    sizes = np.append(family.scale, family.typical)
+    parts = family.system, family.forms, family.necessary, sizes
+    for found in enumerate_cells(*parts, few=MOST_AT_ONCE):
         check_budget()
-        is_regular, inverses = _inverses(family, choices)
-        for i in np.flatnonzero(~is_regular):
-            strip = strip_of(family.problem, family.typical, choices[i : i + 1])
-            strips += [] if strip is None else [strip]
-        regular = np.flatnonzero(is_regular)
-        if not len(regular):
-            continue
-        cells += _cells(family, metric, choices[regular], inverses[regular])
+        is_regular, inverses = _inverses(family, found)
+        singular = (strip_of(family, found, i) for i in np.flatnonzero(~is_regular).tolist())
+        strips += filter(None, singular)
+        if is_regular.any():
+            cells += _cells(family, metric, found, is_regular, inverses)
     return cells, strips
 
 
-def _inverses(family: AffineFamily, choices: Choices) -> tuple[Signs, Array]:
-    """Return which choices are regular, and the inverses of d(s, t) / d(free directions).
+def _inverses(family: AffineFamily, cells: AffineCells) -> tuple[Signs, Array]:
+    """Return which cells are regular, and the inverses of d(s, t) / dw, shape (N, 2, 2).
 
-    A choice is regular if the point (s, t) determines the solution. The inverses have shape (N, 2,
-    2).
+    A cell is regular if the point (s, t) determines the solution.
     """
-    problem, number, free = family.problem, len(choices), choices.directions.shape[-1]
-    if problem is None or free != 2:
-        return np.zeros(number, dtype=bool), np.zeros((number, 2, 2))
-    maps = problem.basis[-2:] @ choices.directions
+    maps = cells.directions[:, -2:]
+    if maps.shape[-1] != 2:
+        return np.zeros(len(cells), dtype=bool), np.zeros((len(cells), 2, 2))
     smallest = np.linalg.svd(maps / family.typical[:, np.newaxis], compute_uv=False)[:, -1]
-    is_regular: Signs = smallest > GUARD * EPS * choices.growth
-    maps[~is_regular] = np.eye(2)
-    return is_regular, np.asarray(np.linalg.inv(maps), dtype=float)
+    is_regular: Signs = smallest > GUARD * EPS * cells.growth
+    return is_regular, np.linalg.inv(np.where(is_regular[:, None, None], maps, np.eye(2)))
 
 
 def _cells(
-    family: AffineFamily, metric: Metric, choices: Choices, inverses: Array
+    family: AffineFamily, metric: Metric, cells: AffineCells, is_regular: Signs, inverses: Array
 ) -> Iterator[Cell]:
-    """Yield the cells of regular choices that have solutions over a polygon."""
-    problem = family.problem
-    assert problem is not None
-    points = _over_the_square(problem, choices, inverses)
-    sides, tests = _sides(problem, choices, points)
-    rounding = choices.rounding * np.linalg.norm(inverses * family.typical, axis=(1, 2))
-    for i in np.flatnonzero(_may_hold(sides, rounding)):
+    """Yield the regular cells that have solutions over a polygon."""
+    own = slice(len(family.necessary[1]), None)
+    sides = _over_the_square(cells, inverses, cells.sides[:, own], cells.values[:, own])
+    points = _over_the_square(cells, inverses, cells.directions[:, :-2], cells.starts[:, :-2])
+    rounding = cells.rounding * np.linalg.norm(inverses * family.typical, axis=(1, 2))
+    for i in np.flatnonzero(is_regular & _may_hold(sides, rounding)).tolist():
         lengths = np.hypot(*sides[i, :, :2].T)
         moves = lengths > GUARD * rounding[i]
-        own = sides[i, moves] / lengths[moves, np.newaxis]
+        lines = sides[i, moves] / lengths[moves, np.newaxis]
         off = 4.0 * float(rounding[i])
-        polygon = _polygon(own, 0.5 * off / lengths[moves])
+        polygon = _polygon(lines, 0.5 * off / lengths[moves])
         if len(polygon) > 2:
-            character = problem.character(choices.picks[:, i])
-            z = (problem.basis @ points[i])[:-2]
-            z[:, 2] += problem.origin[:-2]
+            character, z = cells.character(i), points[i]
             sign = _det_sign(family, metric, character, z, polygon)
             label, blur = family.system.label(character), off / lengths[moves].min(initial=np.inf)
-            yield Cell(character, label, sign, z, own, tests[i, moves], polygon, float(blur), off)
+            tests = cells.tests[i, own][moves]
+            yield Cell(character, label, sign, z, lines, tests, polygon, float(blur), off)
 
 
 def _polygon(sides: Array, blur: Array) -> Array:
@@ -330,37 +309,20 @@ def _det_sign(
     """Return the sign of det(dH/dz), which is constant in a cell."""
     point = polygon.mean(axis=0)
     x = np.append(z @ np.append(point, 1.0), family.window.inside(point)[0])
-    return det_sign(family.system, metric, x, character)
+    alpha, row, curve = (
+        x[-1],
+        np.eye(len(x))[-1],
+        Curve(Selection(family.system, character), metric),
+    )
+    root = newton(curve, lambda y: (float(y[-1] - alpha), row), x, REFINEMENTS)
+    return 0 if isinstance(root, Failure) else root.factor.sign
 
 
-def _over_the_square(problem: Problem, choices: Choices, inverses: Array) -> Array:
-    """Return the reduced unknowns as affine functions of (s, t, 1), shape (N, d, 3)."""
-    linear = choices.directions @ inverses
-    at_start = choices.starts @ problem.basis[-2:].T + problem.origin[-2:]
-    constant = choices.starts - (linear @ at_start[..., np.newaxis])[..., 0]
-    return np.concatenate([linear, constant[..., np.newaxis]], axis=-1)
-
-
-def _sides(problem: Problem, choices: Choices, points: Array) -> tuple[Array, Indices]:
-    """Return the inequalities of each choice in (s, t, 1), shape (N, k, 3), and the tests' numbers.
-
-    A block with fewer than the most inequalities is filled up with 1 >= 0.
-    """
-    sides, tests = [], []
-    for options, picks in zip(problem.blocks, choices.picks, strict=True):
-        most = max(len(option.g) for option in options)
-        own = np.zeros((len(choices), most, 3))
-        own[..., 2] = 1.0
-        names = np.full((len(choices), most), -1, dtype=np.intp)
-        for k, option in enumerate(options):
-            mine = np.flatnonzero(picks == k)
-            values = option.G @ points[mine]
-            values[..., 2] += option.g
-            own[mine, : len(option.g)] = values
-            names[mine, : len(option.g)] = option.bounding
-        sides.append(own)
-        tests.append(names)
-    return np.concatenate(sides, axis=1), np.concatenate(tests, axis=1)
+def _over_the_square(cells: AffineCells, inverses: Array, ways: Array, values: Array) -> Array:
+    """Return values + ways @ w of each cell as functions of (s, t, 1), shape (N, k, 3)."""
+    slopes = ways @ inverses
+    constants = values - (slopes @ cells.starts[:, -2:, np.newaxis])[..., 0]
+    return np.concatenate([slopes, constants[..., np.newaxis]], axis=-1)
 
 
 def _may_hold(sides: Array, rounding: Array) -> Signs:

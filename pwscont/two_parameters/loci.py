@@ -31,23 +31,24 @@ from pwscont.extending import (
     EPS,
     Array,
     Curve,
+    Failure,
     Indices,
     Kind,
     Metric,
     Piece,
-    Ray,
     Report,
     Selection,
     SpecialPoint,
+    State,
     completed,
     counted,
     named,
+    newton,
     short,
     silent,
     uninterrupted,
     with_article,
 )
-from pwscont.transitions.rays import inward_ray
 from pwscont.two_parameters.family import MakeSystem
 from pwscont.two_parameters.locus import TransitionLocus
 
@@ -60,6 +61,8 @@ SPARING = PseudoArclength(step_size=StepSize(gap=0.02))
 #: Largest distance of a locus from the chords between points, as a part of the range of alpha: less
 #: than ``BESIDE`` of :mod:`plane`, so that points beside an edge lie on the right side.
 FLAT = 1e-4
+#: Most Newton iterations from a point of a locus, which mend rounding.
+FEW_STEPS = 3
 
 
 @final
@@ -148,17 +151,27 @@ def turning(locus: TransitionLocus, y: Array, mu: float, character: Character) -
 
 def _slopes(locus: TransitionLocus, y: Array, mu: float, character: Character) -> Array:
     """Return the slopes of alpha along the curves to the two sides; rounding counts as zero."""
-    one, other = (_ray(locus, y, mu, side) for side in locus.sides(character))
-    if one is None or other is None:  # the locus turns here, tangent to alpha
+    slopes = [_slope(locus, y, mu, side) for side in locus.sides(character)]
+    if None in slopes:  # the locus turns here, tangent to alpha
         return np.zeros(2)
-    return np.array([ray.curve.slope(ray.state) for ray in (one, other)])
+    return np.array(slopes)
 
 
-def _ray(locus: TransitionLocus, y: Array, mu: float, side: Character) -> Ray | None:
-    """Return the ray from the transition into the cell of a side."""
+def _slope(locus: TransitionLocus, y: Array, mu: float, side: Character) -> float | None:
+    """Return the slope of alpha along the curve from a transition into the cell of a side."""
+    selection = Selection(locus.at(mu), side)
     scale = np.append(locus.family.scale((mu, mu)), locus.limits.width)
-    curve = Curve(Selection(locus.at(mu), side), Metric(scale))
-    return inward_ray(curve, y, np.zeros((1, len(y))), locus.test)
+    curve = Curve(selection, Metric(scale))
+    if locus.test not in selection.bounding:
+        return None
+    index = int(np.flatnonzero(selection.bounding == locus.test)[0])
+    root = newton(
+        curve, lambda x: (selection.test(x, index), selection.test_gradient(x, index)), y, FEW_STEPS
+    )
+    if isinstance(root, Failure) or root.factor.is_singular():
+        return None
+    inward = curve.metric.normalised(root.factor.solve(np.eye(len(y))[-1]))
+    return curve.slope(State(root.x, inward, root.error[np.newaxis], root.factor.sign))
 
 
 def follow_transitions(

@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import compress
 from typing import TypeAlias, final
 
 import numpy as np
 
-from pwscont import SlicewiseLinearSystem
-from pwscont.extending import Array, Kind, Metric, Report, number, silent
-from pwscont.search.enumeration import solve_surely
+from pwscont import SlicewiseLinearSystem, enumerate_solutions
+from pwscont.extending import Array, Kind, Report, number, silent
 from pwscont.two_parameters.loci import Locus, LocusPart, follow_transitions, parts_of
 from pwscont.two_parameters.plane import (
     Found,
@@ -174,35 +174,24 @@ class _Tried:
     @classmethod
     def of(cls, family: MakeLinear, region: Region) -> _Tried:
         """Return the result of enumeration at all points of a region."""
-        here, surely = _solutions(family, region.inside)
-        sector = Sector((region,), here.points, math.inf if here.faces else len(here.points))
+        here, is_finite, surely = _solutions(family, region.inside)
+        sector = Sector((region,), here, len(here) if is_finite else math.inf)
         labels, mixed = set(sector.labels), []
         for point in region.others:
-            there, sure = _solutions(family, point)
+            there, _, sure = _solutions(family, point)
             surely &= sure
-            if {found.label for found in there.points} != labels:
+            if {found.label for found in there} != labels:
                 mixed.append(point)
         points = 1 + len(region.others)
         return cls(sector, tuple(mixed), points if surely and not mixed else 0)
 
 
-@final
-@dataclass(frozen=True, slots=True, eq=False)
-class _Here:
-    """The isolated solutions at a point of the plane, and whether whole faces are solutions."""
-
-    points: tuple[Found, ...]
-    faces: bool
-
-
-def _solutions(family: MakeLinear, point: Array) -> tuple[_Here, bool]:
-    """Return the solutions at (alpha, mu), and whether enumeration proves the list complete."""
+def _solutions(family: MakeLinear, point: Array) -> tuple[tuple[Found, ...], bool, bool]:
+    """Return the isolated solutions at (alpha, mu), if these are all, and if that is proven."""
     alpha, mu = map(float, point)
-    system = family(mu)
-    found = solve_surely(system, Metric.at(system, alpha), alpha)
-    isolated = tuple(
-        Found(one.x[:-1], system.label(one.characters[0]), one.det_sign) for one in found.points
-    )
-    balance = sum(one.det_sign for one in isolated)
-    sure = (found.exact or not found.undecided) and system.degree in (None, balance)
-    return _Here(isolated, bool(found.faces)), sure and not found.faces
+    found = enumerate_solutions(family(mu), alpha)
+    is_isolated = (found.is_finite or one.kind != Kind.DEGENERATE for one in found)
+    isolated = compress(found, is_isolated)
+    points = tuple(Found(one.z, one.label, one.det_sign) for one in isolated)
+    is_sure = found.is_finite and found.guarantee.startswith("complete")
+    return points, found.is_finite, is_sure
