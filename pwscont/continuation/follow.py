@@ -31,7 +31,7 @@ from pwscont.system.contract import refuse_wrong_jacobian
 from pwscont.system.differences import FINEST_PART, REFINEMENT, STEP
 from pwscont.transitions.bounding import BoundingTests
 from pwscont.transitions.detector import SpecialPointFound, TransitionDetector
-from pwscont.transitions.ends import Bounds, IntervalEnds, ended
+from pwscont.transitions.ends import Bounds, IntervalEnds, ended_by_system
 from pwscont.transitions.events import Events, EventsAlong
 from pwscont.transitions.rays import Ray
 from pwscont.transitions.smooth import SmoothBranchPoints, SmoothFolds, leaning
@@ -335,7 +335,7 @@ class PieceFollower(Follower):
         """Return the special point that an event makes, with the ways on that are allowed."""
         arrival = self.watch.ended(event.arrive(curve))
         arrival = self.events.ended(arrival) if self.events else arrival
-        final = ended(arrival)
+        final = ended_by_system(arrival)
         return arrival if final is arrival else final.leading(final.rays[:1])
 
     def _first_event(

@@ -62,7 +62,7 @@ from pwscont.system.selection import Selection
 from pwscont.system.system import PiecewiseLinearSystem, PiecewiseSystem
 from pwscont.transitions import TransitionDetector
 from pwscont.transitions.detector import SpecialPointFound
-from pwscont.transitions.ends import Bounds, Standing, ended
+from pwscont.transitions.ends import Bounds, Standing, ended_by_system
 from pwscont.transitions.events import Events, checked_events
 from pwscont.transitions.rays import Ray
 from pwscont.transitions.user_event import Stop

@@ -158,7 +158,7 @@ def _inside(curve: Curve, x: Array, error: Array) -> SpecialPointFound:
     return SpecialPointFound(Kind.START, forth.state.x, said, rays)
 
 
-def ended(arrival: SpecialPointFound) -> SpecialPointFound:
+def ended_by_system(arrival: SpecialPointFound) -> SpecialPointFound:
     """Return a special point of kind END, if the system ends any of the curves there.
 
     Systems that are not :class:`~pwscont.extending.Ending` end no curve.
