@@ -2,23 +2,30 @@
 
 A method that only computes with numbers computes with columns as well, and the entries of a column
 never meet. A method that compares, converts or calls functions of scipy fails with columns, and H
-is then evaluated point by point, as for a method that looks at types or keeps its arguments.
+is then evaluated point by point, as for a method that looks at types or keeps its arguments. Where
+numbers would raise an error or become complex, columns have entries that are not finite.
 """
 
 from __future__ import annotations
 
+import gc
 from collections.abc import Callable
+from types import FunctionType, ModuleType
 from typing import Any, final
 
 import numpy as np
 
 from pwscont.basics.arrays import Array, generic
+from pwscont.system.abilities import formula_of
+from pwscont.system.system import PiecewiseSystem
 
 #: Most unknowns, and fewest points, for which columns are faster than H of a point at a time.
 MOST_UNKNOWNS, FEWEST_POINTS = 8, 4
 #: How far from a curve H is evaluated both ways, as a part of the largest unknown, and the largest
 #: difference, as a part of the largest entry of H.
 AWAY, SAME = 0.01, 1e-9
+#: Most objects within reach of H for which columns are used: finding all must cost less than H.
+MOST_KEPT = 400
 #: Functions of numpy that compute an entry from the same entry of the argument.
 FUNCTIONS = (
     *("exp", "expm1", "exp2", "log", "log1p", "log2", "log10", "sqrt", "cbrt"),
@@ -114,7 +121,7 @@ Residual = Callable[[Array, Any], Any]
 
 
 def by_columns(residual: Residual, points: Array) -> Array | None:
-    """Return H at points by a single call, None if H cannot be computed with columns.
+    """Return H at points by a single call, None if H is not finite or fails with columns.
 
     ``residual``: (z, alpha) -> ndarray, shape (n,); ``points``: shape (k, n + 1).
     """
@@ -131,26 +138,50 @@ def by_columns(residual: Residual, points: Array) -> Array | None:
     entries: list[Any] = list(found)
     for row, each in zip(values, entries, strict=True):
         row[:] = each.values if type(each) is Column else each
-    return values.T
+    return values.T if np.isfinite(values).all() else None
 
 
-def takes_columns(system: object, residual: Residual, points: Array) -> bool:
-    """Tell whether H computed with columns is H, from a few of the points, moved off the curve."""
+def takes_columns(system: PiecewiseSystem, residual: Residual, points: Array) -> bool:
+    """Tell whether H computed with columns is H, from a few of the points, moved off the curve.
+
+    H that changes anything between two calls gets no columns: what H keeps would become columns.
+    """
     count, size = points.shape
     if size - 1 > MOST_UNKNOWNS:
         return False
     moved = points[[0, count // 2, -1]]
     moved[:, :-1] += AWAY * np.abs(moved[:, :-1]).max() * generic(size - 1)
-    attributes = getattr(system, "__dict__", {})
-    before = dict(attributes)
-    found = by_columns(residual, moved)
-    kept = all(before.get(name, before) is value for name, value in attributes.items())
-    if found is None or not kept:
-        attributes.clear()
-        attributes.update(before)
-        return False
+    roots = [formula_of(system) or (system, type(system).residual)]
+    before = _within_reach(roots)
     try:
         one_by_one = np.array([residual(x[:-1], float(x[-1])) for x in moved])
     except Exception:  # beside the curve H may be undefined
         return False
+    after = _within_reach(roots)
+    if len(before) > MOST_KEPT or list(map(id, before)) != list(map(id, after)):
+        return False
+    found = by_columns(residual, moved)
+    if found is None:
+        return False
     return bool(np.abs(found - one_by_one).max() <= SAME * np.abs(one_by_one).max())
+
+
+def _within_reach(roots: list[Any]) -> list[Any]:
+    """Return what functions and objects can change: attributes, closures, globals, contents.
+
+    At most a few more than MOST_KEPT objects are returned.
+    """
+    found, seen = list(roots), set[int]()
+    for each in found:  # found grows
+        if len(found) > MOST_KEPT:
+            break
+        if id(each) in seen or isinstance(each, type | ModuleType):
+            continue
+        seen.add(id(each))
+        if isinstance(each, FunctionType):
+            names = [name for name in each.__code__.co_names if name in each.__globals__]
+            found += [each.__closure__, each.__defaults__, each.__kwdefaults__, each.__dict__]
+            found += [each.__globals__[name] for name in names]
+        else:
+            found += gc.get_referents(each)
+    return found
