@@ -157,20 +157,15 @@ def takes_columns(system: PiecewiseSystem, residual: Residual, points: Array) ->
         one_by_one = np.array([residual(x[:-1], float(x[-1])) for x in moved])
     except Exception:  # beside the curve H may be undefined
         return False
-    after = _within_reach(roots)
-    if len(before) > MOST_KEPT or list(map(id, before)) != list(map(id, after)):
-        return False
-    found = by_columns(residual, moved)
+    is_pure = list(map(id, before)) == list(map(id, _within_reach(roots)))
+    found = by_columns(residual, moved) if is_pure and len(before) <= MOST_KEPT else None
     if found is None:
         return False
     return bool(np.abs(found - one_by_one).max() <= SAME * np.abs(one_by_one).max())
 
 
 def _within_reach(roots: list[Any]) -> list[Any]:
-    """Return what functions and objects can change: attributes, closures, globals, contents.
-
-    At most a few more than MOST_KEPT objects are returned.
-    """
+    """Return what functions and objects can change: attributes, closures, globals, contents."""
     found, seen = list(roots), set[int]()
     for each in found:  # found grows
         if len(found) > MOST_KEPT:
@@ -179,9 +174,9 @@ def _within_reach(roots: list[Any]) -> list[Any]:
             continue
         seen.add(id(each))
         if isinstance(each, FunctionType):
-            names = [name for name in each.__code__.co_names if name in each.__globals__]
+            known = each.__globals__
+            found += [known[name] for name in each.__code__.co_names if name in known]
             found += [each.__closure__, each.__defaults__, each.__kwdefaults__, each.__dict__]
-            found += [each.__globals__[name] for name in names]
         else:
             found += gc.get_referents(each)
     return found
