@@ -67,7 +67,7 @@ from pwscont.system.abilities import (
     shown_size,
 )
 from pwscont.system.box import Box
-from pwscont.system.columns import are_columns, numbers_in
+from pwscont.system.columns import numbers_in
 from pwscont.system.contract import checked_magnitudes, jacobian_at, residual_at
 from pwscont.system.differences import Differences
 from pwscont.system.selection import Selection
@@ -180,7 +180,6 @@ __all__ = [
     "affine_forms",
     "all_names",
     "apart",
-    "are_columns",
     "as_written",
     "attempted",
     "balanced",

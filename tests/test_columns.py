@@ -90,6 +90,52 @@ def test_a_system_that_tells_columns_from_numbers_gets_none(system):
     assert type(getattr(system, "last", np.ones(1))[0]) is np.float64
 
 
+class Given(Odd):
+    """H of one unknown as a function of (z, alpha)."""
+
+    def __init__(self, function):
+        self.function = function
+
+    def residual(self, z, alpha, character):
+        return self.function(z, alpha)
+
+
+class KeepsInList(Odd):
+    """y(z) = alpha with y^3 + y = z, by Newton from the last y."""
+
+    def __init__(self):
+        self.kept = [1.0]
+
+    def residual(self, z, alpha, character):
+        y = self.kept[0]
+        for _ in range(40):
+            y = y - (y**3 + y - z[0]) / (3.0 * y**2 + 1.0)
+        self.kept[0] = y
+        return np.array([y - alpha])
+
+
+def closure():
+    """Return the same from a function of its own."""
+    own = KeepsInList()
+    return Given(lambda z, alpha: own.residual(z, alpha, None))
+
+
+@pytest.mark.parametrize("make", [KeepsInList, closure])
+def test_what_h_keeps_in_a_list_or_a_closure_stays_a_number(make):
+    graph = trace(make(), ([0.0], 0.0), (-2.0, 2.0))
+    np.testing.assert_allclose([s.z[0] for s in graph.solutions(1.0)], [2.0], rtol=1e-12)
+
+
+def test_where_numbers_would_become_complex_there_are_no_columns():
+    def h(z, alpha):
+        return z**3 + z - abs(alpha**1.5)
+
+    points = np.array([[0.1, -0.4], [0.2, 0.3], [0.3, 0.5], [0.4, 0.6]])
+    assert by_columns(h, points) is None
+    graph = trace(Given(h), ([1.0], 1.5), (-1.0, 2.0))
+    assert [graph.count(alpha) for alpha in (-0.9, -0.1, 0.1, 1.9)] == [1, 1, 1, 1]
+
+
 @pytest.mark.parametrize("mixes", [np.sum, lambda z: np.flip(z)[0], lambda z: z[0]])
 def test_folds_of_a_narrow_bump_are_found_with_columns(mixes):
     """alpha = z + 0.01 exp(-((z - 0.3) / 0.004)^2) has two folds beside the bump."""

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from pwscont import Switched, explore
+from pwscont import LCP, AllTransitions, Switched, explore
+from pwscont.curve.metric import Metric
 
 
 def copied(z, alpha, _):
@@ -58,3 +59,15 @@ def test_a_branch_point_and_a_double_root_are_no_continua():
     assert graph.count(-0.5) == 2
     assert graph.count(0.5) == 6
     assert "infinitely" not in graph.guarantee
+
+
+@pytest.mark.parametrize("n", [2, 3])
+def test_a_corner_that_several_faces_share_is_one_start(n):
+    """sum(z) = 1 - alpha, z >= 0, for alpha < 1: all faces of the simplex end at z = 0."""
+    system = LCP(np.ones((n, n)), -np.ones(n), np.ones(n))
+    metric = Metric.of(system, (-2.0, 2.0))
+    starts = [x for x, _ in AllTransitions().starts(system, metric, (-2.0, 2.0))]
+    [end] = [x for x in starts if x[-1] > -2.0]
+    np.testing.assert_allclose(end, [0.0] * n + [1.0], atol=1e-12)
+    graph = explore(system, (-2.0, 2.0))
+    assert [graph.count(alpha) for alpha in (-2.0, 0.5, 1.0, 1.5)] == [np.inf, np.inf, 1, 1]

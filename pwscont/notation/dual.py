@@ -21,7 +21,7 @@ from typing import Any, final
 import numpy as np
 import scipy.sparse as sp
 
-from pwscont.extending import Array, Indices, Matrix, are_columns, dense
+from pwscont.extending import Array, Indices, Matrix, dense, numbers_in
 from pwscont.notation.arithmetic import (
     KINKED,
     OF_TWO,
@@ -238,7 +238,7 @@ def as_operand(thing: Any) -> Any:
         entries = array.ravel()
         some = next((entry for entry in entries if isinstance(entry, Dual)), None)
         if some is None:
-            if are_columns(entries):
+            if numbers_in(entries) is not None:
                 return array
             raise UntraceableError("an array of objects")
         if _are_all_numbers(entries):

@@ -75,12 +75,14 @@ class AllTransitions(Search):
         def is_known(found: Found, test: int | None) -> bool:
             """Tell whether a solution was found before; remember a new solution with a digit.
 
-            A corner is found once for each test that vanishes there. A solution without a certain
-            digit is new, and not remembered, because all other solutions would be the same.
+            A corner is found once for each test that vanishes there, and a corner of faces, where
+            the test is None, once for each face. A solution without a certain digit is new, and
+            not remembered, because all other solutions would be the same.
             """
             if not has_digits(*found, metric.scale):
                 return False
-            if any(test in zero and is_same(metric, found, old) for old, zero in known):
+            alike = (old for old, zero in known if test is None or test in zero)
+            if any(is_same(metric, found, old) for old in alike):
                 return True
             known.append((found, vanishing(system, *found, metric.scale)))
             return False
@@ -89,7 +91,7 @@ class AllTransitions(Search):
         lines = Lines(system, metric, interval) if are_few else None
         solutions = lines.solutions() if lines else None
         for found in starts_at(system, metric, interval[0]) if solutions is None else solutions:
-            if not is_known(found, None):
+            if not is_known(found, OTHER):
                 yield found
         lines = lines or Lines(system, metric, interval)
         for test, found in lines.transitions():
@@ -205,10 +207,10 @@ class Lines:
         for face in self._faces:
             moves = np.abs(face.directions / self._metric.scale[:, np.newaxis])
             if len(face.corners) or (moves[-1] <= ALONG * moves.max()).all():
-                error = 0.0 if len(face.corners) else np.inf
+                known = GUARD * EPS if len(face.corners) else np.inf
                 for z in face.representatives:
                     x = np.append(z[:-2], self._lo + z[-2])
-                    yield None, (x, np.full((1, len(x)), error))
+                    yield None, (x, known * (np.abs(x) + self._metric.scale)[np.newaxis])
 
 
 def _ends_of_lines(problem: Problem, choices: Choices, lower_end: int) -> tuple[Array, Indices]:

@@ -2,23 +2,30 @@
 
 A method that only computes with numbers computes with columns as well, and the entries of a column
 never meet. A method that compares, converts or calls functions of scipy fails with columns, and H
-is then evaluated point by point, as for a method that looks at types or keeps its arguments.
+is then evaluated point by point, as for a method that looks at types or keeps its arguments. Where
+numbers would raise an error or become complex, columns have entries that are not finite.
 """
 
 from __future__ import annotations
 
+import gc
 from collections.abc import Callable
+from types import FunctionType, ModuleType
 from typing import Any, final
 
 import numpy as np
 
 from pwscont.basics.arrays import Array, generic
+from pwscont.system.abilities import formula_of
+from pwscont.system.system import PiecewiseSystem
 
 #: Most unknowns, and fewest points, for which columns are faster than H of a point at a time.
 MOST_UNKNOWNS, FEWEST_POINTS = 8, 4
 #: How far from a curve H is evaluated both ways, as a part of the largest unknown, and the largest
 #: difference, as a part of the largest entry of H.
 AWAY, SAME = 0.01, 1e-9
+#: Most objects within reach of H for which columns are used: finding all must cost less than H.
+MOST_KEPT = 400
 #: Functions of numpy that compute an entry from the same entry of the argument.
 FUNCTIONS = (
     *("exp", "expm1", "exp2", "log", "log1p", "log2", "log10", "sqrt", "cbrt"),
@@ -37,7 +44,7 @@ class Column:
     __hash__ = None  # type: ignore[assignment]  # a number may be a key, a column may not
 
     def __init__(self, values: Array) -> None:
-        self.values = values
+        self.values = values  # not finite where numbers would raise an error or become complex
 
     def __bool__(self) -> bool:
         raise TypeError("a column is neither true nor false")
@@ -67,8 +74,7 @@ def _operator(name: str) -> Callable[[Column, Any], Any]:
     return computed
 
 
-def _function(name: str) -> Callable[[Column], Column]:
-    compute = getattr(np, name)
+def _function(compute: Any) -> Callable[[Column], Column]:
     return lambda self: Column(compute(self.values))
 
 
@@ -76,25 +82,11 @@ for _name in ("add", "sub", "mul", "truediv", "pow"):
     setattr(Column, f"__{_name}__", _operator(f"__{_name}__"))
     setattr(Column, f"__r{_name}__", _operator(f"__r{_name}__"))
 for _name in FUNCTIONS:
-    setattr(Column, _name, _function(_name))
+    setattr(Column, _name, _function(getattr(np, _name)))
 
 
-def are_columns(entries: Array) -> bool:
-    """Tell whether all entries are numbers, or columns: numbers at several points.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from pwscont.extending import are_columns
-    >>> are_columns(np.array([1.0, "one"], dtype=object))
-    False
-    """
-    numbers: list[Any] = entries.ravel().tolist()
-    return all(type(entry) is Column or type(entry) in NUMBERS for entry in numbers)
-
-
-def numbers_in(array: Array) -> Array:
-    """Return the numbers in an array of floats, or all numbers in an array of columns.
+def numbers_in(array: Array) -> Array | None:
+    """Return all numbers in an array of floats or columns, None if there is anything else.
 
     Examples
     --------
@@ -106,15 +98,13 @@ def numbers_in(array: Array) -> Array:
     if array.dtype != object:
         return array
     entries: list[Any] = array.ravel().tolist()
-    parts = [each.values if type(each) is Column else [each] for each in entries]
-    return np.concatenate([*parts, []])
+    if not all(type(entry) is Column or type(entry) in NUMBERS for entry in entries):
+        return None
+    return np.concatenate([*(np.atleast_1d(getattr(e, "values", e)) for e in entries), []])
 
 
-Residual = Callable[[Array, Any], Any]
-
-
-def by_columns(residual: Residual, points: Array) -> Array | None:
-    """Return H at points by a single call, None if H cannot be computed with columns.
+def by_columns(residual: Callable[[Array, Any], Any], points: Array) -> Array | None:
+    """Return H at points by a single call, None if H is not finite or fails with columns.
 
     ``residual``: (z, alpha) -> ndarray, shape (n,); ``points``: shape (k, n + 1).
     """
@@ -123,7 +113,8 @@ def by_columns(residual: Residual, points: Array) -> Array | None:
     z[:] = unknowns
     try:
         found = residual(z, alpha)
-        if found.dtype != object or found.shape != z.shape or not are_columns(found):
+        numbers = numbers_in(found) if found.dtype == object and found.shape == z.shape else None
+        if numbers is None or not np.isfinite(numbers).all():
             return None
     except Exception:
         return None
@@ -134,23 +125,44 @@ def by_columns(residual: Residual, points: Array) -> Array | None:
     return values.T
 
 
-def takes_columns(system: object, residual: Residual, points: Array) -> bool:
-    """Tell whether H computed with columns is H, from a few of the points, moved off the curve."""
+def takes_columns(
+    system: PiecewiseSystem, residual: Callable[[Array, Any], Any], points: Array
+) -> bool:
+    """Tell whether H computed with columns is H, from a few of the points, moved off the curve.
+
+    H that changes anything between two calls gets no columns: what H keeps would become columns.
+    """
     count, size = points.shape
     if size - 1 > MOST_UNKNOWNS:
         return False
     moved = points[[0, count // 2, -1]]
     moved[:, :-1] += AWAY * np.abs(moved[:, :-1]).max() * generic(size - 1)
-    attributes = getattr(system, "__dict__", {})
-    before = dict(attributes)
-    found = by_columns(residual, moved)
-    kept = all(before.get(name, before) is value for name, value in attributes.items())
-    if found is None or not kept:
-        attributes.clear()
-        attributes.update(before)
-        return False
+    roots = [formula_of(system) or (system, type(system).residual)]
+    before = _within_reach(roots)
     try:
         one_by_one = np.array([residual(x[:-1], float(x[-1])) for x in moved])
     except Exception:  # beside the curve H may be undefined
         return False
+    is_pure = list(map(id, before)) == list(map(id, _within_reach(roots)))
+    found = by_columns(residual, moved) if is_pure and len(before) <= MOST_KEPT else None
+    if found is None:
+        return False
     return bool(np.abs(found - one_by_one).max() <= SAME * np.abs(one_by_one).max())
+
+
+def _within_reach(roots: list[Any]) -> list[Any]:
+    """Return what functions and objects can change: attributes, closures, globals, contents."""
+    found, seen = list(roots), set[int]()
+    for each in found:  # found grows
+        if len(found) > MOST_KEPT:
+            break
+        if id(each) in seen or isinstance(each, type | ModuleType):
+            continue
+        seen.add(id(each))
+        if isinstance(each, FunctionType):
+            known = each.__globals__
+            found += [known[name] for name in each.__code__.co_names if name in known]
+            found += [each.__closure__, each.__defaults__, each.__kwdefaults__, each.__dict__]
+        else:
+            found += gc.get_referents(each)
+    return found
