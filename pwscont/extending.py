@@ -22,8 +22,8 @@ from typing import TYPE_CHECKING, Any
 from pwscont.basics.arguments import checked_kind
 from pwscont.basics.arrays import Array, Indices, Matrix, Signs, dense, finite_array, generic
 from pwscont.basics.budget import check_budget
-from pwscont.basics.looks import apart, card, counted, named, short, with_article
 from pwscont.basics.outcome import Failure, FailureReason, Guarantee, Kind, SearchScope
+from pwscont.basics.printing import apart, card, counted, named, short, with_article
 from pwscont.basics.quantities import Function, Quantities, as_written, spelled
 from pwscont.basics.rounding import CONFIDENCE, CONVERGED, EPS, GUARD, SAME_ALPHA
 from pwscont.continuation.run import Report, checked_interval, plan_in_words, silent, uninterrupted

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pwscont.basics.errors import InvalidInputError
-from pwscont.basics.looks import short, with_article
+from pwscont.basics.printing import short, with_article
 
 
 def checked_kind(name: str, value: object, kind: type) -> None:

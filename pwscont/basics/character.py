@@ -9,7 +9,7 @@ from typing import final
 import numpy as np
 
 from pwscont.basics.arrays import Array, Indices, Signs
-from pwscont.basics.looks import MOST_LETTERS, short
+from pwscont.basics.printing import MOST_LETTERS, short
 
 #: From bytes 0 and 1 to the printed signs, and back.
 AS_TEXT = bytes.maketrans(b"\x00\x01", b"-+")

@@ -15,7 +15,7 @@ import numpy as np
 
 from pwscont.basics.arrays import Array
 from pwscont.basics.errors import InvalidInputError, InvalidSystemError, UnknownNameError
-from pwscont.basics.looks import UNNAMED, state
+from pwscont.basics.printing import UNNAMED, state
 
 Function = Callable[[Array, float], float]
 Naming = Callable[[], Iterable[str]] | Sequence[str] | None

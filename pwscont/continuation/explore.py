@@ -13,8 +13,8 @@ from pwscont.basics.arguments import check_callable, checked_kind
 from pwscont.basics.arrays import Array, finite_array
 from pwscont.basics.budget import Budget, Limits
 from pwscont.basics.errors import InvalidInputError, StartNotFoundError
-from pwscont.basics.looks import counted
 from pwscont.basics.outcome import Failure, SearchScope
+from pwscont.basics.printing import counted
 from pwscont.basics.quantities import Function, checked_record
 from pwscont.continuation.journal import Journal
 from pwscont.continuation.run import (

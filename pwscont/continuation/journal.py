@@ -28,8 +28,8 @@ import numpy as np
 from pwscont.basics.arrays import Array
 from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidInputError
-from pwscont.basics.looks import counted, named
 from pwscont.basics.outcome import kind_of
+from pwscont.basics.printing import counted, named
 from pwscont.basics.rounding import EPS
 from pwscont.continuation.follow import FollowedPiece, Follower
 from pwscont.curve.curve import Curve, State

@@ -15,8 +15,8 @@ from typing import final
 import numpy as np
 
 from pwscont.basics.arrays import Array
-from pwscont.basics.looks import counted, named
 from pwscont.basics.outcome import Failure, FailureReason
+from pwscont.basics.printing import counted, named
 from pwscont.basics.rounding import CONVERGED, EPS, GUARD
 from pwscont.curve.curve import CENTRAL, FINE, RATIO, Curve, State, finer_tangent
 from pwscont.curve.error_samples import magnitude

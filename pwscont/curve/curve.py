@@ -14,7 +14,7 @@ from typing import final
 import numpy as np
 
 from pwscont.basics.arrays import Array, joined
-from pwscont.basics.looks import at, named
+from pwscont.basics.printing import at, named
 from pwscont.basics.rounding import CONFIDENCE, CONVERGED, EPS, GUARD
 from pwscont.curve.error_samples import magnitude, samples
 from pwscont.curve.metric import Metric

@@ -11,7 +11,7 @@ import numpy as np
 
 from pwscont.basics.arrays import Array, Indices, joined, largest, smallest
 from pwscont.basics.errors import InvalidSystemError
-from pwscont.basics.looks import named
+from pwscont.basics.printing import named
 from pwscont.basics.rounding import CONVERGED, EPS, GUARD, SAME_ALPHA
 from pwscont.linear.factorise import power_of_two
 from pwscont.linear.vectors import dot

@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 from typing import final
 
 from pwscont.basics.arrays import Array
-from pwscont.basics.looks import at, named
 from pwscont.basics.outcome import Failure, FailureReason
+from pwscont.basics.printing import at, named
 from pwscont.basics.rounding import CONFIDENCE, CONVERGED
 from pwscont.curve.corrector import BorderedNewton
 from pwscont.curve.curve import Curve, State

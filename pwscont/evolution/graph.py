@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, final
 
 from pwscont.basics.arrays import finite_array
 from pwscont.basics.errors import InvalidInputError
-from pwscont.basics.looks import card, counted
+from pwscont.basics.printing import card, counted
 from pwscont.basics.quantities import Quantities
 from pwscont.evolution import exports
 from pwscont.evolution.paths import Cycle, EvolutionPath, EvolutionPaths, cycle_of

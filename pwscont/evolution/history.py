@@ -8,7 +8,7 @@ import numpy as np
 
 from pwscont.basics.arrays import Array, finite_array
 from pwscont.basics.errors import InvalidInputError
-from pwscont.basics.looks import named
+from pwscont.basics.printing import named
 from pwscont.basics.rounding import SAME_STATE
 
 

@@ -10,7 +10,7 @@ from typing import Any, final
 import numpy as np
 
 from pwscont.basics.arrays import Array
-from pwscont.basics.looks import card
+from pwscont.basics.printing import card
 from pwscont.evolution.states import EvolutionState, StateReader
 from pwscont.system.system import PiecewiseLinearSystem
 

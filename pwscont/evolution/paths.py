@@ -11,7 +11,7 @@ import numpy as np
 
 from pwscont.basics.arrays import Array, finite_array
 from pwscont.basics.errors import InvalidInputError, SystemNeededError
-from pwscont.basics.looks import counted, named
+from pwscont.basics.printing import counted, named
 from pwscont.basics.rounding import SAME_STATE
 from pwscont.evolution.states import EvolutionPiece, EvolutionState, EvolutionStructure
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from pwscont.basics.arrays import Array
 from pwscont.basics.errors import InvalidInputError
-from pwscont.basics.looks import counted
+from pwscont.basics.printing import counted
 from pwscont.evolution.paths import EvolutionPaths
 from pwscont.evolution.states import EvolutionPiece, EvolutionState
 from pwscont.scenes.panels import quantity_named

@@ -12,7 +12,7 @@ import networkx as nx
 import numpy as np
 
 from pwscont.basics.errors import SystemNeededError
-from pwscont.basics.looks import counted, named, short, state
+from pwscont.basics.printing import counted, named, short, state
 from pwscont.basics.quantities import Function
 from pwscont.continuation.journal import Journal
 from pwscont.continuation.run import Report, silent

@@ -13,8 +13,8 @@ import numpy as np
 
 from pwscont.basics.arrays import Array, finite_array
 from pwscont.basics.errors import InvalidInputError, SystemNeededError
-from pwscont.basics.looks import card, short
-from pwscont.basics.looks import state as in_words
+from pwscont.basics.printing import card, short
+from pwscont.basics.printing import state as in_words
 from pwscont.basics.quantities import NAMELESS, Quantities
 from pwscont.basics.rounding import EPS, GUARD
 

@@ -17,7 +17,6 @@ from itertools import combinations, pairwise
 import numpy as np
 
 from pwscont.basics.errors import PwscontError
-from pwscont.basics.looks import apart
 from pwscont.basics.outcome import (
     ACCUMULATE,
     FILL,
@@ -27,6 +26,7 @@ from pwscont.basics.outcome import (
     Guarantee,
     Kind,
 )
+from pwscont.basics.printing import apart
 from pwscont.basics.rounding import CONFIDENCE
 from pwscont.graph.queries import (
     check_inside,

@@ -18,7 +18,7 @@ import numpy as np
 
 from pwscont.basics.arrays import Array
 from pwscont.basics.errors import InvalidInputError, MissingPackageError
-from pwscont.basics.looks import apart, counted
+from pwscont.basics.printing import apart, counted
 from pwscont.graph.balance import balance_values
 from pwscont.graph.queries import count_at, multiplicity
 from pwscont.graph.records import Piece, SpecialPoint, Stretch, attempted

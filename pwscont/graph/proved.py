@@ -15,7 +15,7 @@ import numpy as np
 
 from pwscont.basics.arrays import Array, finite_array
 from pwscont.basics.errors import InvalidInputError, SystemNeededError
-from pwscont.basics.looks import counted
+from pwscont.basics.printing import counted
 from pwscont.basics.rounding import CONFIDENCE
 from pwscont.graph.queries import solutions_at
 from pwscont.graph.structure import Structure

@@ -18,8 +18,8 @@ import numpy.typing as npt
 
 from pwscont.basics.arrays import Array, largest
 from pwscont.basics.character import Character
-from pwscont.basics.looks import apart, card, counted, short
 from pwscont.basics.outcome import Kind
+from pwscont.basics.printing import apart, card, counted, short
 from pwscont.basics.quantities import NAMELESS, Quantities
 from pwscont.basics.rounding import SAME_ALPHA
 

@@ -20,7 +20,7 @@ import numpy as np
 from pwscont.basics.arrays import Array, dense, generic
 from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidSystemError
-from pwscont.basics.looks import UNNAMED, named, state
+from pwscont.basics.printing import UNNAMED, named, state
 from pwscont.basics.rounding import EPS
 from pwscont.curve.metric import Metric
 from pwscont.search.enumeration import solve_surely

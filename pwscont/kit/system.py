@@ -11,7 +11,7 @@ import numpy as np
 
 from pwscont.basics.arrays import Array, dense, finite_array, generic
 from pwscont.basics.errors import InvalidInputError
-from pwscont.basics.looks import counted, named, short
+from pwscont.basics.printing import counted, named, short
 from pwscont.basics.rounding import EPS
 from pwscont.kit.inspection import (
     TOLERANCE,

@@ -15,7 +15,7 @@ from scipy.linalg import lapack
 
 from pwscont.basics.arrays import Array
 from pwscont.basics.errors import InvalidSystemError
-from pwscont.basics.looks import named
+from pwscont.basics.printing import named
 from pwscont.linear.factor import LU, regularise, sign_of_pivots
 from pwscont.linear.jacobian import StoredJacobian
 

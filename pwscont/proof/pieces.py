@@ -17,7 +17,7 @@ from typing import Any, final
 import numpy as np
 
 from pwscont.basics.arrays import Array, Indices
-from pwscont.basics.looks import counted
+from pwscont.basics.printing import counted
 from pwscont.graph.branch_graph import BranchGraph
 from pwscont.proof.cells import (
     MOST_CELLS,

@@ -9,7 +9,7 @@ import numpy as np
 
 from pwscont.basics.arrays import Array, finite_array
 from pwscont.basics.errors import InvalidInputError
-from pwscont.basics.looks import counted
+from pwscont.basics.printing import counted
 from pwscont.basics.rounding import CONFIDENCE
 from pwscont.graph.branch_graph import BranchGraph
 from pwscont.graph.records import Solution

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from pwscont.basics.arrays import Array
-from pwscont.basics.looks import counted
+from pwscont.basics.printing import counted
 from pwscont.proof.certificate import ASSUMED, Certificate
 from pwscont.proof.interval import ULP
 

@@ -16,8 +16,8 @@ import numpy as np
 
 from pwscont.basics.arrays import finite_array
 from pwscont.basics.errors import InvalidInputError
-from pwscont.basics.looks import counted
 from pwscont.basics.outcome import Guarantee, Kind, SearchScope
+from pwscont.basics.printing import counted
 from pwscont.basics.quantities import Quantities
 from pwscont.curve.corrector import BorderedNewton, Corrected
 from pwscont.curve.curve import Curve

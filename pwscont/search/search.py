@@ -11,8 +11,8 @@ import numpy as np
 
 from pwscont.basics.arrays import Array, finite_array
 from pwscont.basics.errors import InvalidInputError
-from pwscont.basics.looks import at, short
 from pwscont.basics.outcome import Guarantee, SearchScope
+from pwscont.basics.printing import at, short
 from pwscont.basics.rounding import SAME_ALPHA
 from pwscont.curve.error_samples import Found
 from pwscont.curve.metric import Metric

@@ -29,7 +29,7 @@ from pwscont.basics.arrays import (
 )
 from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidInputError, InvalidSystemError
-from pwscont.basics.looks import at, short
+from pwscont.basics.printing import at, short
 from pwscont.basics.quantities import checked_names
 from pwscont.basics.rounding import EPS, GUARD
 from pwscont.system.abilities import check_abilities, shown_size

@@ -26,7 +26,7 @@ from pwscont.basics.arrays import (
 )
 from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidSystemError
-from pwscont.basics.looks import at, short
+from pwscont.basics.printing import at, short
 from pwscont.basics.rounding import CONFIDENCE, EPS, GUARD
 from pwscont.system.contract import (
     Values,

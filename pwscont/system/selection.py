@@ -9,7 +9,7 @@ import numpy as np
 
 from pwscont.basics.arrays import Array, Indices, Matrix, Signs, dense, indices, is_anywhere
 from pwscont.basics.character import Character
-from pwscont.basics.looks import named, short
+from pwscont.basics.printing import named, short
 from pwscont.system.columns import FEWEST_POINTS, by_columns, takes_columns
 from pwscont.system.contract import jacobian_at, kink_at, lent_jacobian_at, residual_at
 from pwscont.system.system import PiecewiseLinearSystem, PiecewiseSystem

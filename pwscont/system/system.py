@@ -16,7 +16,7 @@ import numpy as np
 from pwscont.basics.arrays import Array, Indices, Matrix, by_rows, indices, joined
 from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidSystemError
-from pwscont.basics.looks import card, counted, short
+from pwscont.basics.printing import card, counted, short
 from pwscont.system.differences import Differences
 from pwscont.system.values import Undefined, own_array
 

@@ -11,8 +11,8 @@ from typing import final
 import numpy as np
 
 from pwscont.basics.arrays import Array, Indices
-from pwscont.basics.looks import at, counted, named, short
 from pwscont.basics.outcome import Failure, FailureReason, Kind
+from pwscont.basics.printing import at, counted, named, short
 from pwscont.basics.rounding import CONFIDENCE, CONVERGED, EPS, GUARD
 from pwscont.curve.corrector import falling, zero
 from pwscont.curve.curve import Curve, State

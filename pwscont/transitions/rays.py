@@ -21,7 +21,7 @@ import numpy as np
 
 from pwscont.basics.arrays import Array, Matrix, Signs, generic
 from pwscont.basics.character import Character
-from pwscont.basics.looks import at, named
+from pwscont.basics.printing import at, named
 from pwscont.basics.rounding import CONFIDENCE, EPS, GUARD
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.error_samples import magnitude, rounding_of_values

@@ -22,7 +22,7 @@ import scipy.sparse as sp
 
 from pwscont.basics.arrays import Array, Matrix, by_rows, dense, generic
 from pwscont.basics.character import Character
-from pwscont.basics.looks import at
+from pwscont.basics.printing import at
 from pwscont.basics.rounding import EPS
 from pwscont.curve.metric import Metric
 from pwscont.enumeration.by_parts import Cells, is_regular, most_cells, parts_of_table
