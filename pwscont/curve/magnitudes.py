@@ -11,8 +11,8 @@ singular at a point; if unknowns are many, one Newton step tells, in less time. 
 tan(z), the size by which H changes a little is found first, and larger sizes in turn. Equations
 with alpha come first: the constant of another equation may be a small saturation current.
 
-From solutions (:func:`magnitudes_of`) sizes are taken of unknowns that move: others may rest at a
-bound. Next to a fold dz/dalpha is large, so the smallest of several solutions counts if unknowns
+Solutions (:func:`magnitudes_of`) tell the sizes of the unknowns that move; an unknown at rest may
+rest at a bound. Next to a fold dz/dalpha is large, so the smallest of several solutions counts if unknowns
 are many; an unknown that is tiny beside the largest, at the end of a chain, has no size.
 
 On the path (:class:`Gauge`) magnitudes that are far too small lead to thousands of steps, and

@@ -5,8 +5,8 @@ satisfy: they relax the undecided blocks, and ask only what holds in all options
 choice branches on the block whose options are most wrong at the vertex of the choice.
 
 Choices that cannot be cut off, because their vertex lies in the cells of all options that are left
-(an unloaded body), are decided together (:mod:`pwscont.enumeration.choices`). So are all choices,
-if the search has cost as much as that. A cell without a unique point is handed on with the
+(an unloaded body), are decided together (:mod:`pwscont.enumeration.choices`). If the search has
+cost as much as that, all choices are decided together. A cell without a unique point is handed on with the
 directions that are left, with or without a look at the inequalities of the cell.
 """
 
