@@ -12,8 +12,8 @@ tan(z), the size by which H changes a little is found first, and larger sizes in
 with alpha come first: the constant of another equation may be a small saturation current.
 
 Solutions (:func:`magnitudes_of`) tell the sizes of the unknowns that move; an unknown at rest may
-rest at a bound. Next to a fold dz/dalpha is large, so the smallest of several solutions counts if unknowns
-are many; an unknown that is tiny beside the largest, at the end of a chain, has no size.
+rest at a bound. Next to a fold dz/dalpha is large, so the smallest of several solutions counts if
+unknowns are many; an unknown that is tiny beside the largest, at the end of a chain, has no size.
 
 On the path (:class:`Gauge`) magnitudes that are far too small lead to thousands of steps, and
 magnitudes that are far too large make a fold as sharp as a kink. Magnitudes grow by the distances

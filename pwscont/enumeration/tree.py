@@ -6,8 +6,8 @@ choice branches on the block whose options are most wrong at the vertex of the c
 
 Choices that cannot be cut off, because their vertex lies in the cells of all options that are left
 (an unloaded body), are decided together (:mod:`pwscont.enumeration.choices`). If the search has
-cost as much as that, all choices are decided together. A cell without a unique point is handed on with the
-directions that are left, with or without a look at the inequalities of the cell.
+cost as much as that, all choices are decided together. A cell without a unique point is handed on
+with the directions that are left, with or without a look at the inequalities of the cell.
 """
 
 from __future__ import annotations
