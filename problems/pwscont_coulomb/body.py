@@ -135,7 +135,8 @@ class ContactBody(Fixed):
         """
         way = self._own_condensation
         if elimination is not None:
-            if not callable(getattr(elimination, "eliminate", None)):
+            is_class = isinstance(elimination, type)
+            if is_class or not callable(getattr(elimination, "eliminate", None)):
                 raise InvalidInputError(
                     f"elimination must be an object such as Mumps(), got {elimination!r}"
                 )
