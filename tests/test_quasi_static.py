@@ -202,6 +202,18 @@ def test_nothing_happens_while_the_load_rests():
     assert [event.t for event in evolution.events()] == [0.0, 1.0, 2.0, 3.0]
 
 
+def test_rates_next_to_the_critical_friction_are_one_rate_or_uncertain():
+    """At F = 3 (1 +- small) slip is steep: its errors make no second rate, and no other state."""
+    body = ContactBody([[1.0, 1.0], [1.0, 3.0]], [[1.0, 0.0]], [[0.0, 1.0]])
+    history = LoadHistory([[0, 0], [1, 3], [1, 1], [1, 1]])
+    evolution = evolve(QuasiStaticCoulomb(body, history, 2.999997, -0.5), history.interval)
+    assert [evolution.count(t) for t in (0.5, 1.5, 2.5)] == [1, 1, 1]
+    body = ContactBody([[3.0, 1.0], [1.0, 3.0]], [[1.0, 0.0]], [[0.0, 1.0]], gap=[0.5])
+    system = QuasiStaticCoulomb(body, LoadHistory([[2, 2], [2, 2], [2, 1]]), 3.0 + 3e-10)
+    evolution = evolve(system, (0.0, 2.0), start=[0.5, 0.0, -0.5, -1.5])
+    assert "slip hardly determine the state" in evolution.guarantee
+
+
 @pytest.mark.parametrize("seed", range(20))
 def test_a_node_without_load_and_force_stays(seed):
     """All other nodes stick: nothing but rounding acts on node 1, at high friction as well."""

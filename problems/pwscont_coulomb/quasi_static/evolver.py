@@ -9,6 +9,8 @@ Failure modes and answers
   where nodes stick; these places are carried over without any change.
 - Two events at one time: every condition that is met up to rounding when the piece ends is met.
 - A node at the bound neither slips nor leaves the bound: the status of the node stays.
+- F is so close to a critical value that slip hardly determines the state: the state that is solved
+  for anew is another one, and the answer is called incomplete.
 - The load does not act on a node, or stands still: rates that rounding alone makes are zero, for
   rounding would choose among several rates.
 """
@@ -48,6 +50,9 @@ MOST_ENUMERATED = 6
 MOST_TRIED = 4
 #: A given start is in equilibrium up to this part of typical forces.
 GIVEN = 1e-8
+#: A state that moves by a larger part when solved for anew is hardly determined.
+MOVED = 1e-6
+HARDLY = "the equations of slip hardly determine the state"
 NO_CONTACT, STICK = int(Mode.NO_CONTACT), int(Mode.STICK)
 
 
@@ -290,7 +295,13 @@ class CoulombEvolver(Evolver):
         guess = {k: int(node.KEPT[status[i]]) for k, i in enumerate(which.tolist())}
         found = problem.all_rates(guess)
         ways = tuple(self._way(moment, status, which, rates, slope) for rates in found.found)
-        return WaysOn(ways, not found.remark, found.remark)
+        remark = found.remark or (HARDLY if any(self._moved(moment, way) for way in ways) else "")
+        return WaysOn(ways, not remark, remark)
+
+    def _moved(self, moment: Moment, way: Way) -> bool:
+        """Tell whether a state that was solved for anew is another state."""
+        apart = np.abs(way.z - moment.z) / (np.abs(moment.z) + self.sizes())
+        return bool(apart.max(initial=0.0) > MOVED)
 
     def _status(self, moment: Moment) -> Indices:
         if moment.mode:
