@@ -238,7 +238,8 @@ def test_the_scene_of_a_block_writes_its_pictures(tmp_path):
     pytest.importorskip("skfem")
     answer = scenes.block_cycle(6).solve((1.0, 1.5), lambda *_: None)
     names = {file.name for file in answer.write(tmp_path)}
-    assert {"block-cycle.png", "block-cycle-zones.png", "block-cycle-body.png"} <= names
+    pictures = ("", "-zones", "-body", "-damping")
+    assert {f"block-cycle{name}.png" for name in pictures} <= names
     assert all((tmp_path / name).stat().st_size for name in names)
 
 
@@ -253,3 +254,14 @@ def test_the_area_of_the_loop_is_what_friction_takes():
     work = 0.5 * (force[1:] + force[:-1]) @ np.diff(moved)
     assert work == pytest.approx(path.dissipated(5.0, 7.0), rel=1e-8)
     assert path.dissipated(5.0, 7.0) > 1e-7
+
+
+def test_the_damping_of_the_block_has_a_maximum_over_the_preload():
+    """Loads and slip may be multiplied: twice of both takes four times the energy."""
+    scenes = pytest.importorskip("pwscont_coulomb.quasi_static.scenes")
+    problem = pytest.importorskip("pwscont_coulomb.elastic.scenes").block_body(6).condensed()
+    few, some, much = scenes._damping(problem, np.array([0.1, 0.5, 3.0]), 1.0)
+    assert 0.0 < few < some
+    assert much == 0.0  # all nodes stick
+    (twice,) = scenes._damping(problem, np.array([1.0]), 2.0)
+    assert twice == pytest.approx(4.0 * some, rel=1e-10)

@@ -12,6 +12,7 @@ from pwscont_structures import PlasticTruss
 
 from pwscont import (
     EvolutionGraph,
+    EvolutionScene,
     GraphFileError,
     InvalidInputError,
     InvalidSystemError,
@@ -394,6 +395,22 @@ def test_a_history_has_loads_within_its_times_only():
             history(t)
     with pytest.raises(InvalidInputError, match="beyond rounding"):
         LoadHistory([[0.0], [1.0], [2.0]], [0.0, 1e-12, 1e12])
+
+
+def test_a_file_is_read_with_its_own_system_only(branching, tmp_path):
+    branching.save(tmp_path / "graph.npz")
+    truss = PlasticTruss(np.eye(2), LoadHistory([[0.0, 0.0], [1.0, 1.0]]), 1.0, 1.0, 1.0)
+    for system, words in ((3, "SystemWithMemory"), (truss, "remembers 2 numbers, the file 1")):
+        with pytest.raises(InvalidInputError, match=words):
+            EvolutionGraph.load(tmp_path / "graph.npz", system)
+
+
+def test_a_scene_says_what_is_condensed():
+    chain = 3.0 * np.eye(6) - np.eye(6, k=1) - np.eye(6, k=-1)
+    body, history = ContactBody(chain, np.eye(6)[:1], np.eye(6)[1:2]), LoadHistory(np.eye(6)[:2])
+    system = QuasiStaticCoulomb(body, history, 0.5)
+    plan = EvolutionScene("it", "it", system, history.interval).plan()
+    assert plan["unknowns"].startswith("4 in place of 8")
 
 
 def test_a_start_that_does_not_hold_is_refused():

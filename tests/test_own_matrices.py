@@ -51,6 +51,8 @@ def test_what_was_not_condensed_recovers_nothing():
         body.condensed().reduced(f0[:-1])
     with pytest.raises(InvalidInputError, match="z has shape"):
         body.condensed().recover(np.zeros(3), f0)
+    with pytest.raises(InvalidInputError, match="elimination must be an object"):
+        body.condensed(pytest.importorskip("pwscont_coulomb.elastic").SuperLU)
 
 
 def eliminations():
@@ -196,6 +198,9 @@ def test_a_comment_with_the_letter_d_is_no_number(tmp_path):
         (lambda file: file.write_text("no matrix"), "cannot read"),
         (lambda file: mmwrite(file, sp.csr_matrix([[1.0j]])), "complex"),
         (lambda file: file.write_text(f"{HEAD}% 2D1\n1 1 1\n1 1 2.5D+3\n"), "write E for D"),
+        (lambda file: file.write_text(f"{HEAD}1 1 1\n1 1 2,5\n"), "holds 2,5, which is no number"),
+        (lambda file: file.write_text(f"{HEAD}1 1 1\n1 1 2.5kN\n"), "holds 2.5kN"),
+        (lambda file: file.write_text(f"{HEAD}1 1 1\n1 1 nan\n"), "holds nan"),
     ],
 )
 def test_files_that_hold_no_matrix_are_refused(tmp_path, write, words):

@@ -190,6 +190,48 @@ def test_ties_are_those_of_brute_force(seed):
         compare(truth, evolution, seed)
 
 
+def test_nothing_happens_while_the_load_rests():
+    """Rounding alone would let a node leave the bound, or press a node that only touches."""
+    A = [[3.0, -1.0, 1.0, 1.0], [-1.0, 4.0, -2.0, 0.0], [1.0, -2.0, 3.0, 2.0], [1.0, 0.0, 2.0, 5.0]]
+    body = ContactBody(A, np.eye(4)[0::2], np.eye(4)[1::2])
+    history = LoadHistory([[2, 1, -1, 0], [2, 1, -1, 0], [2, 1, 2, -1]], [0.0, 1.5, 2.5])
+    evolution = evolve(QuasiStaticCoulomb(body, history, [0.5, 0.25], -0.5), history.interval)
+    assert [event.t for event in evolution.events()] == pytest.approx([0.0, 1.5, 271.5 / 151, 2.5])
+    history = LoadHistory([[0, 0], [-2, 4], [-2, 4], [-3, 2]])
+    evolution = evolve(QuasiStaticCoulomb(one_node(), history, 0.0), history.interval)
+    assert [event.t for event in evolution.events()] == [0.0, 1.0, 2.0, 3.0]
+
+
+def test_rates_next_to_the_critical_friction_are_one_rate_or_uncertain():
+    """At F = 3 (1 +- small) slip is steep: its errors make no second rate, and no other state."""
+    body = ContactBody([[1.0, 1.0], [1.0, 3.0]], [[1.0, 0.0]], [[0.0, 1.0]])
+    history = LoadHistory([[0, 0], [1, 3], [1, 1], [1, 1]])
+    evolution = evolve(QuasiStaticCoulomb(body, history, 2.999997, -0.5), history.interval)
+    assert [evolution.count(t) for t in (0.5, 1.5, 2.5)] == [1, 1, 1]
+    body = ContactBody([[3.0, 1.0], [1.0, 3.0]], [[1.0, 0.0]], [[0.0, 1.0]], gap=[0.5])
+    system = QuasiStaticCoulomb(body, LoadHistory([[2, 2], [2, 2], [2, 1]]), 3.0 + 3e-10)
+    evolution = evolve(system, (0.0, 2.0), start=[0.5, 0.0, -0.5, -1.5])
+    assert "slip hardly determine the state" in evolution.guarantee
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_a_node_without_load_and_force_stays(seed):
+    """All other nodes stick: nothing but rounding acts on node 1, at high friction as well."""
+    rng = np.random.default_rng([3, seed])
+    root, pick = rng.normal(size=(6, 6)), np.eye(6)
+    body = ContactBody(root @ root.T + 0.05 * np.eye(6), pick[0::2], pick[1::2])
+    loads = np.zeros((5, 6))
+    loads[:, 2::2] = rng.uniform(4.0, 6.0, (5, 2))
+    loads[:, 3::2] = rng.uniform(-1.0, 1.0, (5, 2))
+    history = LoadHistory(loads, [0.0, 0.3, 1.0, 2.1, 3.0])
+    start = np.concatenate([np.zeros(6), -loads[0, 0::2], -loads[0, 1::2]])
+    friction = [rng.uniform(1.0, 8.0), 3.0, 3.0]
+    evolution = evolve(QuasiStaticCoulomb(body, history, friction), history.interval, start)
+    assert [evolution.count(t) for t in history.times] == [1] * 5
+    assert not evolution.branchings()
+    assert np.abs(evolution.states(3.0)[0].z[:6]).max() < 1e-10
+
+
 @pytest.mark.parametrize("seed", range(6))
 @pytest.mark.parametrize(("length", "force"), [(1e-6, 1e9), (1e5, 1e-7)])
 def test_units_change_nothing(seed, length, force):

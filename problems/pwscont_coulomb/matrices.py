@@ -13,8 +13,11 @@ from scipy.io import mmread
 from pwscont import InvalidInputError
 from pwscont.extending import Matrix
 
-#: A number with the exponent D, as Fortran writes numbers, in a line that is no comment.
-FORTRAN = re.compile(rb"^[^%\n]*[0-9.][dD][+-]?[0-9]", re.MULTILINE)
+#: A word that is no number, as 1.0D+3 of Fortran or 1,5, in a line that is no comment. Readers take
+#: the digits before, and skip the rest.
+NO_NUMBER = re.compile(rb"^[^%\n]*?([0-9eE+.\-]*[^%\s0-9eE+.\-]\S*)", re.MULTILINE)
+#: What else lines of numbers are made of.
+NUMBERS = b"0123456789eE+-. \t\r\n"
 #: So many bytes of a file are looked at, at once.
 TOGETHER = 2**24
 
@@ -65,9 +68,10 @@ def _matrix(file: Path) -> Matrix:
         found: Any = mmread(file)
     except (OSError, ValueError, TypeError, EOFError) as error:
         raise InvalidInputError(f"cannot read {file} as a matrix: {error}") from error
-    if file.suffix == ".mtx" and _has_fortran_numbers(file):
+    if file.suffix == ".mtx" and (word := _no_number(file)):
         raise InvalidInputError(
-            f"{file} holds numbers such as 1.0D+3, which would be read as 1.0: write E for D"
+            f"{file} holds {word}, which is no number in this format: write E for D, as in 1.0E+3, "
+            "and a point for a comma"
         )
     if np.iscomplexobj(found.data if sp.issparse(found) else found):
         raise InvalidInputError(f"{file} holds complex numbers; stiffness and loads are real")
@@ -77,8 +81,12 @@ def _matrix(file: Path) -> Matrix:
     return array.ravel() if array.shape[1] == 1 else array
 
 
-def _has_fortran_numbers(file: Path) -> bool:
-    """Tell whether numbers of a file have an exponent that is skipped when read."""
+def _no_number(file: Path) -> str:
+    """Return the first word of a file that would be read in part, empty where there is none."""
     with file.open("rb") as opened:
-        parts = iter(lambda: opened.read(TOGETHER), b"")
-        return any(FORTRAN.search(part) for part in parts)
+        while opened.readline().startswith(b"%"):
+            pass  # the comments at the top, and the line of sizes after these
+        while part := opened.read(TOGETHER) + opened.readline():
+            if part.translate(None, NUMBERS) and (found := NO_NUMBER.search(part)):
+                return found[1].decode(errors="replace")
+    return ""

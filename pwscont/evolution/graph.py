@@ -7,19 +7,19 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, final
 
+from pwscont.basics.arguments import checked_kind
 from pwscont.basics.arrays import finite_array
 from pwscont.basics.errors import InvalidInputError
 from pwscont.basics.printing import card, counted
 from pwscont.basics.quantities import Quantities
 from pwscont.evolution import exports
+from pwscont.evolution.memory import SystemWithMemory
 from pwscont.evolution.paths import Cycle, EvolutionPath, EvolutionPaths, cycle_of
 from pwscont.evolution.states import SAME_TIME, EvolutionStructure
 
 if TYPE_CHECKING:
     import networkx as nx
     from matplotlib.figure import Figure
-
-    from pwscont.evolution.memory import SystemWithMemory
 
 
 @final
@@ -221,8 +221,16 @@ class EvolutionGraph(EvolutionStructure):
         ------
         GraphFileError
             If the file is missing, damaged, or no evolution.
+        InvalidInputError
+            If the system remembers more or fewer numbers than the states of the file.
         """
         parts = exports.read(path)
+        checked_kind("system", system, SystemWithMemory)
+        if system is not None and parts.nodes:
+            own, size = len(system.initial_memory()), len(parts.nodes[0].memory)
+            if own != size:
+                kind = type(system).__name__
+                raise InvalidInputError(f"{kind} remembers {own} numbers, the file {size}")
         quantities = Quantities(parts.reader.names)
         found = parts.nodes, parts.pieces, parts.interval, parts.reader
         return cls(*found, quantities, parts.guarantee, system)

@@ -76,12 +76,6 @@ class LoadHistory:
         weights[leg : leg + 2] = 1.0 - part, part
         return weights
 
-    def slopes(self, t: float) -> Array:
-        """Return how fast the weights of the given loads change after a time, shape (k,)."""
-        slopes, leg = np.zeros(len(self.times)), self.leg(t)
-        slopes[leg], slopes[leg + 1] = -1.0, 1.0
-        return slopes / float(self.times[leg + 1] - self.times[leg])
-
     def line(self, leg: int) -> tuple[Array, Array]:
         """Return the load at t = 0 and the slope of a straight line, each of shape (n,)."""
         slope = (self.loads[leg + 1] - self.loads[leg]) / (self.times[leg + 1] - self.times[leg])

@@ -195,7 +195,10 @@ class EvolutionScene(Runnable):
         """Return the parts of the run in words."""
         evolver = self.system.evolver(self.interval)
         kind = "rays of the cone problem" if evolver is None else type(evolver).__name__
-        return {"ways on": kind, "after a loss": str(self.jumps or "nothing")}
+        plan = {"ways on": kind, "after a loss": str(self.jumps or "nothing")}
+        if evolver and (own := len(evolver.sizes())) != (shown := len(evolver.names())):
+            plan["unknowns"] = f"{own} in place of {shown}, all others recovered at the end"
+        return plan
 
     def run(self, report: Report = silent) -> EvolutionGraph:
         """Follow all evolutions."""

@@ -9,6 +9,10 @@ Failure modes and answers
   where nodes stick; these places are carried over without any change.
 - Two events at one time: every condition that is met up to rounding when the piece ends is met.
 - A node at the bound neither slips nor leaves the bound: the status of the node stays.
+- F is so close to a critical value that slip hardly determines the state: the state that is solved
+  for anew is another one, and the answer is called incomplete.
+- The load does not act on a node, or stands still: rates that rounding alone makes are zero, for
+  rounding would choose among several rates.
 """
 
 from __future__ import annotations
@@ -46,6 +50,9 @@ MOST_ENUMERATED = 6
 MOST_TRIED = 4
 #: A given start is in equilibrium up to this part of typical forces.
 GIVEN = 1e-8
+#: A state that moves by a larger part when solved for anew is hardly determined.
+MOVED = 1e-6
+HARDLY = "the equations of slip hardly determine the state"
 NO_CONTACT, STICK = int(Mode.NO_CONTACT), int(Mode.STICK)
 
 
@@ -67,9 +74,26 @@ class CoulombEvolver(Evolver):
         self._C: Array = self._condensation.flexibility
         self._free = self._condensation.solve(history.loads.T)
         self._at_loads = self._condensation.contact_displacements(self._free)
+        #: Rates without contact forces on each line of the load; exactly zero where the load rests.
+        self._free_slopes = self._rates_without_contact()
+        self._absolute: Array = np.abs(self._C)
         self._inverse = ActiveInverse(self._C)
         scale = problem.restated(problem.slip).scale(*interval)
         self._length, self._force = float(scale[0]), float(scale[-1])
+
+    def _rates_without_contact(self) -> Array:
+        """Return the rates of the contact displacements on each line of the load, shape (2 p, k).
+
+        By Cauchy and Schwarz the terms of a displacement are of the size (C_ii f.A^-1 f)^(1/2).
+        """
+        history = self.problem.history
+        loads = np.diff(history.loads, axis=0).T
+        moved = self._condensation.solve(loads)
+        energies = np.maximum((loads * moved).sum(axis=0), 0.0)
+        sizes = np.multiply.outer(np.sqrt(np.diag(self._C)), np.sqrt(energies))
+        changes = self._condensation.contact_displacements(moved)
+        slopes: Array = _without_rounding(changes, sizes) / np.diff(history.times)
+        return slopes
 
     # -- what users see ---------------------------------------------------------------------
 
@@ -266,12 +290,18 @@ class CoulombEvolver(Evolver):
     def ways_on(self, moment: Moment) -> WaysOn:
         """Return all solutions of the rate problem, each up to the next event."""
         status = self._status(moment)
-        slope = self._at_loads @ self.problem.history.slopes(moment.t)
+        slope = self._free_slopes[:, self.problem.history.leg(moment.t)]
         problem, which = self._problem(status, slope)
         guess = {k: int(node.KEPT[status[i]]) for k, i in enumerate(which.tolist())}
         found = problem.all_rates(guess)
         ways = tuple(self._way(moment, status, which, rates, slope) for rates in found.found)
-        return WaysOn(ways, not found.remark, found.remark)
+        remark = found.remark or (HARDLY if any(self._moved(moment, way) for way in ways) else "")
+        return WaysOn(ways, not remark, remark)
+
+    def _moved(self, moment: Moment, way: Way) -> bool:
+        """Tell whether a state that was solved for anew is another state."""
+        apart = np.abs(way.z - moment.z) / (np.abs(moment.z) + self.sizes())
+        return bool(apart.max(initial=0.0) > MOVED)
 
     def _status(self, moment: Moment) -> Indices:
         if moment.mode:
@@ -289,7 +319,6 @@ class CoulombEvolver(Evolver):
         """Return the rate problem, and the nodes that have a choice."""
         active = self._active(status)
         K = self._inverse.at(active)
-        h = K @ slope
         open_, bound = np.flatnonzero(status == node.TOUCHES), np.flatnonzero(node.AT_BOUND[status])
         rubs = open_[self._friction[open_] > 0.0]
         columns = np.concatenate([open_, self.p + rubs, self.p + bound])
@@ -298,7 +327,7 @@ class CoulombEvolver(Evolver):
         row = {int(r): k for k, r in enumerate(rows)}
         problem = RateProblem(
             K[np.ix_(rows, columns)],
-            h[rows],
+            _without_rounding(K[rows] @ slope, np.abs(K[rows]) @ np.abs(slope)),
             self._friction[which],
             node.DIRECTION[status[which]],
             np.array([row[int(i)] for i in which], dtype=np.intp),
@@ -323,6 +352,11 @@ class CoulombEvolver(Evolver):
         glides = (self._friction == 0.0) & (modes == STICK)
         return np.where(glides & ~self.problem.body.guided, int(Mode.SLIP_PLUS), modes)
 
+    def _held(self, modes: Indices) -> Flags:
+        """Return which contact unknowns have a force in some modes, shape (2 p,)."""
+        touches = modes != NO_CONTACT
+        return np.concatenate([touches, touches & (self._friction > 0.0)])
+
     def _solved(self, modes: Indices, held: Array, g: Array) -> Array:
         """Return y in some modes: forces and displacements that fulfil all equations.
 
@@ -335,11 +369,9 @@ class CoulombEvolver(Evolver):
             Displacements without contact forces.
         """
         p, F = self.p, self._friction
-        touches = modes != NO_CONTACT
-        sticks = (modes == STICK) & (F > 0.0)
-        slips = touches & ~sticks & (F > 0.0)
+        slips = (modes != NO_CONTACT) & (modes != STICK) & (F > 0.0)
         sign = np.where(modes == int(Mode.SLIP_PLUS), 1.0, -1.0)
-        active = np.concatenate([touches, sticks | slips])
+        active = self._held(modes)
         K, u = self._inverse.at(active), np.where(active, held, 0.0)
         at = np.flatnonzero(slips)
         u[p + at] = 0.0
@@ -349,12 +381,17 @@ class CoulombEvolver(Evolver):
             u[p + at] = np.linalg.solve(mixed[:, p + at], right)
         return self._completed(K @ np.where(active, u - g, 0.0), u, active, g)
 
-    def _completed(self, forces: Array, u: Array, active: Array, g: Array) -> Array:
+    def _completed(self, forces: Array, u: Array, active: Flags, g: Array) -> Array:
         displaced = g + self._C @ forces
         return np.concatenate([forces, np.where(active, u, displaced)])
 
     def _rate(self, status: Indices, modes: Indices, slope: Array) -> Array:
-        return self._clean(self._solved(modes, np.zeros(2 * self.p), slope), modes)
+        rate = self._solved(modes, np.zeros(2 * self.p), slope)
+        forces, speeds = rate[: 2 * self.p], np.abs(slope)
+        stiffness = np.abs(self._inverse.at(self._held(modes)))
+        sizes = [stiffness @ (np.abs(rate[2 * self.p :]) + speeds)]
+        sizes.append(speeds + self._absolute @ np.abs(forces))
+        return self._clean(_without_rounding(rate, np.concatenate(sizes)), modes)
 
     def _anchor(self, moment: Moment, status: Indices, modes: Indices) -> Array:
         """Return the state of a moment, solved for anew with nodes held where they stick."""
@@ -450,6 +487,11 @@ class CoulombEvolver(Evolver):
         after[met[0] | met[1]] = node.TOUCHES
         exact = self._exact(y, after)
         return Moment(t, exact, exact[3 * self.p :], _bytes(after))
+
+
+def _without_rounding(rates: Array, sizes: Array) -> Array:
+    """Return rates with zeros where the rest of the terms, of some sizes, is rounding."""
+    return np.where(np.abs(rates) <= ZERO * sizes, 0.0, rates)
 
 
 def _bytes(status: Indices) -> bytes:

@@ -190,3 +190,23 @@ def _zones_of(*shown: Indices) -> list[Patch]:
     """Return the legend of the modes that are shown."""
     found = {int(mode) for modes in shown for mode in modes}
     return [Patch(color=color, label=mode.word) for mode, color in COLORS.items() if mode in found]
+
+
+def draw_damping(preloads: Array, energies: Array, marked: float) -> Figure:
+    """Draw what friction takes in one cycle of a load over the preload.
+
+    Parameters
+    ----------
+    preloads, energies : ndarray, shape (k,)
+    marked : float
+        The preload of the scene, marked by a line.
+    """
+    figure = Figure(figsize=(6.4, 4.2), layout="constrained")
+    axes = figure.add_subplot()
+    axes.plot(preloads, energies, color=COLORS[Mode.STICK], marker=".")
+    axes.axvline(marked, color=BOUND, linestyle="--", linewidth=1.0, label="preload of this scene")
+    axes.set(xlabel="preload, percent of the height", ylabel="energy dissipated per cycle")
+    axes.set_xlim(left=0.0)
+    axes.grid(alpha=0.25)
+    axes.legend(frameon=False)
+    return figure

@@ -343,8 +343,32 @@ class RateProblem:
             settled = self.settled({}, guess)
             one = self.checked(*settled) if settled else None
             found = [*search.found, *([one] if one else [])]
-            return RateSolutions(_different(found, self._usual), "one of possibly several ways on")
-        return RateSolutions(_different(search.found, self._usual), search.remark)
+            return RateSolutions(self._different(found), "one of possibly several ways on")
+        return RateSolutions(self._different(search.found), search.remark)
+
+    def _different(self, found: list[Rates]) -> tuple[Rates, ...]:
+        """Return each solution once: several modes hold where an inequality is an equation."""
+        different: list[Rates] = []
+        for rates in found:
+            if not any(self._are_same(rates, other) for other in different):
+                different.append(rates)
+        return tuple(different)
+
+    def _are_same(self, a: Rates, b: Rates) -> bool:
+        """Tell whether two solutions are the same up to rounding, multiplied by steep equations."""
+        apart, size = np.abs(a.x - b.x), float(np.abs(a.x).max(initial=0.0)) + self._usual
+        if (apart <= ZERO * size).all():
+            return True
+        near = bool((apart <= EPS**0.5 * size).all())
+        return near and (self._fulfils(a.modes, b.x) or self._fulfils(b.modes, a.x))
+
+    def _fulfils(self, modes: Indices, x: Array) -> bool:
+        """Tell whether x fulfils the equations of the modes of all nodes up to rounding."""
+        unknowns, E, e = self.equations(dict(enumerate(modes.tolist())))
+        passive = np.delete(np.abs(x), unknowns)
+        terms = np.abs(E) @ np.abs(x) + np.abs(e)
+        rest = np.abs(E @ x - e)
+        return bool((rest <= ZERO * terms).all() and (passive <= ZERO * self._usual).all())
 
     def can_be_listed(self) -> bool:
         """Tell whether the modes are few enough for linear programs, and programs can cut some."""
@@ -358,7 +382,7 @@ class RateProblem:
         all_modes, unknowns, remark = RateLaw(self.K, self.h, *parts).solutions()
         pairs = zip(all_modes, unknowns, strict=True)
         found = [Rates(np.array(m, dtype=np.intp), x, self.K @ x - self.h) for m, x in pairs]
-        return RateSolutions(_different(found, self._usual), remark)
+        return RateSolutions(self._different(found), remark)
 
 
 class _TooManyError(Exception):
@@ -405,16 +429,6 @@ class _Search:
             self.found.append(solution)
         elif x is None and self._problem.is_consistent(modes):
             self.remark = "there may be infinitely many ways on"
-
-
-def _different(found: list[Rates], usual: float) -> tuple[Rates, ...]:
-    """Return each solution once: in several modes at a time where an inequality is an equation."""
-    different: list[Rates] = []
-    for rates in found:
-        size = float(np.abs(rates.x).max(initial=0.0)) + usual
-        if not any((np.abs(rates.x - o.x) <= ZERO * size).all() for o in different):
-            different.append(rates)
-    return tuple(different)
 
 
 def _is_singular(lu: Array, sizes: Array) -> bool:

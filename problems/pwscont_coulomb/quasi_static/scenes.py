@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pwscont import EvolutionGraph, EvolutionScene, InvalidInputError, LoadHistory
+from pwscont import EvolutionGraph, EvolutionScene, InvalidInputError, LoadHistory, evolve
 from pwscont.extending import CONVERGED, Array, Look
 from pwscont_coulomb.quasi_static.half_plane import FAR, half_plane
 from pwscont_coulomb.quasi_static.system import QuasiStaticCoulomb
@@ -18,6 +18,8 @@ from pwscont_coulomb.scenes import one_node, two_nodes
 if TYPE_CHECKING:
     from pwscont_coulomb.elastic import ElasticProblem
 
+#: Preloads for which the damping of the block is drawn, and the largest by that of the scene.
+PRELOADS, PRELOADS_UP_TO = 24, 1.5
 #: Frames of the moving picture of a body.
 FRAMES = 48
 #: Strips, half of their width, radius, modulus and approach of the round body.
@@ -155,10 +157,8 @@ def block_cycle(
     from pwscont_coulomb.elastic.scenes import block_body  # noqa: PLC0415  it needs scikit-fem
 
     problem = block_body(nodes, friction).condensed()
-    press, side = pressed * problem.load.f0, shear * problem.load.f1
-    loads = [0.0 * press, press, *[press + side, press - side] * 3]
-    history = LoadHistory(loads)
-    system = QuasiStaticCoulomb(problem.body, history, problem.friction)
+    system = _sheared(problem, pressed, shear)
+    history = system.history
     return EvolutionScene(
         "block-cycle",
         f"a block, pressed and sheared in cycles, {nodes} contact nodes, F = {friction:g}",
@@ -171,8 +171,51 @@ def block_cycle(
         },
         panels=(("force", "shift"), ("u_t,1", "t")),
         period=2.0,
-        pictures=partial(_draw_body, problem, system),
+        pictures=partial(_draw_block, problem, system, pressed, shear),
     )
+
+
+def _sheared(problem: ElasticProblem, pressed: float, shear: float) -> QuasiStaticCoulomb:
+    """Return the block, pressed and then sheared to and fro in three cycles."""
+    press, side = pressed * problem.load.f0, shear * problem.load.f1
+    history = LoadHistory([0.0 * press, press, *[press + side, press - side] * 3])
+    return QuasiStaticCoulomb(problem.body, history, problem.friction)
+
+
+def _damping(problem: ElasticProblem, preloads: Array, shear: float) -> Array:
+    """Return what friction takes in the last cycle, by preload; nan where evolutions are several.
+
+    Per unit of thickness and of Young's modulus, as the forces.
+    """
+    energies = np.full(len(preloads), np.nan)
+    for i, pressed in enumerate(preloads.tolist()):
+        system = _sheared(problem, pressed, shear)
+        end = system.history.interval[1]
+        paths = evolve(system, system.history.interval).paths()
+        if paths.number == 1 and paths[0].end == end:
+            energies[i] = paths[0].dissipated(end - 2.0, end)
+    return energies
+
+
+def _draw_block(
+    problem: ElasticProblem,
+    system: QuasiStaticCoulomb,
+    pressed: float,
+    shear: float,
+    graph: EvolutionGraph,
+    at: Sequence[float],
+    directory: Path,
+    look: Look,
+) -> list[Path]:
+    """Write the damping by preload, the body at some times, and the zones over time."""
+    from pwscont_coulomb.quasi_static.pictures import draw_damping  # noqa: PLC0415
+
+    files = _draw_body(problem, system, graph, at, directory, look)
+    if not pressed > 0.0:
+        return files
+    preloads = np.linspace(0.0, PRELOADS_UP_TO * pressed, PRELOADS + 1)[1:]
+    figure = draw_damping(preloads, _damping(problem, preloads, shear), pressed)
+    return [*files, look.save(figure, directory, "block-cycle-damping")]
 
 
 def _draw_body(
