@@ -10,8 +10,11 @@ from pwscont import (
     BranchGraph,
     PiecewiseSystem,
     PseudoArclength,
+    Switched,
+    explore,
     trace,
 )
+from pwscont.basics.outcome import TOUCH
 from pwscont.curve.corrector import MoorePenrose
 from pwscont.curve.predictor import Secant
 from pwscont.curve.step_size import StepSize
@@ -203,7 +206,7 @@ def test_a_start_at_the_branch_point():
     assert graph.balances() == [0, 0]
 
 
-def test_curves_that_touch_while_they_cross_stop_with_a_reason():
+def test_a_curve_that_another_touches_while_crossing_goes_on():
     """y (y - beta^3) = 0: the sign flips, but there are no two directions to go on."""
 
     def form(y, beta):
@@ -211,10 +214,15 @@ def test_curves_that_touch_while_they_cross_stop_with_a_reason():
 
     system = make(form)
     graph = trace(system, (system.state(0.0, -0.9)[0], -0.8), INTERVAL)
-    (stopped,) = graph.special_points("stopped")
-    assert stopped.alpha == pytest.approx(0.1, abs=1e-4)
-    assert "two branches meet here" in stopped.message
+    (touched,) = graph.special_points("degenerate")
+    assert abs(touched.alpha - 0.1) <= 1e-3
+    assert touched.message == TOUCH
     assert not graph.special_points("branch point")
+    assert not graph.special_points("stopped")
+    for alpha in (-0.9, 0.0, 0.2, 1.2):
+        assert [system.state(0.0, alpha - 0.1)[0]] == [
+            pytest.approx(solution.z, abs=1e-9) for solution in graph.solutions(alpha)
+        ]
 
 
 def test_a_branch_point_is_kept_in_a_file(tmp_path):
@@ -391,3 +399,29 @@ def test_a_kink_and_branch_points_in_two_cells(stepper, start):
         expected = sorted([alpha, 2.0 * max(alpha - 0.5, 0.0)])
         found = sorted(solution.z[0] for solution in graph.solutions(alpha))
         np.testing.assert_allclose(found, expected, rtol=0, atol=LOCATED)
+
+
+# -- curves that touch, and curves of double roots -------------------------------------------------
+
+
+@pytest.mark.parametrize("order", [2, 3, 4])
+@pytest.mark.parametrize("lift", [0.0, 0.1])
+def test_curves_that_touch_are_both_followed(order, lift):
+    """z = lift and z = lift + alpha^order: for odd orders the sign of det[J; t^T] flips."""
+    curves = Switched(1, lambda z, a, sw: (z - lift) * (z - lift - a**order))
+    graph = explore(curves, (-1.0, 1.2))
+    for alpha in (-0.9, -0.31, 0.27, 0.8, 1.1):
+        found = sorted(solution.z[0] for solution in graph.solutions(alpha))
+        np.testing.assert_allclose(found, sorted([lift, lift + alpha**order]), atol=1e-9)
+    touching = [point for point in graph.special_points("degenerate") if TOUCH in point.message]
+    assert bool(touching) == (order % 2 == 1)
+    assert all(abs(point.alpha) < 1e-2 for point in touching)
+    assert ("touch" in graph.guarantee) == bool(touching)
+
+
+@pytest.mark.parametrize("root", [lambda z, a: z**2 - a, lambda z, a: z - a])
+def test_a_curve_of_double_roots_ends_in_words_after_few_points(root):
+    graph = explore(Switched(1, lambda z, a, sw: root(z, a) ** 2), (-1.0, 2.0))
+    assert graph.guarantee.startswith("not balanced")
+    assert "loses rank all along the curve" in graph.guarantee
+    assert sum(len(piece.points) for piece in graph.pieces) < 3000

@@ -37,6 +37,8 @@ ACCUMULATE = "special points seem to accumulate at alpha ="
 FILL = "solutions fill"
 #: The message of a solution from which solutions of the same alpha lead away.
 FILL_CURVES = f"{FILL} a curve or more at this alpha"
+#: The message of a point at which curves meet, only some of which are known.
+TOUCH = "curves touch here, or more than two cross: only the curves that arrive are followed"
 #: The message of a point at which only some of the branches stay within the bounds.
 ON_BOUND = "a branch ends on its bound"
 
@@ -90,6 +92,10 @@ class FailureReason(Enum):
     CREEPING = (
         "steps stay tiny however many are taken: do the equations vanish twice on the curve, as a "
         "square does, or is H only rounding here?"
+    )
+    TWICE = (
+        "the Jacobian loses rank all along the curve: do the equations vanish twice, as a square "
+        "does, or do curves touch?"
     )
     NO_TURN = "this stepper cannot turn at a fold; use PseudoArclength"
     UNBOUNDED = "the branch runs to infinity: nothing ends the piece at this value of the parameter"

@@ -232,7 +232,7 @@ class PieceFollower(Follower):
             if isinstance(event, Event):
                 return self._ended(reached, segment, event)
             if isinstance(event, Failure):  # the step is too long to tell which event comes first
-                if not isinstance(segment, CurvedSegment):
+                if not isinstance(segment, CurvedSegment) or event.trouble is FailureReason.TWICE:
                     return reached.stopped(str(event))
                 reached.blocked += 1
                 if reached.blocked > MOST_BLOCKED:

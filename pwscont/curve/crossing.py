@@ -41,6 +41,9 @@ FAR_OFF, LINEAR = 4, 0.25
 FIRST_BORDERS = 2
 #: Largest H at a crossing, as a part of the terms of H; with a larger H the curves pass by.
 MEETS = EPS**0.75
+#: Least measure of rank at a regular point; at a double root, whose z has half of the digits, the
+#: measure is about a hundred times EPS**0.5.
+FULL_RANK = EPS ** (1.0 / 3.0)
 #: Least ratio of the eigenvalues of the branching equation if the two directions are told apart.
 APART = EPS**0.5
 #: Displacement of z, in typical magnitudes, that shows how large the equations are.
@@ -116,6 +119,17 @@ def crossing(curve: Curve, x: Array) -> Crossing | Failure:
             break
         before = size
     return Failure(FailureReason.NOT_CONVERGED)
+
+
+def loses_rank(curve: Curve, x: Array) -> bool:
+    """Tell whether the Jacobian has rank n - 1 at most at a point, compared to points beside."""
+    equations, borders = _equations(curve, x), _generic(len(x) - 1)
+    for _ in range(FIRST_BORDERS + 1):
+        null = _null(curve, x, equations, *borders)
+        if null is None:
+            return True
+        borders = null.left / np.linalg.norm(null.left), np.linalg.qr(null.right)[0].T
+    return bool(np.abs(null.g).max() < FULL_RANK)
 
 
 def _generic(n: int) -> tuple[Array, Array]:

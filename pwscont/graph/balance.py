@@ -22,6 +22,7 @@ from pwscont.basics.outcome import (
     FILL,
     FILL_CURVES,
     ON_BOUND,
+    TOUCH,
     FailureReason,
     Guarantee,
     Kind,
@@ -254,6 +255,8 @@ def _doubts(graph: Structure) -> Iterator[str]:
     filled = [p for p in graph.nodes if FILL in p.message and p not in of_many]
     left = [p for p in filled if not all(piece.is_vertical for piece in graph.pieces_at(p.id))]
     yield from _places("solutions fill more than curves", graph, left)
+    touching = [point for point in graph.nodes if TOUCH in point.message]
+    yield from _places("curves touch, or more than two cross,", graph, touching)
     vague = [point for point in graph.nodes if point.digits < TOO_FEW_DIGITS]
     yield from _places("hardly a digit is known", graph, vague)
 

@@ -23,10 +23,10 @@ from typing import final
 import numpy as np
 
 from pwscont.basics.arrays import Array
-from pwscont.basics.outcome import Failure, FailureReason, Kind
+from pwscont.basics.outcome import TOUCH, Failure, FailureReason, Kind
 from pwscont.basics.rounding import CONVERGED, EPS, GUARD, SAME_ALPHA
 from pwscont.curve.corrector import BorderedNewton, polished
-from pwscont.curve.crossing import Crossing, crossing
+from pwscont.curve.crossing import Crossing, crossing, loses_rank
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.newton import uncertainty_beside
 from pwscont.curve.stepper import CurvedSegment, Segment
@@ -193,6 +193,9 @@ def _beside(curve: Curve, state: State, s: float) -> State | None:
 #: A branch point outside a step, within this part of the step's length, belongs to the step.
 OUTSIDE_STEP = 0.1
 MOST_BISECTIONS = 10
+#: Largest distance, in the metric, between a branch point that was located and the same point
+#: located again.
+SAME_CROSSING = EPS**0.5
 #: The extended system, which costs as much as many points of the curve, is solved from the middle
 #: of every third bracket: from within an eighth of the bracket before.
 BISECTIONS_BETWEEN = 3
@@ -215,17 +218,18 @@ class SmoothBranchPoints(TransitionDetector):
         """Solve the extended system from within the bracket."""
         assert isinstance(segment, CurvedSegment)  # straight curves cannot cross
         found = _locate(segment, bracket, before := 1 if index == 0 else -1)
-        if isinstance(found, Failure):
-            return found
-        return State(found.x, _own(segment, found), found.error, before)
+        if isinstance(found, Crossing):
+            return State(found.x, _own(segment, found), found.error, before)
+        return found
 
     def arrive(self, curve: Curve, state: State, index: int) -> SpecialPointFound:
         """Go on along the same curve, and in both directions along the crossing curve."""
         found = crossing(curve, state.x)
-        if isinstance(found, Failure):  # not after the point has been located
-            back = Ray(curve, state).reversed()
-            return SpecialPointFound(Kind.STOPPED, state.x, str(found), (back,))
-        return branch_point(curve, found, state)
+        if isinstance(found, Crossing) and curve.metric.norm(found.x - state.x) <= SAME_CROSSING:
+            return branch_point(curve, found, state)
+        onward = Ray(curve, State(state.x, state.tangent, state.error, -state.orientation))
+        rays = Ray(curve, state).reversed(), onward
+        return SpecialPointFound(Kind.DEGENERATE, state.x, TOUCH, rays)
 
 
 def branch_point(curve: Curve, found: Crossing, state: State) -> SpecialPointFound:
@@ -262,8 +266,13 @@ def at_branch_point(curve: Curve, x: Array) -> SpecialPointFound | None:
 
 def _locate(
     segment: CurvedSegment, bracket: tuple[float, float], before: int
-) -> Crossing | Failure:
-    """Return the branch point on a segment, bisecting until Newton finds the point."""
+) -> Crossing | State | Failure:
+    """Return the branch point on a segment, bisecting until Newton finds the point.
+
+    Where Newton finds no point although the Jacobian loses rank where the sign flips, curves touch:
+    the last state tried is returned. A sign that is rounding all along the segment, as on a
+    curve of double roots, tells of no point.
+    """
     lo, hi = bracket
     for number in range(MOST_BISECTIONS):
         middle = 0.5 * (lo + hi)
@@ -283,7 +292,17 @@ def _locate(
         if isinstance(state, Failure):
             return state
         lo, hi = (middle, hi) if state.orientation == before else (lo, middle)
-    return Failure(FailureReason.SINGULAR)
+    return _touching(segment, state, hi - lo, before)
+
+
+def _touching(segment: CurvedSegment, last: State, apart: float, before: int) -> State | Failure:
+    """Return the point, known up to a distance, at which the sign flips and curves touch."""
+    if all(loses_rank(segment.curve, end.x) for end in (segment.start, segment.end)):
+        return Failure(FailureReason.TWICE)
+    if not loses_rank(segment.curve, last.x):
+        return Failure(FailureReason.SINGULAR)
+    error = np.vstack([last.error, apart * last.tangent])
+    return State(last.x, last.tangent, error, before)
 
 
 def _belongs(segment: CurvedSegment, x: Array) -> bool:
