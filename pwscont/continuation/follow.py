@@ -113,6 +113,10 @@ ENDLESS_CHANGE = 1e-3
 ENDLESS_STEPS = 600
 #: The parts of the way out that are compared end at these parts of the size of z.
 PARTS = 0.7, 0.85
+#: A piece of so many steps runs to infinity nearer to its beginning, too, where alpha approaches a
+#: limit evenly, as a power of 1 / z of at least 1/2: while z grows by the same factor three times,
+#: alpha changes by at most this part of the change before. The changes next to a fold are uneven.
+LONG_RATIO, LONG_PARTS = 0.85, (0.343, 0.49, 0.7)
 #: A piece creeps after this many tiny steps in turn: steps below this part of the longest step.
 MOST_TINY, TINY_PART = 300, 1e-5
 #: A piece is singular after this many steps too long to tell which event comes first.
@@ -379,32 +383,32 @@ class _Reached:
     def is_endless(self) -> bool:
         """Tell whether a long piece leads to infinity while alpha stays inside the interval.
 
-        All changes of alpha that are still to come are next to nothing together.
+        Changes of alpha shrink where alpha approaches a limit like a power of 1 / z, not like a
+        logarithm. All changes that are still to come are next to nothing together, or the piece is
+        very long and z far away.
         """
-        late, _ = self._changes()
+        is_long = len(self.points) > ENDLESS_STEPS
+        late, shrinks = self._late_change(ENDLESS_FROM, PARTS, ENDLESS_RATIO)
+        if not shrinks and is_long:
+            late, shrinks = self._late_change(0.0, LONG_PARTS, LONG_RATIO)
+            is_long = False
         is_next_to_nothing = ENDLESS_REST * late <= ENDLESS_CHANGE * self.curve.metric.width
-        return self.shrinks() and (is_next_to_nothing or len(self.points) > ENDLESS_STEPS)
+        return shrinks and (is_next_to_nothing or is_long)
 
-    def shrinks(self) -> bool:
-        """Tell whether alpha changes by less and less while z grows, far away.
+    def _late_change(
+        self, least: float, parts: tuple[float, ...], ratio: float
+    ) -> tuple[float, bool]:
+        """Return the last of the changes of alpha on parts of the way out, and whether all shrink.
 
-        Changes shrink where alpha approaches a limit like a power of 1 / z, not like a logarithm.
-        """
-        late, early = self._changes()
-        return late <= ENDLESS_RATIO * early
-
-    def _changes(self) -> tuple[float, float]:
-        """Return how alpha changed on the last part of the way out, and on the part before.
-
-        Both parts are as long in the size of z. Infinite and zero where z is not far out, or has
-        been farther out.
+        Infinite where z is smaller than ``least``, in typical magnitudes, or has been farther out.
         """
         points = np.array(self.points)
         sizes = np.linalg.norm((points / self.curve.metric.scale)[:, :-1], axis=1)
-        if sizes[-1] < max(ENDLESS_FROM, sizes.max()) or sizes[0] > PARTS[0] * sizes[-1]:
-            return np.inf, 0.0
-        first, middle = (float(points[np.argmax(sizes >= p * sizes[-1]), -1]) for p in PARTS)
-        return abs(float(points[-1, -1]) - middle), abs(middle - first)
+        if sizes[-1] < max(least, sizes.max()) or sizes[0] > parts[0] * sizes[-1]:
+            return np.inf, False
+        ends = [*(int(np.argmax(sizes >= part * sizes[-1])) for part in parts), -1]
+        changes = np.abs(np.diff(points[ends, -1]))
+        return float(changes[-1]), bool((changes[1:] <= ratio * changes[:-1]).all())
 
     def refines(self) -> bool:
         """Let differences have shorter steps if shorter steps help; return whether so."""
