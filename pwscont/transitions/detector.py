@@ -59,10 +59,18 @@ class Reading:
         Positive while nothing happens; a change to zero or below is an event.
     slopes : ndarray, shape (k,)
         Derivatives along the tangent; zero where unknown.
+    begins : tuple of int
+        Where the functions of each detector begin and end, in a reading of several detectors.
     """
 
     values: Array
     slopes: Array
+    begins: tuple[int, ...] = ()
+
+    def part(self, place: int) -> Reading:
+        """Return what the detector at a place read."""
+        own = slice(self.begins[place], self.begins[place + 1])
+        return Reading(self.values[own], self.slopes[own])
 
 
 @final
