@@ -240,4 +240,4 @@ def _rays(
     if standing.zero:
         return standing.zero, tangent_cone(Corner.at(law, metric, x, error, standing.zero))
     inside = standing.departures()
-    return standing.zero, TangentCone(inside.rays, 1, False, inside.kind != Kind.STOPPED)
+    return standing.zero, TangentCone(inside.rays, 1, exact=inside.kind != Kind.STOPPED)

@@ -20,9 +20,7 @@ import numpy as np
 from pwscont.basics.arrays import Array, Indices, Matrix, Signs, are_finite, smallest
 from pwscont.basics.outcome import FILL, Failure, FailureReason, Kind
 from pwscont.basics.rounding import CONFIDENCE, EPS, GUARD
-from pwscont.curve.corrector import BorderedNewton
 from pwscont.curve.curve import Curve, State
-from pwscont.curve.error_samples import magnitude_of_values
 from pwscont.curve.newton import Border
 from pwscont.curve.stepper import CurvedSegment, Segment
 from pwscont.linear.vectors import plus
@@ -34,9 +32,11 @@ from pwscont.transitions.rays import (
     SLANT,
     Corner,
     Ray,
+    beside,
     beyond,
     check_continuity,
     inward_ray,
+    rounding_of_tests,
     vanishing,
 )
 
@@ -58,25 +58,22 @@ def touching(curve: Curve, state: State, test: int) -> SpecialPointFound | None:
     """
     if curve.metric.norm(state.size) <= CLEAR_CROSSING:
         return None  # nearly always
-
-    def at(s: float) -> State | None:
-        """Return the state of the curve at a distance along the tangent."""
-        found = BorderedNewton().correct(curve, state.x + s * state.tangent, state.tangent)
-        return None if isinstance(found, Failure) else found.state
-
     selection, index = curve.selection, int(np.flatnonzero(curve.selection.bounding == test)[0])
-    row, further = selection.test_gradient(state.x, index), at(DISTANCE_TO_CURVATURE)
+    row, further = (
+        selection.test_gradient(state.x, index),
+        beside(curve, state, DISTANCE_TO_CURVATURE),
+    )
     slope = -float(row.dot(state.tangent))
     if further is None or not slope > 0.0:
         return None
     turn = slope + float(selection.test_gradient(further.x, index).dot(further.tangent))
     lowest = DISTANCE_TO_CURVATURE * slope / turn if turn > 0.0 else np.inf
-    size = magnitude_of_values(row[np.newaxis], state.x, state.error)
-    rounding = CONFIDENCE * float((size + EPS * (np.abs(row) @ curve.metric.scale))[0])
+    rounding = rounding_of_tests(row[np.newaxis], state.x, state.error, curve.metric.scale)[0]
     if not (lowest <= DISTANCE_TO_CURVATURE and 0.5 * slope * lowest <= rounding):
         return None  # a zero farther from the lowest point than that is a crossing
-    places = [place for part in PARABOLA_PLACES if (place := at(part * lowest)) is not None]
-    if len(places) < len(PARABOLA_PLACES):
+    found = [beside(curve, state, part * lowest) for part in PARABOLA_PLACES]
+    places = [place for place in found if place is not None]
+    if len(places) < len(found):
         return None
     parts, rising = np.array(PARABOLA_PLACES[:-1]), places[-1]
     values = np.array([selection.test(place.x, index) for place in places[:-1]])
@@ -233,8 +230,7 @@ def is_zero_along(
     the interval, which is 1 in the metric. Where nothing moves, values and slopes are rounding of
     typical values.
     """
-    rounding = magnitude_of_values(gradients, state.x, state.error)
-    zero = CONFIDENCE * (rounding + EPS * (abs(gradients) @ scale))
+    zero = rounding_of_tests(gradients, state.x, state.error, scale)
     flat = np.maximum(zero, GUARD * EPS * (abs(gradients) @ np.abs(state.tangent)))
     stays_zero: Signs = (np.abs(values) <= zero) & (np.abs(slopes) <= flat)
     return stays_zero

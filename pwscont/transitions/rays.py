@@ -21,8 +21,10 @@ import numpy as np
 
 from pwscont.basics.arrays import Array, Matrix, Signs, generic
 from pwscont.basics.character import Character
+from pwscont.basics.outcome import Failure
 from pwscont.basics.printing import at, named
 from pwscont.basics.rounding import CONFIDENCE, EPS, GUARD
+from pwscont.curve.corrector import BorderedNewton
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.error_samples import magnitude, rounding_of_values
 from pwscont.curve.metric import Metric
@@ -71,25 +73,35 @@ class Ray:
 
 
 def vanishing(system: PiecewiseSystem, x: Array, error: Array, scale: Array) -> frozenset[int]:
-    """Return the indices of the tests that are zero at ``x``; parameters as of :func:`is_zero`."""
+    """Return the indices of the tests that are zero at ``x``; see :func:`rounding_of_tests`."""
     z, alpha = x[:-1], float(x[-1])
     gradients, values = system.test_jacobian(z, alpha), system.test_functions(z, alpha)
     return frozenset(is_zero(gradients, values, x, error, scale).nonzero()[0].tolist())
 
 
 def is_zero(gradients: Matrix, values: Array, x: Array, error: Array, scale: Array) -> Signs:
-    """Tell which of some tests with these gradients and values are zero at ``x``.
-
-    A test is zero below the rounding of the test's own terms plus what the error of the point
-    contributes.
-
-    ``error``, shape (k, n + 1): samples of the error of ``x``.
-    ``scale``, shape (n + 1,): typical magnitudes of x. Where all unknowns of a test vanish, as at a
-    node that lifts off while it begins to slip, their own size is no measure of rounding.
-    """
-    rounding = rounding_of_values(gradients, np.abs(x) + scale, error)
-    zero: Signs = np.abs(values) <= CONFIDENCE * rounding
+    """Tell which tests with these gradients are zero at ``x``; see :func:`rounding_of_tests`."""
+    zero: Signs = np.abs(values) <= rounding_of_tests(gradients, x, error, scale)
     return zero
+
+
+def rounding_of_tests(gradients: Matrix, x: Array, error: Array, scale: Array) -> Array:
+    """Return the sizes up to which tests with these gradients are zero at ``x``, shape (l,).
+
+    That is the rounding of a test's own terms plus what the error of the point contributes, shape
+    (k, n + 1). Where all unknowns of a test vanish, as at a node that lifts off while it begins to
+    slip, their own size is no measure of rounding: the typical magnitudes ``scale`` are added.
+    """
+    rounding: Array = CONFIDENCE * rounding_of_values(gradients, np.abs(x) + scale, error)
+    return rounding
+
+
+def beside(curve: Curve, state: State, s: float) -> State | None:
+    """Return the curve's own state at a distance along the tangent, within the interval."""
+    x = state.x + s * state.tangent
+    x[-1] = np.clip(x[-1], *curve.metric.interval)
+    found = BorderedNewton().correct(curve, x, state.tangent)
+    return None if isinstance(found, Failure) else found.state
 
 
 def inward_ray(curve: Curve, x: Array, error: Array, test: int) -> Ray | None:

@@ -25,7 +25,7 @@ import numpy as np
 from pwscont.basics.arrays import Array
 from pwscont.basics.outcome import Failure, FailureReason, Kind
 from pwscont.basics.rounding import CONVERGED, EPS, GUARD, SAME_ALPHA
-from pwscont.curve.corrector import BorderedNewton, polished
+from pwscont.curve.corrector import polished
 from pwscont.curve.crossing import Crossing, crossing
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.newton import uncertainty_beside
@@ -39,7 +39,7 @@ from pwscont.transitions.detector import (
     TransitionDetector,
     locate_sign_change,
 )
-from pwscont.transitions.rays import Ray
+from pwscont.transitions.rays import Ray, beside
 
 #: A dip of the slope of alpha below zero by less than this part of the slope is left alone.
 SHALLOW_TURN = 1e-4
@@ -138,7 +138,7 @@ def fold_at_end(curve: Curve, state: State) -> State | None:
     if not side or abs(slope) > STEEPEST_AT_FOLD:
         return None
     inwards = FIRST_SECANT if side * slope > 0.0 else -FIRST_SECANT
-    here, there = _beside(curve, state, 0.0), _beside(curve, state, inwards)
+    here, there = beside(curve, state, 0.0), beside(curve, state, inwards)
     if here is None or there is None or _side(curve, there):
         return None
     steepness = before = curve.slope(there)
@@ -147,7 +147,7 @@ def fold_at_end(curve: Curve, state: State) -> State | None:
         if slope in (0.0, before):
             break
         r, s, before = s, s - slope * (s - r) / (slope - before), slope
-        found = _beside(curve, state, s) if abs(s) <= FIRST_SECANT else None
+        found = beside(curve, state, s) if abs(s) <= FIRST_SECANT else None
         if found is None:
             return None
         fold, slope = found, curve.slope(found)
@@ -180,14 +180,6 @@ def _side(curve: Curve, state: State) -> int:
     (lo, hi), alpha = curve.metric.interval, state.alpha
     same = SAME_ALPHA * max(hi - lo, abs(alpha))
     return (abs(alpha - lo) <= same) - (abs(alpha - hi) <= same)
-
-
-def _beside(curve: Curve, state: State, s: float) -> State | None:
-    """Return the curve's own state at a distance along the tangent."""
-    x = state.x + s * state.tangent
-    x[-1] = np.clip(x[-1], *curve.metric.interval)
-    found = BorderedNewton().correct(curve, x, state.tangent)
-    return None if isinstance(found, Failure) else found.state
 
 
 #: A branch point outside a step, within this part of the step's length, belongs to the step.

@@ -12,19 +12,23 @@ from typing import final
 
 import numpy as np
 
-from pwscont.basics.arrays import product
 from pwscont.basics.budget import check_budget
-from pwscont.basics.outcome import Failure, Kind
-from pwscont.basics.rounding import CONFIDENCE, EPS
-from pwscont.curve.corrector import BorderedNewton
+from pwscont.basics.outcome import Kind
+from pwscont.basics.rounding import EPS
 from pwscont.curve.curve import Curve, State
-from pwscont.curve.error_samples import magnitude_of_values
 from pwscont.system.abilities import DecidesCorners
 from pwscont.system.selection import Selection
 from pwscont.system.system import PiecewiseLinearSystem
 from pwscont.transitions.corner.enumeration import index_along, rays_cell_by_cell, rays_of_slices
 from pwscont.transitions.corner.perturbation import rays_by_perturbation
-from pwscont.transitions.rays import Corner, Direction, Ray, state_on
+from pwscont.transitions.rays import (
+    Corner,
+    Direction,
+    Ray,
+    beside,
+    rounding_of_tests,
+    state_on,
+)
 
 #: Length, in the metric, over which a curve tangent to an interface is followed to see to which
 #: side the curve bends.
@@ -40,8 +44,12 @@ class TangentCone:
 
     rays: tuple[Ray, ...]  # isolated rays, and the extreme rays of faces
     dimension: int  # largest dimension of a cone of solutions: 1 unless the corner is degenerate
-    along_interface: bool  # whether a ray runs along an interface instead of into a cell
     exact: bool  # whether the rays are certainly all; otherwise there may be more
+
+    @property
+    def along_interface(self) -> bool:
+        """Whether a ray runs along an interface instead of into a cell."""
+        return any(ray.interface_cells for ray in self.rays)
 
     @property
     def is_balanced(self) -> bool:
@@ -72,13 +80,10 @@ def tangent_cone(corner: Corner, back: Ray | None = None) -> TangentCone:
     ``back``: the ray along which the corner was reached, at which the paths begin.
     """
     simple = rays_cell_by_cell(corner)
-    if simple is not None:
-        return TangentCone(tuple(_ray(corner, found) for found in simple), 1, False, True)
-    enumerated = rays_of_slices(corner)
+    enumerated = rays_of_slices(corner) if simple is None else (simple, 1)
     if enumerated is not None:
         found, dimension = enumerated
-        rays = _rays(corner, found)
-        return TangentCone(rays, dimension, any(ray.interface_cells for ray in rays), True)
+        return TangentCone(_rays(corner, found), dimension, exact=True)
     along = None if back is None else (back.state.tangent, (back.curve.selection.character,))
     rays = _rays(corner, rays_by_perturbation(corner, along))
     to_both_sides = {np.sign(ray.curve.slope(ray.state)) for ray in rays} >= {1.0, -1.0}
@@ -86,8 +91,7 @@ def tangent_cone(corner: Corner, back: Ray | None = None) -> TangentCone:
     is_unique = system.unique  # at most one ray to either side of alpha, by promise
     if isinstance(system, DecidesCorners) and not is_unique:
         is_unique = system.has_one_ray(z, alpha, corner.zero)
-    along_interface = any(ray.interface_cells for ray in rays)
-    return TangentCone(rays, 1, along_interface, exact=to_both_sides and is_unique)
+    return TangentCone(rays, 1, exact=to_both_sides and is_unique)
 
 
 def _rays(corner: Corner, directions: Sequence[Direction]) -> tuple[Ray, ...]:
@@ -124,15 +128,12 @@ def _ray(corner: Corner, found: Direction) -> Ray:
 def _bends_into(curve: Curve, state: State) -> bool:
     """Tell whether a curve that is tangent to an interface bends into the cell of the curve."""
     check_budget()
-    beside = state.x + BENDING_PROBE * state.tangent
-    corrected = BorderedNewton().correct(curve, beside, state.tangent)
-    if isinstance(corrected, Failure):
+    there, selection = beside(curve, state, BENDING_PROBE), curve.selection
+    if there is None:
         return False
-    selection, x = curve.selection, corrected.state.x
-    gradients = selection.test_gradients(x)
-    rounding = magnitude_of_values(gradients, x, corrected.state.error)
-    rounding += EPS * product(abs(gradients), curve.metric.scale)  # of the corner and the direction
-    return bool((selection.tests(x) > CONFIDENCE * rounding).all())
+    gradients = selection.test_gradients(there.x)
+    rounding = rounding_of_tests(gradients, there.x, there.error, curve.metric.scale)
+    return bool((selection.tests(there.x) > rounding).all())
 
 
 def parallel(a: Ray, b: Ray) -> bool:
