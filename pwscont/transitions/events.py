@@ -33,12 +33,7 @@ from pwscont.basics.rounding import CONVERGED, EPS
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.metric import Metric
 from pwscont.curve.stepper import BESIDE, CurvedSegment, Segment
-from pwscont.transitions.detector import (
-    MOST_BRENT,
-    SpecialPointFound,
-    locate_point,
-    locate_sign_change,
-)
+from pwscont.transitions.detector import SpecialPointFound, locate_sign_change, state_at
 from pwscont.transitions.rays import Ray
 from pwscont.transitions.user_event import Stop, UserEvent
 
@@ -207,15 +202,10 @@ class _Watched:
 
     def _exact(self, segment: Segment, s: float) -> tuple[Array, Array]:
         """Return a point of the curve, and the size of the point's error."""
-        if not isinstance(segment, CurvedSegment):
-            return segment.near(s), np.zeros_like(segment.start.x)
-        if s in (0.0, segment.length):
-            end = segment.end if s else segment.start
-            return end.x, end.size
-        found = segment.at(s)
-        if isinstance(found, Failure):
-            return segment.near(s), np.zeros_like(segment.start.x)
-        return found.x, found.size
+        found = state_at(segment, s) if isinstance(segment, CurvedSegment) else None
+        if isinstance(found, State):
+            return found.x, found.size
+        return segment.near(s), np.zeros_like(segment.start.x)
 
     def _beside_least(self, segment: Segment, places: Array, values: Array) -> Array:
         """Return graded places around where g seems to vanish, if g comes close to zero."""
@@ -233,35 +223,32 @@ class _Watched:
         """Yield the lowest places where g has another sign than at the places around."""
         s = np.concatenate([[0.0], places])
         values = np.concatenate([[self.event.value(segment.start.x)], values])
-        shallow = SHALLOW_DIP * float(np.abs(values).max())
-        for lo, hi, sign in self._valleys(segment, s, values):
-            low, least = self._lowest(segment.near, sign, lo, hi)
-            if abs(least) <= shallow and isinstance(segment, CurvedSegment):
-                low, least = self._lowest(lambda s: self._exact(segment, s)[0], sign, lo, hi)
-            if least < 0.0:
-                yield low
-
-    def _valleys(
-        self, segment: Segment, s: Array, values: Array
-    ) -> Iterator[tuple[float, float, float]]:
-        """Yield the stretches inside which g comes closest to zero, with the sign of g."""
         sizes, signs = np.abs(values), np.sign(values)
-        inside = (sizes[1:-1] <= sizes[:-2]) & (sizes[1:-1] <= sizes[2:])
-        inside &= (signs[1:-1] == signs[:-2]) & (signs[1:-1] == signs[2:])
-        for i in np.flatnonzero(inside):
-            yield float(s[i]), float(s[i + 2]), float(signs[i])
+        least = (sizes[1:-1] <= sizes[:-2]) & (sizes[1:-1] <= sizes[2:])
+        least &= (signs[1:-1] == signs[:-2]) & (signs[1:-1] == signs[2:])
+        valleys = [(s[i], s[i + 2], signs[i]) for i in np.flatnonzero(least)]
         for at, beyond in ((0, 1), (-1, -2)):
             beside = float(s[at] + DISTANCE_TO_PLACE * (s[beyond] - s[at]))
             is_least = signs[at] == signs[beyond] and sizes[at] <= sizes[beyond]
             if is_least and signs[at] * self.event.value(segment.near(beside)) < sizes[at]:
-                lo, hi = sorted((float(s[at]), float(s[beyond])))
-                yield lo, hi, float(signs[at])
+                valleys.append((*sorted((s[at], s[beyond])), signs[at]))
+
+        def exact(s: float) -> Array:
+            return self._exact(segment, s)[0]
+
+        for lo, hi, sign in valleys:
+            low, lowest = self._lowest(segment.near, sign, lo, hi)
+            is_shallow = abs(lowest) <= SHALLOW_DIP * float(sizes.max())
+            if is_shallow and isinstance(segment, CurvedSegment):
+                low, lowest = self._lowest(exact, sign, lo, hi)
+            if lowest < 0.0:
+                yield low
 
     def _lowest(
         self, point: Callable[[float], Array], sign: float, lo: float, hi: float
     ) -> tuple[float, float]:
         """Return the place where sign * g is lowest between two places, and the lowest value."""
-        return _least(lambda s: sign * self.event.value(point(s)), lo, hi)
+        return _least(lambda s: sign * self.event.value(point(s)), float(lo), float(hi))
 
     def _sign_at(self, x: Array, size: Array) -> float | None:
         """Return the sign of g, 0 where g is zero all around, None where g is rounding."""
@@ -277,20 +264,10 @@ class _Watched:
         assert sign is not None
         if self.event.ahead(sign, self._exact(segment, lo)[0]) <= 0.0:
             hi = lo  # g is rounding there already
-        if not isinstance(segment, CurvedSegment):
-            if hi > lo:
-                from scipy.optimize import brentq  # noqa: PLC0415  importing takes long
-
-                exactly = {"xtol": EPS * hi, "rtol": 4.0 * EPS, "maxiter": MOST_BRENT}
-                hi = brentq(lambda s: self.event.ahead(sign, segment.near(s)), lo, hi, **exactly)
-            found = locate_point(segment, hi)
-        elif hi == lo:
-            found = segment.start if not lo else segment.at(lo)
-        else:
-            found = locate_sign_change(
-                segment, lambda state: self.event.ahead(sign, state.x), (lo, hi), EPS
-            )
-            found = segment.at(hi) if isinstance(found, Failure) else found
+        found = locate_sign_change(
+            segment, lambda state: self.event.ahead(sign, state.x), (lo, hi), EPS
+        )
+        found = state_at(segment, hi) if isinstance(found, Failure) else found
         if isinstance(found, Failure):
             return 0.5 * (lo + hi), self._roughly(segment, lo, hi)
         return segment.position(found.x), found
@@ -369,14 +346,21 @@ class Events:
 
     def stopped(self, curve: Curve, mark: EventMark) -> SpecialPointFound:
         """Return the end of a branch at an event, with the names of all events there."""
-        here = [e for e in self.events if e in mark.events or e.crosses(curve, mark.state)]
-        back = Ray(curve, mark.state).reversed()
-        return SpecialPointFound(Kind.EVENT, mark.state.x, _named(here), (back,))
+        state, metric = mark.state, curve.metric
+        beside = [state.x - AT_SPECIAL_POINT * state.tangent]
+        here = [
+            event
+            for event in self.events
+            if event in mark.events or event.meets(metric, state.x, state.size, beside)
+        ]
+        back = Ray(curve, state).reversed()
+        return SpecialPointFound(Kind.EVENT, state.x, _named(here), (back,))
 
     def ended(self, arrival: SpecialPointFound) -> SpecialPointFound:
         """Return a special point as the end of a branch, where an event that stops is zero."""
-        for event in self.events:
-            if event.stops and arrival.kind != Kind.EVENT and event.is_zero(arrival.rays[0]):
+        metric, state = arrival.rays[0].curve.metric, arrival.rays[0].state
+        for event in self.events if arrival.kind != Kind.EVENT else ():
+            if event.stops and event.is_near(metric, state.x, state.size, state.tangent):
                 return SpecialPointFound(Kind.EVENT, arrival.x, event.name, arrival.rays[:1])
         return arrival
 
