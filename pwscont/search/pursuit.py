@@ -67,15 +67,17 @@ class Pursuit:
         self._ends = interval[0] / metric.width, interval[1] / metric.width
 
     def at_alpha(self, y: Array, known: Sequence[Array]) -> tuple[Array, bool]:
-        """Return where Newton's method at fixed alpha leads, and whether a solution is there."""
-        deflated = [other * self._scale for other in known]
+        """Return where Newton's method at fixed alpha leads, and whether a solution is there.
+
+        ``known``: solutions (z, alpha) that are deflated away.
+        """
 
         def step_at(y: Array, residual: Array, jacobian: Array) -> Array:
             step = np.append(_newton_step(jacobian[:, :-1], residual), 0.0)
-            step *= stretch(self._metric, deflated, y * self._scale, step * self._scale)
+            step *= stretch(self._metric, known, y * self._scale, step * self._scale)
             return _limited(step, y)
 
-        return self._pursued(y, step_at, deflated)
+        return self._pursued(y, step_at, known)
 
     def free(self, y: Array) -> Array | None:
         """Return the point of a curve to which steps of least length lead, within the interval."""
