@@ -43,7 +43,7 @@ from pwscont.system.contract import check_attributes
 from pwscont.system.selection import Selection
 from pwscont.system.system import PiecewiseSystem, SlicewiseLinearSystem
 from pwscont.transitions.corner.cone import tangent_cone
-from pwscont.transitions.rays import Corner, vanishing
+from pwscont.transitions.rays import Corner
 
 
 @final
@@ -235,8 +235,7 @@ def _index(system: PiecewiseSystem, metric: Metric, point: Point) -> tuple[int, 
         if len(signs) == 1:
             return signs[0], None
         return (0, Kind.NONSMOOTH_FOLD) if sum(signs) == 0 else (signs[0], Kind.TRANSITION)
-    zero = vanishing(system, point.x, point.error, metric.scale)
-    found = tangent_cone(Corner.at(system, metric, point.x, point.error, zero))
+    found = tangent_cone(Corner.at(system, metric, point.x, point.error))
     right = [
         ray.index if ray.interface_cells else ray.state.orientation
         for ray in found.rays

@@ -175,7 +175,8 @@ class BoundingTests(TransitionDetector):
         forth = across(curve, state, test) if len(zero) == 1 else None
         if forth is not None:
             return crossed(x, back, forth)
-        met = corner(curve, x, state.error, zero, back)
+        corner = Corner.at(system, curve.metric, x, state.error, zero)
+        met = at_corner(corner, curve, back)
         # without a ray back the piece lies between interfaces, and meets one after another
         is_apart = met.kind == Kind.STOPPED and len(zero) > 1
         forth = across(curve, state, test) if is_apart else None
@@ -249,11 +250,10 @@ def across(curve: Curve, state: State, test: int) -> Ray | None:
     return ray if ray and ray.state.orientation == state.orientation else None
 
 
-def corner(
-    curve: Curve, x: Array, error: Array, zero: frozenset[int], back: Ray | None = None
-) -> SpecialPointFound:
+def at_corner(corner: Corner, curve: Curve, back: Ray | None = None) -> SpecialPointFound:
     """Return the special point at which several interfaces meet, or the curve is tangent to one."""
-    here, system = curve.selection, curve.selection.system
+    here, system = curve.selection, corner.system
+    x, error, zero = corner.x, corner.error, corner.zero
     if len(zero) == 1:
         (test,) = zero
         new = Selection(system, beyond(here, x, test))
@@ -264,7 +264,7 @@ def corner(
     if not np.isfinite(abs(gradients) @ np.ones(len(x))).all():  # as of a root of zero
         why = str(Failure(FailureReason.NOT_FINITE))
         return SpecialPointFound(Kind.STOPPED, x, why, () if back is None else (back,))
-    found = tangent_cone(Corner.at(system, curve.metric, x, error, zero), back)
+    found = tangent_cone(replace(corner, zero=zero), back)
     for ray in found.rays:
         check_continuity(curve, ray.curve.selection, ray, x, error)
     others = tuple(ray for ray in found.rays if back is None or not same_piece(ray, back))

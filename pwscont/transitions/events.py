@@ -297,8 +297,8 @@ ALWAYS = (
 )
 
 
-def checked_events(events: Mapping[str, Any] | None, shown: int | None = None) -> Events | None:
-    """Return the detector of events given by name, None where there are none.
+def checked_events(events: Mapping[str, Any], shown: int | None = None) -> Events:
+    """Return the detector of events given by name.
 
     Event functions are given the first ``shown`` unknowns, default all.
 
@@ -307,8 +307,6 @@ def checked_events(events: Mapping[str, Any] | None, shown: int | None = None) -
     InvalidInputError
         If ``events`` is no mapping of names to functions or :class:`Stop`.
     """
-    if not events:
-        return None
     if not isinstance(events, Mapping):
         raise InvalidInputError(f"events must be a mapping of names to functions, got {events!r}")
     return Events(tuple(_checked(name, what, shown) for name, what in events.items()))

@@ -13,14 +13,15 @@ own curve, not at the common point, which is a point of another curve.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 from typing import TypeAlias, final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Matrix, Signs, generic
+from pwscont.basics.arrays import Array, Matrix, Signs, are_finite, generic
 from pwscont.basics.character import Character
+from pwscont.basics.errors import InvalidSystemError
 from pwscont.basics.outcome import Failure
 from pwscont.basics.printing import at, named
 from pwscont.basics.rounding import CONFIDENCE, EPS, GUARD
@@ -177,7 +178,7 @@ NOISE = GUARD * EPS / SLANT
 @final
 @dataclass(frozen=True, slots=True, eq=False)
 class Corner:
-    """A solution at which test functions vanish."""
+    """A solution, and the tests that vanish there: none inside a cell, one on an interface."""
 
     system: PiecewiseSystem
     metric: Metric
@@ -189,11 +190,45 @@ class Corner:
 
     @classmethod
     def at(
-        cls, system: PiecewiseSystem, metric: Metric, x: Array, error: Array, zero: frozenset[int]
+        cls,
+        system: PiecewiseSystem,
+        metric: Metric,
+        x: Array,
+        error: Array,
+        zero: frozenset[int] | None = None,
     ) -> Corner:
-        """Return the corner at ``x``, with the signs that the tests have there."""
-        signs = system.test_functions(x[:-1], float(x[-1])) >= 0.0
-        return cls(system, metric, x, error, zero, signs)
+        """Return the corner at ``x``, by default with all tests that are zero there to rounding."""
+        tests = system.test_functions(x[:-1], float(x[-1]))
+        if zero is None:
+            gradients = system.test_jacobian(x[:-1], float(x[-1]))
+            vanish = is_zero(gradients, tests, x, error, metric.scale)
+            zero = frozenset(vanish.nonzero()[0].tolist())
+        return cls(system, metric, x, error, zero, tests >= 0.0)
+
+    @classmethod
+    def of_start(cls, system: PiecewiseSystem, metric: Metric, x: Array, error: Array) -> Corner:
+        """Return where a start lies; refuse tests that are not finite.
+
+        Tests that bound no cell there do not count.
+        """
+        tests = np.array(system.test_functions(x[:-1], float(x[-1])), dtype=float)
+        if len(tests) and not are_finite(tests):
+            raise InvalidSystemError(
+                f"{type(system).__name__}.test_functions returned {tests} at a solution, alpha = "
+                f"{x[-1]:.6g}: all must be finite"
+            )
+        gradients = system.test_jacobian(x[:-1], float(x[-1]))
+        zero = frozenset(is_zero(gradients, tests, x, error, metric.scale).nonzero()[0].tolist())
+        corner = cls(system, metric, x, error, zero, tests >= 0.0)
+        here = corner.character
+        bounding = (system.bounding_tests(c) for c in (here, *map(here.flip, zero)))
+        return replace(corner, zero=frozenset()) if all(map(zero.isdisjoint, bounding)) else corner
+
+    def sides(self) -> list[Curve]:
+        """Return the curve of the cell, and where one test vanishes of the cell on its other side."""
+        here = self.character
+        cells = here, *(map(here.flip, self.zero) if len(self.zero) == 1 else ())
+        return [Curve(Selection(self.system, cell), self.metric) for cell in cells]
 
     @property
     def character(self) -> Character:
