@@ -225,7 +225,7 @@ class Corner:
         return replace(corner, zero=frozenset()) if all(map(zero.isdisjoint, bounding)) else corner
 
     def sides(self) -> list[Curve]:
-        """Return the curve of the cell, and where one test vanishes of the cell on its other side."""
+        """Return the curve of the cell, and of the cell beyond where exactly one test vanishes."""
         here = self.character
         cells = here, *(map(here.flip, self.zero) if len(self.zero) == 1 else ())
         return [Curve(Selection(self.system, cell), self.metric) for cell in cells]
