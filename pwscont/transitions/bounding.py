@@ -17,7 +17,7 @@ from typing import final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Indices, Matrix, Signs, are_finite, smallest
+from pwscont.basics.arrays import Array, Matrix, Signs, are_finite, smallest
 from pwscont.basics.outcome import FILL, Failure, FailureReason, Kind
 from pwscont.basics.rounding import CONFIDENCE, EPS, GUARD
 from pwscont.curve.curve import Curve, State
@@ -59,10 +59,8 @@ def touching(curve: Curve, state: State, test: int) -> SpecialPointFound | None:
     if curve.metric.norm(state.size) <= CLEAR_CROSSING:
         return None  # nearly always
     selection, index = curve.selection, int(np.flatnonzero(curve.selection.bounding == test)[0])
-    row, further = (
-        selection.test_gradient(state.x, index),
-        beside(curve, state, DISTANCE_TO_CURVATURE),
-    )
+    row = selection.test_gradient(state.x, index)
+    further = beside(curve, state, DISTANCE_TO_CURVATURE)
     slope = -float(row.dot(state.tangent))
     if further is None or not slope > 0.0:
         return None
@@ -101,7 +99,6 @@ NO_WAY_ON = (
 #: Where perturbation leads nowhere, as where solutions fill a face.
 NO_WAY_FOUND = "{} test functions vanish, too many cells to try all; perturbation found no way on"
 THIRDS = (1.0 / 3.0, 2.0 / 3.0)
-NO_TESTS = np.zeros(0, dtype=np.intp)
 
 
 @final
@@ -124,9 +121,10 @@ class BoundingTests(TransitionDetector):
         if not are_finite(slopes):  # as of a root of zero: the values alone tell
             slopes[~np.isfinite(slopes)] = 0.0
         scale = curve.metric.scale
-        idle = _next_to_zero(values, _terms(rows, state.x, scale))
-        if len(idle):
-            idle = idle[is_zero_along(rows[idle], values[idle], slopes[idle], state, scale)]
+        above = plus(np.abs(values), -NEXT_TO_ZERO, _terms(rows, state.x, scale))
+        if not smallest(above) > 0.0:  # seldom
+            near = np.flatnonzero(above <= 0.0)
+            idle = near[_is_zero_along(rows[near], values[near], slopes[near], state, scale)]
             values[idle], slopes[idle] = 1.0, 0.0
         return Reading(values, slopes)
 
@@ -170,23 +168,16 @@ class BoundingTests(TransitionDetector):
         back = Ray(curve, state).reversed()
         if end := end_of(system, curve.selection.character, zero):
             return SpecialPointFound(Kind.END, x, end, (back,))
-        if len(zero) == 1 and (touched := touching(curve, state, test)):
-            return touched
-        forth = across(curve, state, test) if len(zero) == 1 else None
-        if forth is not None:
-            return crossed(x, back, forth)
-        corner = Corner.at(system, curve.metric, x, state.error, zero)
-        met = at_corner(corner, curve, back)
+        if len(zero) == 1:
+            if touched := touching(curve, state, test):
+                return touched
+            if forth := across(curve, state, test):
+                return crossed(x, back, forth)
+        met = at_corner(Corner.at(system, curve.metric, x, state.error, zero), curve, back)
         # without a ray back the piece lies between interfaces, and meets one after another
         is_apart = met.kind == Kind.STOPPED and len(zero) > 1
         forth = across(curve, state, test) if is_apart else None
-        return met if forth is None else crossed(x, back, forth)
-
-
-def _next_to_zero(values: Array, terms: Array) -> Indices:
-    """Return the tests that, next to their own terms, may be zero along a piece."""
-    above = plus(np.abs(values), -NEXT_TO_ZERO, terms)
-    return NO_TESTS if smallest(above) > 0.0 else np.flatnonzero(above <= 0.0)  # nearly always none
+        return crossed(x, back, forth) if forth else met
 
 
 def _terms(rows: Matrix, x: Array, scale: Array) -> Array:
@@ -222,7 +213,7 @@ def _is_dip(inside: Array, terms: Array, start: Reading, end: Reading) -> bool:
     return bool((deep & positive & ~stays_zero).any())
 
 
-def is_zero_along(
+def _is_zero_along(
     gradients: Matrix, values: Array, slopes: Array, state: State, scale: Array
 ) -> Signs:
     """Tell which tests are zero along a piece, to the rounding of the tests' own terms.
@@ -231,9 +222,9 @@ def is_zero_along(
     the interval, which is 1 in the metric. Where nothing moves, values and slopes are rounding of
     typical values.
     """
-    zero = rounding_of_tests(gradients, state.x, state.error, scale)
-    flat = np.maximum(zero, GUARD * EPS * (abs(gradients) @ np.abs(state.tangent)))
-    stays_zero: Signs = (np.abs(values) <= zero) & (np.abs(slopes) <= flat)
+    rounding = rounding_of_tests(gradients, state.x, state.error, scale)
+    flat = np.maximum(rounding, GUARD * EPS * (abs(gradients) @ np.abs(state.tangent)))
+    stays_zero: Signs = (np.abs(values) <= rounding) & (np.abs(slopes) <= flat)
     return stays_zero
 
 
