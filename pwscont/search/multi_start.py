@@ -329,8 +329,7 @@ class _Looking:
 
     def _freely(self, y: Array, number: int) -> Found | None:
         """Return the new solution to which a free alpha leads from where a pursuit stalled."""
-        direction = generic(len(y), float(number))
-        free = self._pursuit.free(self._pursuit.aside(y, direction))
+        free = self._pursuit.free(y, generic(len(y), float(number)))
         (lo, hi), scale = self._interval, self._metric.scale
         if free is None or not lo <= free[-1] * self._metric.width <= hi:
             return None
