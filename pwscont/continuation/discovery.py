@@ -38,7 +38,7 @@ from pwscont.curve.error_samples import magnitude
 from pwscont.graph.records import Place, Track
 from pwscont.system.abilities import Ending
 from pwscont.system.selection import Selection
-from pwscont.transitions.corner.cone import opposite
+from pwscont.transitions.corner import opposite
 from pwscont.transitions.detector import Said, SpecialPointFound, worded
 from pwscont.transitions.ends import points_inside
 from pwscont.transitions.rays import Corner, Ray

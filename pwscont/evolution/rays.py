@@ -37,7 +37,7 @@ from pwscont.search.enumeration import solve_surely
 from pwscont.system.abilities import HidesUnknowns, completed, shown_size
 from pwscont.system.selection import Selection
 from pwscont.system.system import PiecewiseLinearSystem
-from pwscont.transitions.corner.cone import TangentCone, tangent_cone
+from pwscont.transitions.corner import TangentCone, tangent_cone
 from pwscont.transitions.detector import ratio_test
 from pwscont.transitions.ends import departures
 from pwscont.transitions.rays import Corner, Ray

@@ -42,7 +42,7 @@ from pwscont.system.box import Box
 from pwscont.system.contract import check_attributes
 from pwscont.system.selection import Selection
 from pwscont.system.system import PiecewiseSystem, SlicewiseLinearSystem
-from pwscont.transitions.corner.cone import tangent_cone
+from pwscont.transitions.corner import tangent_cone
 from pwscont.transitions.rays import Corner
 
 

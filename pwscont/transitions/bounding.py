@@ -26,7 +26,7 @@ from pwscont.curve.stepper import CurvedSegment, Segment
 from pwscont.linear.vectors import plus
 from pwscont.system.abilities import end_of
 from pwscont.system.selection import Selection
-from pwscont.transitions.corner.cone import TangentCone, opposite, same_piece, tangent_cone
+from pwscont.transitions.corner import TangentCone, opposite, same_piece, tangent_cone
 from pwscont.transitions.detector import Reading, SpecialPointFound, TransitionDetector, locate_zero
 from pwscont.transitions.rays import (
     SLANT,

@@ -37,7 +37,7 @@ from pwscont.system.box import Box
 from pwscont.system.selection import Selection
 from pwscont.system.system import PiecewiseSystem, SlicewiseLinearSystem
 from pwscont.transitions.bounding import BoundingTests, at_corner, crossed, turns
-from pwscont.transitions.corner.cone import same_piece, tangent_cone
+from pwscont.transitions.corner import same_piece, tangent_cone
 from pwscont.transitions.detector import (
     NARROW_BRACKET,
     Reading,

@@ -51,7 +51,7 @@ class Ray:
         For a ray along an interface, all cells to which the ray belongs; else empty.
     index : int
         For a ray along an interface, the sum of the signs of det(dH/dz) over the solutions into
-        which small changes of H split the ray, see :mod:`pwscont.transitions.corner.enumeration`.
+        which small changes of H split the ray, see :mod:`pwscont.transitions.corner`.
     """
 
     curve: Curve
