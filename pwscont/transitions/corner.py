@@ -290,10 +290,9 @@ def index_along(ray: Ray, zero: frozenset[int]) -> int:
     rows = system.some_test_gradients(x[:-1], float(x[-1]), which)
     slopes = np.asarray(rows @ tangent)
     level = np.abs(slopes) <= LEVEL_TEST * (abs(rows) @ (np.abs(tangent) + LEVEL_TEST * scale))
-    signs = system.test_functions(x[:-1], float(x[-1])) >= 0.0
-    signs[which] = ~level & (slopes > 0.0)  # tests that grow along the ray choose no cell
     stay = frozenset(which[level].tolist())
-    near = Corner(system, ray.curve.metric, x, ray.state.error, stay, signs)
+    near = Corner.at(system, ray.curve.metric, x, ray.state.error, stay)
+    near.tests[which] = np.where(level, 0.0, slopes)  # tests that grow along the ray are positive
     size = abs(ray.curve.selection.jacobian(x)) @ scale
     metric, row = Metric(np.append(scale, 1.0)), last_unit(len(x))
     for shift in range(MOST_RIGHT_HAND_SIDES):
@@ -323,7 +322,7 @@ class ConeProblem(SlicewiseLinearSystem):
         self._corner, self._scale = corner, corner.metric.scale
         self._row = generic(self.size) / self._scale if row is None else row
         self._right = np.zeros(self.size - 1) if right is None else right
-        self._constant = np.where(corner.signs, 1.0, -1.0)
+        self._constant = np.where(corner.tests >= 0.0, 1.0, -1.0)
         self._constant[list(corner.zero)] = 0.0
         self._rows = lru_cache(KEPT_JACOBIANS)(self._rows_of)  # cells are asked for several times
 
@@ -397,4 +396,4 @@ class ConeProblem(SlicewiseLinearSystem):
         if isinstance(corner.system, SlicewiseLinearSystem) and has_named_cells(corner.system):
             return tuple(corner.restricted(corner.system.blocks()))
         cells = tuple(cell.signs for cell in corner.all_cells())
-        return (Block(tuple(range(len(corner.signs))), tuple(range(self.size - 1)), cells),)
+        return (Block(tuple(range(len(corner.tests))), tuple(range(self.size - 1)), cells),)

@@ -19,7 +19,7 @@ from typing import TypeAlias, final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Matrix, Signs, are_finite, generic
+from pwscont.basics.arrays import Array, Matrix, Signs, generic
 from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidSystemError
 from pwscont.basics.outcome import Failure
@@ -185,8 +185,7 @@ class Corner:
     x: Array  # shape (n + 1,)
     error: Array  # samples of the error of ``x``, shape (k, n + 1)
     zero: frozenset[int]  # the tests that vanish
-    #: Shape (m,): whether each test is positive; the signs of vanishing tests mean nothing.
-    signs: Signs
+    tests: Array  # all tests there, shape (m,); the signs of those that vanish mean nothing
 
     @classmethod
     def at(
@@ -198,12 +197,12 @@ class Corner:
         zero: frozenset[int] | None = None,
     ) -> Corner:
         """Return the corner at ``x``, by default with all tests that are zero there to rounding."""
-        tests = system.test_functions(x[:-1], float(x[-1]))
+        tests = np.array(system.test_functions(x[:-1], float(x[-1])), dtype=float)
         if zero is None:
             gradients = system.test_jacobian(x[:-1], float(x[-1]))
             vanish = is_zero(gradients, tests, x, error, metric.scale)
             zero = frozenset(vanish.nonzero()[0].tolist())
-        return cls(system, metric, x, error, zero, tests >= 0.0)
+        return cls(system, metric, x, error, zero, tests)
 
     @classmethod
     def of_start(cls, system: PiecewiseSystem, metric: Metric, x: Array, error: Array) -> Corner:
@@ -211,17 +210,14 @@ class Corner:
 
         Tests that bound no cell there do not count.
         """
-        tests = np.array(system.test_functions(x[:-1], float(x[-1])), dtype=float)
-        if len(tests) and not are_finite(tests):
+        corner = cls.at(system, metric, x, error)
+        if len(corner.tests) and not np.isfinite(corner.tests).all():
             raise InvalidSystemError(
-                f"{type(system).__name__}.test_functions returned {tests} at a solution, alpha = "
-                f"{x[-1]:.6g}: all must be finite"
+                f"{type(system).__name__}.test_functions returned {corner.tests} at a solution, "
+                f"alpha = {x[-1]:.6g}: all must be finite"
             )
-        gradients = system.test_jacobian(x[:-1], float(x[-1]))
-        zero = frozenset(is_zero(gradients, tests, x, error, metric.scale).nonzero()[0].tolist())
-        corner = cls(system, metric, x, error, zero, tests >= 0.0)
-        here = corner.character
-        bounding = (system.bounding_tests(c) for c in (here, *map(here.flip, zero)))
+        here, zero = corner.character, corner.zero
+        bounding = (system.bounding_tests(cell) for cell in (here, *map(here.flip, zero)))
         return replace(corner, zero=frozenset()) if all(map(zero.isdisjoint, bounding)) else corner
 
     def sides(self) -> list[Curve]:
@@ -233,7 +229,7 @@ class Corner:
     @property
     def character(self) -> Character:
         """The character of the signs of the tests, those that vanish included."""
-        return Character(tuple(self.signs.tolist()))
+        return Character.of(self.tests)
 
     def all_cells(self) -> list[Character]:
         """Return a character for each cell, from all sign patterns of the vanishing tests."""
