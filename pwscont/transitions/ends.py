@@ -47,7 +47,7 @@ from pwscont.transitions.detector import (
     locate_zero,
 )
 from pwscont.transitions.rays import Corner, Ray, check_continuity, inward_ray, vanishing
-from pwscont.transitions.smooth import at_branch_point, fold_at_end
+from pwscont.transitions.smooth import at_branch_point, fold_at_end, fold_point
 
 #: Most steps of Newton that put a solution on its curve.
 MOST_SETTLING = 8
@@ -163,17 +163,25 @@ class IntervalEnds(TransitionDetector):
     def locate(self, segment: Segment, index: int, bracket: tuple[float, float]) -> State | Failure:
         """Solve {H_chi = 0, alpha = end}."""
         end, side = (self.lo, 1.0) if index == 0 else (self.hi, -1.0)
-        row = side * last_unit(len(segment.start.x))
-        state = locate_zero(segment, lambda x: (side * (float(x[-1]) - end), row), bracket)
-        if isinstance(segment, CurvedSegment) and (fold := _fold(segment, state)):
-            return fold
-        if isinstance(state, State):
-            state.x[-1] = end  # equal up to the rounding of the solve
-        return state
+        state = _reached(segment, bracket, -1, side, end)
+        fold = _fold(segment, state) if isinstance(segment, CurvedSegment) else None
+        return fold or state
 
     def arrive(self, curve: Curve, state: State, index: int) -> SpecialPointFound:
         """End the component, or turn back where other pieces leave from the same point."""
         return at_end(curve, state)
+
+
+def _reached(
+    segment: Segment, bracket: tuple[float, float], which: int, side: float, limit: float
+) -> State | Failure:
+    """Return the state at which a component of x reaches a limit; from above where side is 1."""
+    row = np.zeros(len(segment.start.x))
+    row[which] = side
+    state = locate_zero(segment, lambda x: (side * float(x[which] - limit), row), bracket)
+    if isinstance(state, State):
+        state.x[which] = limit  # equal up to the rounding of the solve
+    return state
 
 
 def at_end(curve: Curve, state: State) -> SpecialPointFound:
@@ -182,9 +190,7 @@ def at_end(curve: Curve, state: State) -> SpecialPointFound:
     system, metric = curve.selection.system, curve.metric
     corner = Corner.at(system, metric, state.x, state.error)
     if not corner.zero and (fold := fold_at_end(curve, state)):
-        forth = Ray(curve, fold)
-        message = f'fold within "{curve.selection.label}", at the end of the interval'
-        return SpecialPointFound(Kind.FOLD, fold.x, message, (forth.reversed(), forth))
+        return fold_point(curve, fold, ", at the end of the interval")
     rays = tangent_cone(corner, back).rays if corner.zero else ()
     inside = tuple(ray for ray in rays if turns(back, ray) and not same_piece(ray, back))
     return SpecialPointFound(Kind.END, state.x, "end of the interval", (back, *inside))
@@ -277,12 +283,7 @@ class Bounds(TransitionDetector):
     def locate(self, segment: Segment, index: int, bracket: tuple[float, float]) -> State | Failure:
         """Solve {H_chi = 0, z_i = bound}."""
         which, side, limit = self._which[index], self._side[index], self._limit[index]
-        row = np.zeros(len(segment.start.x))
-        row[which] = side
-        state = locate_zero(segment, lambda x: (float(side * (x[which] - limit)), row), bracket)
-        if isinstance(state, State):
-            state.x[which] = limit  # equal up to the rounding of the solve
-        return state
+        return _reached(segment, bracket, int(which), float(side), float(limit))
 
     def arrive(self, curve: Curve, state: State, index: int) -> SpecialPointFound:
         """End the branch, or cross the interface that is met together with the bound."""

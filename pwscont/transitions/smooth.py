@@ -91,16 +91,21 @@ class SmoothFolds(TransitionDetector):
         if isinstance(found, Failure):
             return found
         fold, off = polished(curve, found)
-        narrow, level = max(narrow, _place(segment, off)), _vertical(fold, fold.error)
+        # an exactly vertical tangent: rounding would be found as a fold again
+        narrow, level = max(narrow, _place(segment, off)), _with_slope(fold, 0.0, fold.error)
         along = narrow * segment.length * level.tangent
         # alpha is stationary at a fold: its error is of second order
         return replace(level, error=np.vstack([fold.error, uncertainty_beside(curve, fold), along]))
 
     def arrive(self, curve: Curve, state: State, index: int) -> SpecialPointFound:
         """Go on along the same curve."""
-        forth = Ray(curve, state)
-        message = f'fold within "{curve.selection.label}"'
-        return SpecialPointFound(Kind.FOLD, state.x, message, (forth.reversed(), forth))
+        return fold_point(curve, state)
+
+
+def fold_point(curve: Curve, fold: State, where: str = "") -> SpecialPointFound:
+    """Return a fold as a special point, from which the same curve goes on."""
+    forth, message = Ray(curve, fold), f'fold within "{curve.selection.label}"{where}'
+    return SpecialPointFound(Kind.FOLD, fold.x, message, (forth.reversed(), forth))
 
 
 def _turns_twice(segment: CurvedSegment) -> bool:
@@ -154,14 +159,14 @@ def fold_at_end(curve: Curve, state: State) -> State | None:
     if not _side(curve, fold):
         return None
     along = max(abs(s), GUARD * EPS * FIRST_SECANT / abs(steepness))
-    return _vertical(fold, np.vstack([state.error, fold.error, along * fold.tangent]))
+    return _with_slope(fold, 0.0, np.vstack([state.error, fold.error, along * fold.tangent]))
 
 
-def _vertical(fold: State, error: Array) -> State:
-    """Return a fold with an exactly vertical tangent: rounding would be found as a fold again."""
-    tangent = fold.tangent.copy()
-    tangent[-1] = 0.0
-    return State(fold.x, tangent, error, fold.orientation)
+def _with_slope(state: State, slope: float, error: Array) -> State:
+    """Return a state with another component of the tangent along alpha, and another error."""
+    tangent = state.tangent.copy()
+    tangent[-1] = slope
+    return State(state.x, tangent, error, state.orientation)
 
 
 def leaning(ray: Ray) -> Ray:
@@ -170,9 +175,8 @@ def leaning(ray: Ray) -> Ray:
     side = _side(curve, state)
     if not side or curve.slope(state) or curve.selection.is_straight:
         return ray
-    tangent = state.tangent.copy()
-    tangent[-1] = side * LEAN_INWARDS * curve.metric.scale[-1]
-    return replace(ray, state=State(state.x, tangent, state.error, state.orientation))
+    slope = side * LEAN_INWARDS * float(curve.metric.scale[-1])
+    return replace(ray, state=_with_slope(state, slope, state.error))
 
 
 def _side(curve: Curve, state: State) -> int:
