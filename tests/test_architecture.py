@@ -61,7 +61,7 @@ BUDGET = {
     "notation": (13, 2860),
     "curve": (14, 2825),
     "enumeration": (11, 2650),
-    "transitions": (12, 3590),
+    "transitions": (12, 3615),
     "graph": (10, 2710),
     "search": (7, 1630),
     "continuation": (8, 2880),

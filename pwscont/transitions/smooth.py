@@ -192,7 +192,7 @@ MOST_BISECTIONS = 10
 #: The extended system, which costs as much as many points of the curve, is solved from the middle
 #: of every third bracket: from within an eighth of the bracket before.
 BISECTIONS_BETWEEN = 3
-#: Distance at which the sign of det[J; t^T] is evaluated if no walk carries the sign along.
+#: Distance at which the sign of det[J; t^T] is evaluated if no piece carries the sign along.
 DISTANCE_TO_SIGN = EPS**0.25
 #: What is read, by the sign: not to be written to.
 _READINGS = {sign: Reading(np.array([1.0, -1.0]) * sign, UNKNOWN) for sign in (-1, 0, 1)}
