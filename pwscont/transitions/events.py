@@ -351,10 +351,11 @@ class Events:
 
     def ended(self, arrival: SpecialPointFound) -> SpecialPointFound:
         """Return a special point as the end of a branch, where an event that stops is zero."""
-        metric, state = arrival.rays[0].curve.metric, arrival.rays[0].state
-        for event in self.events if arrival.kind != Kind.EVENT else ():
-            if event.stops and event.is_near(metric, state.x, state.size, state.tangent):
-                return SpecialPointFound(Kind.EVENT, arrival.x, event.name, arrival.rays[:1])
+        stops = [event for event in self.events if event.stops]
+        for event in stops if arrival.kind != Kind.EVENT else ():
+            back, state = arrival.rays[0], arrival.rays[0].state
+            if event.is_near(back.curve.metric, state.x, state.size, state.tangent):
+                return SpecialPointFound(Kind.EVENT, arrival.x, event.name, (back,))
         return arrival
 
     @property
