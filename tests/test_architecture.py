@@ -61,9 +61,9 @@ BUDGET = {
     "notation": (13, 2860),
     "curve": (14, 2825),
     "enumeration": (11, 2650),
-    "transitions": (14, 3700),
+    "transitions": (12, 3615),
     "graph": (10, 2710),
-    "search": (8, 1700),
+    "search": (7, 1630),
     "continuation": (8, 2880),
     "kit": (4, 940),
     "proof": (15, 2675),
@@ -76,7 +76,7 @@ BUDGET = {
     "commands": (10, 1150),
 }
 #: Most files and classes that the README's arch meets; a change that needs more says why.
-MOST_FILES_MET, MOST_CLASSES_MET = 51, 70
+MOST_FILES_MET, MOST_CLASSES_MET = 49, 69
 
 
 def module_of(path):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pwscont import PiecewiseSystem, Switched, explore
-from pwscont.search.throughout import Throughout
+from pwscont.search.multi_start import Throughout
 
 pytestmark = pytest.mark.sweep(2)  # the others take too long for the README's command
 

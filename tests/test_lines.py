@@ -8,6 +8,7 @@ from reference_enumeration import exact_pieces
 
 from pwscont import InvalidSystemError, PiecewiseLinearSystem, explore
 from pwscont.bench.calls import counted
+from pwscont.continuation import run
 from pwscont.curve.curve import Curve
 from pwscont.curve.error_samples import magnitude
 from pwscont.curve.metric import Metric
@@ -15,7 +16,7 @@ from pwscont.curve.newton import newton, uncertainty
 from pwscont.linear.factorise import last_unit
 from pwscont.search.all_transitions import Lines
 from pwscont.system.selection import Selection
-from pwscont.transitions.ends import Standing
+from pwscont.transitions import ends
 
 pytestmark = pytest.mark.sweep(2)  # the others take too long for the README's command
 
@@ -136,13 +137,13 @@ def test_one_jacobian_for_each_cell_and_one_for_each_point(monkeypatch):
 
 @pytest.mark.parametrize("seed", range(4))
 def test_transitions_that_are_known_are_not_left_once_more(seed, monkeypatch):
-    left, depart = [], Standing.departures
+    left, depart = [], ends.departures
 
-    def departures(standing):
-        left.append(standing)
-        return depart(standing)
+    def departures(corner):
+        left.append(corner)
+        return depart(corner)
 
-    monkeypatch.setattr(Standing, "departures", departures)
+    monkeypatch.setattr(run, "departures", departures)
     graph = explore(problem(*path(2, seed)), INTERVAL)
     assert len(graph.special_points("transition")) + len(graph.special_points("nonsmooth fold")) > 2
     starts_and_ends = len(graph.special_points("start")) + len(graph.special_points("end"))

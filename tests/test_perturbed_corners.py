@@ -7,8 +7,8 @@ import pytest
 
 from pwscont import Block, PiecewiseLinearSystem, trace
 from pwscont.curve.metric import Metric
-from pwscont.transitions.corner.enumeration import rays_cell_by_cell
-from pwscont.transitions.corner.perturbation import rays_by_perturbation
+from pwscont.transitions.corner import rays_cell_by_cell
+from pwscont.transitions.corner_paths import rays_by_perturbation
 from pwscont.transitions.rays import Corner
 
 

@@ -8,7 +8,7 @@ from sweeps import swept
 
 from pwscont import explore, trace
 from pwscont.curve.metric import Metric
-from pwscont.transitions.corner.enumeration import rays_of_slices
+from pwscont.transitions.corner import rays_of_slices
 from pwscont.transitions.rays import Corner, vanishing
 
 INTERVAL = (-2.0, 2.0)

@@ -38,10 +38,10 @@ from pwscont.curve.error_samples import magnitude
 from pwscont.graph.records import Place, Track
 from pwscont.system.abilities import Ending
 from pwscont.system.selection import Selection
-from pwscont.transitions.corner.cone import opposite
+from pwscont.transitions.corner import opposite
 from pwscont.transitions.detector import Said, SpecialPointFound, worded
-from pwscont.transitions.ends import Standing, points_inside
-from pwscont.transitions.rays import Ray
+from pwscont.transitions.ends import points_inside
+from pwscont.transitions.rays import Corner, Ray
 
 
 def place_of_arrival(arrival: SpecialPointFound) -> Place:
@@ -112,21 +112,21 @@ class Discovery:
             self._known_rays.add(rays)
         self._follow_all()
 
-    def has(self, standing: Standing) -> bool:
+    def has(self, corner: Corner) -> bool:
         """Tell whether a solution on an interface is a known transition between the two cells.
 
         One ray leaves into each (F1): there is nothing else to be found.
         """
-        if standing.other is None:
+        if len(corner.zero) != 1:
             return False
-        cells = (name_of(curve.selection.cell) for curve in (standing.curve, standing.other))
+        cells = (name_of(curve.selection.cell) for curve in corner.sides())
         one, other = map(self._known_rays.nodes_in, cells)
-        metric, size = standing.curve.metric, magnitude(standing.x, standing.error)
+        size = magnitude(corner.x, corner.error)
         nodes = (self.nodes[node] for node in one & other)
         return any(
             node.kind in CROSSED
             and len(node.rays) == 2
-            and node.rays[0].is_at(metric, standing.x, size)
+            and node.rays[0].is_at(corner.metric, corner.x, size)
             for node in nodes
         )
 

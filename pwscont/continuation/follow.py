@@ -30,13 +30,13 @@ from pwscont.curve.stepper import CurvedSegment, ExactLinear, Segment, Stepper
 from pwscont.system.contract import refuse_wrong_jacobian
 from pwscont.system.differences import FINEST_PART, REFINEMENT, STEP
 from pwscont.transitions.bounding import BoundingTests
-from pwscont.transitions.detector import SpecialPointFound, TransitionDetector
+from pwscont.transitions.detector import Reading, SpecialPointFound, TransitionDetector
 from pwscont.transitions.ends import Bounds, IntervalEnds, ended_by_system
 from pwscont.transitions.events import Events, EventsAlong
 from pwscont.transitions.rays import Ray
 from pwscont.transitions.smooth import SmoothBranchPoints, SmoothFolds, leaning
 from pwscont.transitions.straight import StraightTests
-from pwscont.transitions.watch import Event, Readings, Watch, first_on_curve, first_on_ray
+from pwscont.transitions.watch import Event, Watch, first_on_curve, first_on_ray
 
 
 def default_detectors(
@@ -219,7 +219,7 @@ class PieceFollower(Follower):
 
     def _to_the_end(self, reached: _Reached) -> FollowedPiece:
         curve, before, longest, blocked = reached.curve, None, np.inf, None
-        reading = self.watch.first(curve, reached.state)
+        reading = self.watch.read(curve, reached.state)
         for _ in range(MOST_STEPS):
             check_budget()
             if aimed := self._aimed(reached, before, longest, reading):
@@ -279,7 +279,7 @@ class PieceFollower(Follower):
         return segment
 
     def _aimed(
-        self, reached: _Reached, before: Segment | None, longest: float, reading: Readings
+        self, reached: _Reached, before: Segment | None, longest: float, reading: Reading
     ) -> tuple[CurvedSegment, Event] | None:
         """Return the step to the event that seems to come next, None if that event is not next."""
         curve, ahead = reached.curve, self.watch.ahead(reading)
@@ -293,7 +293,7 @@ class PieceFollower(Follower):
         if not isinstance(segment, CurvedSegment):
             raise self._broken("aim", "a CurvedSegment or None", segment)
         event = Event(detector, index, segment.length, segment.end)
-        after = self.watch.before(self.watch.read(curve, segment.end), event)
+        after = self.watch.read(curve, segment.end)
         first = first_on_curve(self.watch, segment, reading, after, event)
         if not isinstance(first, Event) or self.watch.is_rounding(first, curve):
             return None
@@ -343,8 +343,8 @@ class PieceFollower(Follower):
         return arrival if final is arrival else final.leading(final.rays[:1])
 
     def _first_event(
-        self, segment: Segment, reading: Readings
-    ) -> tuple[Event | Failure | None, Readings]:
+        self, segment: Segment, reading: Reading
+    ) -> tuple[Event | Failure | None, Reading]:
         """Return the first event on the segment, and the reading at its end."""
         if not isinstance(segment, CurvedSegment):
             return first_on_ray(self.watch, segment, reading), reading

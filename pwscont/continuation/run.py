@@ -62,9 +62,9 @@ from pwscont.system.selection import Selection
 from pwscont.system.system import PiecewiseLinearSystem, PiecewiseSystem
 from pwscont.transitions import TransitionDetector
 from pwscont.transitions.detector import SpecialPointFound
-from pwscont.transitions.ends import Bounds, Standing, ended_by_system
+from pwscont.transitions.ends import Bounds, departures, ended_by_system
 from pwscont.transitions.events import Events, checked_events
-from pwscont.transitions.rays import Ray
+from pwscont.transitions.rays import Corner, Ray
 from pwscont.transitions.user_event import Stop
 from pwscont.transitions.watch import Watch
 
@@ -197,7 +197,7 @@ def checked_detectors(system: PiecewiseSystem, detectors: Any, events: Any) -> W
     added = tuple(detectors) if isinstance(detectors, Iterable) else (detectors,)
     for detector in added:
         checked_kind("each of detectors", detector, TransitionDetector)
-    return added, checked_events(events, shown_size(system))
+    return added, checked_events(events, shown_size(system)) if events else None
 
 
 def uninterrupted(graph: BranchGraph) -> BranchGraph:
@@ -328,9 +328,9 @@ def _follow_from(starts: Iterable[Found], plan: Plan, discovery: Discovery) -> N
             continue
         if plan.gauge:
             plan.gauge.begin()
-        standing = Standing.of(plan.followed, plan.metric, x, error)
-        if not discovery.has(standing):
-            arrival = standing.departures()
+        corner = Corner.of_start(plan.followed, plan.metric, x, error)
+        if not discovery.has(corner):
+            arrival = departures(corner)
             for each in plan.foreign:  # a start may be a special point of a detector
                 arrival = each.begun(arrival)
             arrival = plan.events.begun(arrival) if plan.events else arrival

@@ -27,7 +27,7 @@ from pwscont.curve.newton import (
     again,
     direction,
     first_quotient,
-    is_within,
+    is_rounding,
     newton,
     uncertainty,
     unseen_rounding,
@@ -186,7 +186,7 @@ def _polished(curve: Curve, border: Border, root: Root) -> tuple[Root, Array]:
     unseen = unseen_rounding(curve, settled, lambda y: border(y)[0])
     error = uncertainty(settled, unseen)  # more corrections hardly change the error
     for _ in range(MOST_CHORDS):
-        if is_within(settled, error) and curve.metric.admits(settled.x):
+        if is_rounding(settled, error) and curve.metric.admits(settled.x):
             return settled, _to_come(settled, error, root.error)
         settled = again(curve, border, settled)
     for number in range(MOST_HALVING):
@@ -196,7 +196,7 @@ def _polished(curve: Curve, border: Border, root: Root) -> tuple[Root, Array]:
         if number >= MOST_NEWTON and not (found.error <= SHRINKS * root.error).all():
             break
         root, error = found, uncertainty(found, unseen)
-        if is_within(root, error):
+        if is_rounding(root, error):
             break
     return root, _to_come(root, uncertainty(root, unseen), root.error)
 

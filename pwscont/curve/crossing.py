@@ -20,7 +20,7 @@ from typing import final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, generic_angles
+from pwscont.basics.arrays import Array, generic_angles, largest
 from pwscont.basics.outcome import Failure, FailureReason
 from pwscont.basics.rounding import CONVERGED, EPS
 from pwscont.curve.curve import Curve
@@ -87,6 +87,11 @@ class _Null:
     particular: Array  # M^-1 (-H; 0), shape (n + 2,)
     size: float  # w . |J| |x|, the size of the terms of H in the equation for the unfolding mu
 
+    @property
+    def borders(self) -> tuple[Array, Array]:
+        """The borders b and C that condition M best: the null vectors themselves."""
+        return self.left / np.linalg.norm(self.left), np.linalg.qr(self.right)[0].T
+
 
 def crossing(curve: Curve, x: Array) -> Crossing | Failure:
     """Return the branch point near ``x``, by Newton's method on the extended system."""
@@ -95,8 +100,7 @@ def crossing(curve: Curve, x: Array) -> Crossing | Failure:
         null = _null(curve, x, equations, *borders)
         if null is None:
             return Failure(FailureReason.SINGULAR)
-        # the null vectors themselves make M best conditioned
-        borders = null.left / np.linalg.norm(null.left), np.linalg.qr(null.right)[0].T
+        borders = null.borders
         if iteration < 0:
             continue
         rows = np.array([_second(curve, x, null.left / null.rows, v) for v in null.right.T])
@@ -123,13 +127,11 @@ def crossing(curve: Curve, x: Array) -> Crossing | Failure:
 
 def loses_rank(curve: Curve, x: Array) -> bool:
     """Tell whether the Jacobian has rank n - 1 at most at a point, compared to points beside."""
-    equations, borders = _equations(curve, x), _generic(len(x) - 1)
-    for _ in range(FIRST_BORDERS + 1):
-        null = _null(curve, x, equations, *borders)
-        if null is None:
-            return True
-        borders = null.left / np.linalg.norm(null.left), np.linalg.qr(null.right)[0].T
-    return bool(np.abs(null.g).max() < FULL_RANK)
+    equations = _equations(curve, x)
+    null = _null(curve, x, equations, *_generic(len(x) - 1))
+    for _ in range(FIRST_BORDERS):
+        null = null and _null(curve, x, equations, *null.borders)
+    return null is None or largest(np.abs(null.g)) < FULL_RANK
 
 
 def _generic(n: int) -> tuple[Array, Array]:

@@ -263,13 +263,9 @@ def uncertainty(root: Root, unseen: Array | float = 0.0) -> Array:
     return root.factor.solve_all(_rounding(root.jacobian, root.row, size, unseen))
 
 
-def is_rounding(root: Root) -> bool:
-    """Tell whether the last correction was only rounding, which ill conditioning enlarges."""
-    return is_within(root, uncertainty(root))
-
-
-def is_within(root: Root, error: Array) -> bool:
-    """Tell whether the last correction is no more than an error, as from :func:`uncertainty`."""
+def is_rounding(root: Root, error: Array | None = None) -> bool:
+    """Tell whether an error, default :func:`uncertainty`, explains the last correction."""
+    error = uncertainty(root) if error is None else error
     return bool((root.error <= CONFIDENCE * magnitude(root.x, error)).all())
 
 

@@ -237,7 +237,7 @@ def _off_cubic(segment: CurvedSegment, corrected: Corrected, is_sure: bool) -> f
     if curve.selection.is_straight:
         return worst
     for part in (INSIDE,) if is_sure else (INSIDE, SECOND):
-        x = segment.inside if part == INSIDE else segment.near(part * segment.length)
+        x = segment.near(part * segment.length)
         if not curve.metric.admits(x):
             return math.inf
         off = curve.metric.norm(corrected.factor.solve(curve.selection.residual_and(x, 0.0)))

@@ -81,12 +81,7 @@ class StepSize:
     def after(self, length: float, strain: float, cosine: float) -> float:
         """Return the length of the next step, at least half and at most twice ``length``.
 
-        Parameters
-        ----------
-        length : float
-        strain : float
-            The largest ratio of a measure of the last step to the tolerance of that measure.
-        cosine : float
+        ``strain`` is the largest ratio of a measure of the last step to the measure's tolerance.
         """
         # the angle grows like the step, 1 - cos and the strain like the square or faster
         by_strain = WANTED_STRAIN / max(strain, NO_DIVISION_BY_ZERO)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import final
 
 from pwscont.basics.arrays import Array
@@ -100,7 +100,6 @@ class CurvedSegment(Segment):
     arriving: tuple[Array, float]
     length: float
     suggestion: float
-    _inside: Array | None = field(default=None, init=False, repr=False)
 
     def __repr__(self) -> str:
         ends = f"alpha {self.start.alpha:.10g} → {self.end.alpha:.10g}"
@@ -109,9 +108,7 @@ class CurvedSegment(Segment):
     @property
     def inside(self) -> Array:
         """A point of the cubic at the part INSIDE of the segment, shape (n + 1,)."""
-        if self._inside is None:
-            self._inside = self.near(INSIDE * self.length)
-        return self._inside
+        return self.near(INSIDE * self.length)
 
     @classmethod
     def between(cls, curve: Curve, start: State, end: State, suggestion: float) -> CurvedSegment:

@@ -37,9 +37,9 @@ from pwscont.search.enumeration import solve_surely
 from pwscont.system.abilities import HidesUnknowns, completed, shown_size
 from pwscont.system.selection import Selection
 from pwscont.system.system import PiecewiseLinearSystem
-from pwscont.transitions.corner.cone import TangentCone, tangent_cone
+from pwscont.transitions.corner import TangentCone, tangent_cone
 from pwscont.transitions.detector import ratio_test
-from pwscont.transitions.ends import Standing
+from pwscont.transitions.ends import departures
 from pwscont.transitions.rays import Corner, Ray
 
 if TYPE_CHECKING:
@@ -236,8 +236,8 @@ def _rays(
     law: PiecewiseLinearSystem, metric: Metric, x: Array, error: Array
 ) -> tuple[frozenset[int], TangentCone]:
     """Return the tests that vanish at a solution, and the rays that leave the solution."""
-    standing = Standing.of(law, metric, x, error)
-    if standing.zero:
-        return standing.zero, tangent_cone(Corner.at(law, metric, x, error, standing.zero))
-    inside = standing.departures()
-    return standing.zero, TangentCone(inside.rays, 1, False, inside.kind != Kind.STOPPED)
+    corner = Corner.of_start(law, metric, x, error)
+    if corner.zero:
+        return corner.zero, tangent_cone(corner)
+    inside = departures(corner)
+    return corner.zero, TangentCone(inside.rays, 1, exact=inside.kind != Kind.STOPPED)

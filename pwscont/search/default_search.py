@@ -11,9 +11,8 @@ from pwscont.curve.metric import Metric
 from pwscont.enumeration.slices import cells_to_try
 from pwscont.search.all_transitions import AllTransitions
 from pwscont.search.enumeration import EndPoints, Slices
-from pwscont.search.multi_start import MultiStart
+from pwscont.search.multi_start import MultiStart, Throughout, affordable_starts
 from pwscont.search.search import Search
-from pwscont.search.throughout import Throughout, affordable_starts
 from pwscont.system.abilities import BringsSearches
 from pwscont.system.system import (
     PiecewiseLinearSystem,

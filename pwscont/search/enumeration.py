@@ -42,8 +42,8 @@ from pwscont.system.box import Box
 from pwscont.system.contract import check_attributes
 from pwscont.system.selection import Selection
 from pwscont.system.system import PiecewiseSystem, SlicewiseLinearSystem
-from pwscont.transitions.corner.cone import tangent_cone
-from pwscont.transitions.rays import Corner, vanishing
+from pwscont.transitions.corner import tangent_cone
+from pwscont.transitions.rays import Corner
 
 
 @final
@@ -147,31 +147,21 @@ def solve_surely(system: SlicewiseLinearSystem, metric: Metric, alpha: float) ->
     tell the cell of the point from a singular cell.
     """
     found = solve_slice(system, metric, alpha)
-    if not (_leaves_doubt(system, metric, found) or _is_empty(found)):
+    if (found.points or found.faces) and not _leaves_doubt(system, metric, found):
         return found
     corners = [lone_point(face, x, metric) for face in found.faces for x in face.representatives]
     exactly = solve_exactly(system, metric, alpha, corners)
+    points = (exactly or found).points
+    known = tuple(point for point in points if _digits(point, metric) > 0.0)
+    lost = len(points) - len(known)
     if exactly is None:
-        known = _with_digits(found, metric)
-        lost = len(found.points) - len(known)
         return replace(found, points=known, undecided=max(found.undecided + lost, 1))
-    known = _with_digits(exactly, metric)
     alone = tuple(point for point in found.points if point.known_signs == ALONE)
-    lost = len(exactly.points) - len(known)
     return replace(exactly, points=known + alone, faces=found.faces, singular=lost)
-
-
-def _with_digits(found: Slice, metric: Metric) -> tuple[Point, ...]:
-    """Return the points with some right digit."""
-    return tuple(p for p in found.points if _digits(p, metric) > 0.0)
 
 
 def _digits(point: Point, metric: Metric) -> float:
     return significant(magnitude(point.x, point.error), point.x, metric.scale)
-
-
-def _is_empty(found: Slice) -> bool:
-    return not (found.points or found.faces)
 
 
 def _leaves_doubt(system: SlicewiseLinearSystem, metric: Metric, found: Slice) -> bool:
@@ -192,7 +182,7 @@ def _guarantee(system: SlicewiseLinearSystem, found: Slice, balance: int) -> str
             f"not complete: the signs of det(dH/dz) sum to {balance:+d}, not to "
             f"{system.degree:+d}, so at least one solution is missing"
         )
-    if _is_empty(found) and not found.exact:
+    if not (found.points or found.faces or found.exact):
         return "not certain: nothing found, with too many cells for exact arithmetic"
     if found.undecided and not found.exact:
         return (
@@ -235,8 +225,7 @@ def _index(system: PiecewiseSystem, metric: Metric, point: Point) -> tuple[int, 
         if len(signs) == 1:
             return signs[0], None
         return (0, Kind.NONSMOOTH_FOLD) if sum(signs) == 0 else (signs[0], Kind.TRANSITION)
-    zero = vanishing(system, point.x, point.error, metric.scale)
-    found = tangent_cone(Corner.at(system, metric, point.x, point.error, zero))
+    found = tangent_cone(Corner.at(system, metric, point.x, point.error))
     right = [
         ray.index if ray.interface_cells else ray.state.orientation
         for ray in found.rays
@@ -248,33 +237,24 @@ def _index(system: PiecewiseSystem, metric: Metric, point: Point) -> tuple[int, 
 def starts_at(system: PiecewiseSystem, metric: Metric, alpha: float) -> list[Found]:
     """Return solutions at ``alpha`` to start from, each once; of a face, the corners.
 
-    Complete for a :class:`~pwscont.SlicewiseLinearSystem`, where an undecided cell gives a start of
-    unknown z, with an infinite error. For other systems Newton is tried once in every cell, from
-    the point within the bounds near z = 0, and solutions may be missed.
+    Complete for a :class:`~pwscont.SlicewiseLinearSystem`, where an undecided cell, and a face
+    without corners, gives a start of unknown z, with an infinite error. For other systems Newton is
+    tried once in every cell, from the point within the bounds near z = 0, and solutions may be
+    missed.
     """
     if isinstance(system, SlicewiseLinearSystem):
-        slice_ = solve_surely(system, metric, alpha)
-        size = len(metric.scale)
+        found, size = solve_surely(system, metric, alpha), len(metric.scale)
+        starts = [(point.x, point.error) for point in found.points]
+        for face in found.faces:
+            error = 0.0 if len(face.corners) else np.inf
+            starts += [(x, np.full((1, size), error)) for x in face.representatives]
         unknown = np.append(np.zeros(size - 1), alpha), np.full((1, size), np.inf)
-        return as_starts(slice_) + [unknown] * slice_.undecided
-    found: list[Found] = []
-    box = Box.of(system)
+        return starts + [unknown] * found.undecided
+    starts, box = [], Box.of(system)
     for character in system.cells():
         solution = _in_cell(Curve(Selection(system, character), metric), box, alpha)
-        if solution and not any(is_same(metric, solution, other) for other in found):
-            found.append(solution)
-    return found
-
-
-def as_starts(found: Slice) -> list[Found]:
-    """Return the points of a slice, and the corners of the faces of the slice, as starts.
-
-    A face without corners gives a start of unknown z, with an infinite error.
-    """
-    starts = [(point.x, point.error) for point in found.points]
-    for face in found.faces:
-        error = 0.0 if len(face.corners) else np.inf
-        starts += [(x, np.full((1, len(x)), error)) for x in face.representatives]
+        if solution and not any(is_same(metric, solution, other) for other in starts):
+            starts.append(solution)
     return starts
 
 

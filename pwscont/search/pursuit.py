@@ -67,18 +67,23 @@ class Pursuit:
         self._ends = interval[0] / metric.width, interval[1] / metric.width
 
     def at_alpha(self, y: Array, known: Sequence[Array]) -> tuple[Array, bool]:
-        """Return where Newton's method at fixed alpha leads, and whether a solution is there."""
-        deflated = [other * self._scale for other in known]
+        """Return where Newton's method at fixed alpha leads, and whether a solution is there.
+
+        ``known``: solutions (z, alpha) that are deflated away.
+        """
 
         def step_at(y: Array, residual: Array, jacobian: Array) -> Array:
             step = np.append(_newton_step(jacobian[:, :-1], residual), 0.0)
-            step *= stretch(self._metric, deflated, y * self._scale, step * self._scale)
+            step *= stretch(self._metric, known, y * self._scale, step * self._scale)
             return _limited(step, y)
 
-        return self._pursued(y, step_at, deflated)
+        return self._pursued(y, step_at, known)
 
-    def free(self, y: Array) -> Array | None:
-        """Return the point of a curve to which steps of least length lead, within the interval."""
+    def free(self, y: Array, direction: Array) -> Array | None:
+        """Return the point of a curve to which steps of least length lead, within the interval.
+
+        The steps begin aside of a point, in a direction.
+        """
 
         def step_at(y: Array, residual: Array, jacobian: Array) -> Array:
             step = _limited(_shortest_step(jacobian, residual), y)
@@ -88,7 +93,8 @@ class Pursuit:
             rest = residual + jacobian[:, -1] * rise
             return _limited(np.append(_newton_step(jacobian[:, :-1], rest), rise), y)
 
-        found, arrived = self._pursued(y, step_at, ())
+        aside = y + MOVED_ASIDE * (1.0 + _length(y)) * direction
+        found, arrived = self._pursued(aside, step_at, ())
         return found if arrived else None
 
     def _pursued(
@@ -169,10 +175,6 @@ class Pursuit:
         beside = self.direction(y + way * outwards)
         return beside is None or abs(beside[-1]) <= least
 
-    def aside(self, y: Array, direction: Array) -> Array:
-        """Return a point moved aside."""
-        return y + MOVED_ASIDE * (1.0 + _length(y)) * direction
-
     def _linear(self, y: Array) -> tuple[Array, Array] | None:
         """Return scaled residual and Jacobian; None if H is not finite, or outside the interval."""
         check_budget()
@@ -188,24 +190,21 @@ class Pursuit:
         x = y * self._scale
         return (x[:-1], float(x[-1])) if self._metric.admits(x) else None
 
-    def _merit(self, y: Array, known: Sequence[Array]) -> float:
-        """Return the size of H, with known solutions deflated away; infinite outside."""
-        place = self._place(y)
-        if place is None:
-            return math.inf
-        residual = residual_at(self._system, *place, self._system.character(*place)) / self._rows
-        return _length(residual) * deflation(self._metric, known, y * self._scale)
-
     def _moved(
         self, y: Array, residual: Array, step: Array, known: Sequence[Array]
     ) -> Array | None:
         """Return the first of y + step, y + step / 2, ... that reduces the merit enough."""
-        factor, length = deflation(self._metric, known, y * self._scale), 1.0
-        before = factor * _length(residual)
+
+        def merit(y: Array, residual: Array) -> float:
+            return _length(residual) * deflation(self._metric, known, y * self._scale)
+
+        before, length = merit(y, residual), 1.0
         for _ in range(MOST_STEP_HALVINGS):
             trial = y + length * step
-            if self._merit(trial, known) <= (1.0 - DESCENT * length) * before:
-                return trial
+            if place := self._place(trial):
+                off = residual_at(self._system, *place, self._system.character(*place)) / self._rows
+                if merit(trial, off) <= (1.0 - DESCENT * length) * before:
+                    return trial
             length *= 0.5
         return None
 

@@ -216,7 +216,13 @@ def _checked(what: str, start: Any, size: int, interval: tuple[float, float]) ->
         raise InvalidInputError(f"{what} yields x, {short(repr(start))}: {WANTED}")
     if not (isinstance(start, tuple | list) and len(start) == 2):
         raise InvalidInputError(f"{what} must yield pairs (x, error), got {short(repr(start))}")
-    x, error = start[0], _numbers(what, start[1])
+    x, error = start
+    try:
+        error = np.asarray(error, dtype=float)
+    except (TypeError, ValueError) as why:
+        raise InvalidInputError(
+            f"{what} yields an error that is no array of numbers, {short(repr(error))}: {WANTED}"
+        ) from why
     if not error.ndim:
         raise InvalidInputError(f"{what} yields a pair (z, alpha), {short(repr(start))}: {WANTED}")
     is_sampled = error.size and error.ndim <= 2 and error.shape[-1] == size + 1
@@ -236,31 +242,16 @@ def _checked(what: str, start: Any, size: int, interval: tuple[float, float]) ->
     return x, error
 
 
-def _numbers(what: str, error: Any) -> Array:
-    """Return an estimate of an error as an array, or refuse a value that is no array of numbers."""
-    try:
-        return np.asarray(error, dtype=float)
-    except (TypeError, ValueError) as why:
-        raise InvalidInputError(
-            f"{what} yields an error that is no array of numbers, {short(repr(error))}: {WANTED}"
-        ) from why
-
-
 def _refuse_off_curve(
     what: str, system: PiecewiseSystem, x: Array, error: Array, scale: Array
 ) -> None:
     """Refuse a start off the curve by more than its error: straight pieces would run beside."""
-    if _is_between_cells(system, x, scale):
-        return
-    if off := unexplained(system, system.character(x[:-1], float(x[-1])), x, scale, error):
+    z, alpha = x[:-1], float(x[-1])
+    near = NEARLY_ZERO_TEST * (abs(system.test_jacobian(z, alpha)) @ (np.abs(x) + scale))
+    if (np.abs(system.test_functions(z, alpha)) <= near).any():
+        return  # the cell may be a matter of rounding
+    if off := unexplained(system, system.character(z, alpha), x, scale, error):
         raise InvalidInputError(
             f"{what} yields a point off the curve, at {at(x)}: H is {off:.0e}, more than its error "
             "explains; correct it by semismooth_newton, and try check_search"
         )
-
-
-def _is_between_cells(system: PiecewiseSystem, x: Array, scale: Array) -> bool:
-    """Tell whether the cell of a point may be a matter of rounding."""
-    z, alpha = x[:-1], float(x[-1])
-    near = NEARLY_ZERO_TEST * (abs(system.test_jacobian(z, alpha)) @ (np.abs(x) + scale))
-    return bool((np.abs(system.test_functions(z, alpha)) <= near).any())

@@ -17,26 +17,26 @@ from typing import final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Indices, Matrix, Signs, are_finite, smallest
+from pwscont.basics.arrays import Array, Matrix, Signs, are_finite, smallest
 from pwscont.basics.outcome import FILL, Failure, FailureReason, Kind
 from pwscont.basics.rounding import CONFIDENCE, EPS, GUARD
-from pwscont.curve.corrector import BorderedNewton
 from pwscont.curve.curve import Curve, State
-from pwscont.curve.error_samples import magnitude_of_values
 from pwscont.curve.newton import Border
 from pwscont.curve.stepper import CurvedSegment, Segment
 from pwscont.linear.vectors import plus
 from pwscont.system.abilities import end_of
 from pwscont.system.selection import Selection
-from pwscont.transitions.corner.cone import TangentCone, opposite, same_piece, tangent_cone
+from pwscont.transitions.corner import TangentCone, opposite, same_piece, tangent_cone
 from pwscont.transitions.detector import Reading, SpecialPointFound, TransitionDetector, locate_zero
 from pwscont.transitions.rays import (
     SLANT,
     Corner,
     Ray,
+    beside,
     beyond,
     check_continuity,
     inward_ray,
+    rounding_of_tests,
     vanishing,
 )
 
@@ -58,25 +58,20 @@ def touching(curve: Curve, state: State, test: int) -> SpecialPointFound | None:
     """
     if curve.metric.norm(state.size) <= CLEAR_CROSSING:
         return None  # nearly always
-
-    def at(s: float) -> State | None:
-        """Return the state of the curve at a distance along the tangent."""
-        found = BorderedNewton().correct(curve, state.x + s * state.tangent, state.tangent)
-        return None if isinstance(found, Failure) else found.state
-
     selection, index = curve.selection, int(np.flatnonzero(curve.selection.bounding == test)[0])
-    row, further = selection.test_gradient(state.x, index), at(DISTANCE_TO_CURVATURE)
+    row = selection.test_gradient(state.x, index)
+    further = beside(curve, state, DISTANCE_TO_CURVATURE)
     slope = -float(row.dot(state.tangent))
     if further is None or not slope > 0.0:
         return None
     turn = slope + float(selection.test_gradient(further.x, index).dot(further.tangent))
     lowest = DISTANCE_TO_CURVATURE * slope / turn if turn > 0.0 else np.inf
-    size = magnitude_of_values(row[np.newaxis], state.x, state.error)
-    rounding = CONFIDENCE * float((size + EPS * (np.abs(row) @ curve.metric.scale))[0])
+    rounding = rounding_of_tests(row[np.newaxis], state.x, state.error, curve.metric.scale)[0]
     if not (lowest <= DISTANCE_TO_CURVATURE and 0.5 * slope * lowest <= rounding):
         return None  # a zero farther from the lowest point than that is a crossing
-    places = [place for part in PARABOLA_PLACES if (place := at(part * lowest)) is not None]
-    if len(places) < len(PARABOLA_PLACES):
+    found = [beside(curve, state, part * lowest) for part in PARABOLA_PLACES]
+    places = [place for place in found if place is not None]
+    if len(places) < len(found):
         return None
     parts, rising = np.array(PARABOLA_PLACES[:-1]), places[-1]
     values = np.array([selection.test(place.x, index) for place in places[:-1]])
@@ -104,7 +99,6 @@ NO_WAY_ON = (
 #: Where perturbation leads nowhere, as where solutions fill a face.
 NO_WAY_FOUND = "{} test functions vanish, too many cells to try all; perturbation found no way on"
 THIRDS = (1.0 / 3.0, 2.0 / 3.0)
-NO_TESTS = np.zeros(0, dtype=np.intp)
 
 
 @final
@@ -127,9 +121,10 @@ class BoundingTests(TransitionDetector):
         if not are_finite(slopes):  # as of a root of zero: the values alone tell
             slopes[~np.isfinite(slopes)] = 0.0
         scale = curve.metric.scale
-        idle = _next_to_zero(values, _terms(rows, state.x, scale))
-        if len(idle):
-            idle = idle[is_zero_along(rows[idle], values[idle], slopes[idle], state, scale)]
+        above = plus(np.abs(values), -NEXT_TO_ZERO, _terms(rows, state.x, scale))
+        if not smallest(above) > 0.0:  # seldom
+            near = np.flatnonzero(above <= 0.0)
+            idle = near[_is_zero_along(rows[near], values[near], slopes[near], state, scale)]
             values[idle], slopes[idle] = 1.0, 0.0
         return Reading(values, slopes)
 
@@ -173,22 +168,16 @@ class BoundingTests(TransitionDetector):
         back = Ray(curve, state).reversed()
         if end := end_of(system, curve.selection.character, zero):
             return SpecialPointFound(Kind.END, x, end, (back,))
-        if len(zero) == 1 and (touched := touching(curve, state, test)):
-            return touched
-        forth = across(curve, state, test) if len(zero) == 1 else None
-        if forth is not None:
-            return crossed(x, back, forth)
-        met = corner(curve, x, state.error, zero, back)
+        if len(zero) == 1:
+            if touched := touching(curve, state, test):
+                return touched
+            if forth := across(curve, state, test):
+                return crossed(x, back, forth)
+        met = at_corner(Corner.at(system, curve.metric, x, state.error, zero), curve, back)
         # without a ray back the piece lies between interfaces, and meets one after another
         is_apart = met.kind == Kind.STOPPED and len(zero) > 1
         forth = across(curve, state, test) if is_apart else None
-        return met if forth is None else crossed(x, back, forth)
-
-
-def _next_to_zero(values: Array, terms: Array) -> Indices:
-    """Return the tests that, next to their own terms, may be zero along a piece."""
-    above = plus(np.abs(values), -NEXT_TO_ZERO, terms)
-    return NO_TESTS if smallest(above) > 0.0 else np.flatnonzero(above <= 0.0)  # nearly always none
+        return crossed(x, back, forth) if forth else met
 
 
 def _terms(rows: Matrix, x: Array, scale: Array) -> Array:
@@ -224,7 +213,7 @@ def _is_dip(inside: Array, terms: Array, start: Reading, end: Reading) -> bool:
     return bool((deep & positive & ~stays_zero).any())
 
 
-def is_zero_along(
+def _is_zero_along(
     gradients: Matrix, values: Array, slopes: Array, state: State, scale: Array
 ) -> Signs:
     """Tell which tests are zero along a piece, to the rounding of the tests' own terms.
@@ -233,10 +222,9 @@ def is_zero_along(
     the interval, which is 1 in the metric. Where nothing moves, values and slopes are rounding of
     typical values.
     """
-    rounding = magnitude_of_values(gradients, state.x, state.error)
-    zero = CONFIDENCE * (rounding + EPS * (abs(gradients) @ scale))
-    flat = np.maximum(zero, GUARD * EPS * (abs(gradients) @ np.abs(state.tangent)))
-    stays_zero: Signs = (np.abs(values) <= zero) & (np.abs(slopes) <= flat)
+    rounding = rounding_of_tests(gradients, state.x, state.error, scale)
+    flat = np.maximum(rounding, GUARD * EPS * (abs(gradients) @ np.abs(state.tangent)))
+    stays_zero: Signs = (np.abs(values) <= rounding) & (np.abs(slopes) <= flat)
     return stays_zero
 
 
@@ -253,11 +241,10 @@ def across(curve: Curve, state: State, test: int) -> Ray | None:
     return ray if ray and ray.state.orientation == state.orientation else None
 
 
-def corner(
-    curve: Curve, x: Array, error: Array, zero: frozenset[int], back: Ray | None = None
-) -> SpecialPointFound:
+def at_corner(corner: Corner, curve: Curve, back: Ray | None = None) -> SpecialPointFound:
     """Return the special point at which several interfaces meet, or the curve is tangent to one."""
-    here, system = curve.selection, curve.selection.system
+    here, system = curve.selection, corner.system
+    x, error, zero = corner.x, corner.error, corner.zero
     if len(zero) == 1:
         (test,) = zero
         new = Selection(system, beyond(here, x, test))
@@ -268,7 +255,7 @@ def corner(
     if not np.isfinite(abs(gradients) @ np.ones(len(x))).all():  # as of a root of zero
         why = str(Failure(FailureReason.NOT_FINITE))
         return SpecialPointFound(Kind.STOPPED, x, why, () if back is None else (back,))
-    found = tangent_cone(Corner.at(system, curve.metric, x, error, zero), back)
+    found = tangent_cone(replace(corner, zero=zero), back)
     for ray in found.rays:
         check_continuity(curve, ray.curve.selection, ray, x, error)
     others = tuple(ray for ray in found.rays if back is None or not same_piece(ray, back))

@@ -59,10 +59,18 @@ class Reading:
         Positive while nothing happens; a change to zero or below is an event.
     slopes : ndarray, shape (k,)
         Derivatives along the tangent; zero where unknown.
+    begins : tuple of int
+        Where the functions of each detector begin and end, in a reading of several detectors.
     """
 
     values: Array
     slopes: Array
+    begins: tuple[int, ...] = ()
+
+    def part(self, place: int) -> Reading:
+        """Return what the detector at a place read."""
+        own = slice(self.begins[place], self.begins[place + 1])
+        return Reading(self.values[own], self.slopes[own])
 
 
 @final
@@ -261,9 +269,22 @@ class TransitionDetector(ABC):
 
 def values_on(detector: TransitionDetector, ray: Segment, s: float) -> Array:
     """Return the values of the watched functions on a straight segment, at distance s."""
+    return np.asarray(detector.read(ray.curve, _state_on(ray, s)).values)
+
+
+def _state_on(ray: Segment, s: float) -> State:
+    """Return the state of a straight segment at a distance: the prediction is exact."""
     start = ray.start
-    state = State(ray.near(s), start.tangent, start.error, start.orientation)
-    return np.asarray(detector.read(ray.curve, state).values)
+    return State(ray.near(s), start.tangent, start.error, start.orientation)
+
+
+def state_at(segment: Segment, s: float) -> State | Failure:
+    """Return the state of a segment at a distance from its beginning."""
+    if not isinstance(segment, CurvedSegment):
+        return _state_on(segment, s)
+    if s in (0.0, segment.length):
+        return segment.end if s else segment.start
+    return segment.at(s)
 
 
 def kinds_at(
@@ -322,24 +343,18 @@ def locate_zero(
     guess = 0.5 * (lo + hi) if guess is None else guess
     for _ in range(MOST_BRACKET_HALVINGS):
         found = _newton(segment, border, guess)
-        if isinstance(found, State) and _within(segment, found, lo, hi):
-            return found
         if not isinstance(segment, CurvedSegment):
-            return found if isinstance(found, Failure) else Failure(FailureReason.NOT_CONVERGED)
+            return found
+        if isinstance(found, State):
+            s, slack = segment.position(found.x), segment.curve.metric.slack(found.x, CONVERGED)
+            if lo - slack <= s <= hi + slack and segment.is_beside(found, s):
+                return found
         middle = segment.at(guess)
         if isinstance(middle, Failure):
             return middle
         lo, hi = (guess, hi) if border(middle.x)[0] > 0.0 else (lo, guess)
         guess = 0.5 * (lo + hi)
     return Failure(FailureReason.NOT_CONVERGED)
-
-
-def _within(segment: Segment, found: State, lo: float, hi: float) -> bool:
-    """Tell whether a point lies in the bracket, up to the accuracy of the location."""
-    if lo == hi:
-        return True
-    s, slack = segment.position(found.x), segment.curve.metric.slack(found.x, CONVERGED)
-    return lo - slack <= s <= hi + slack and segment.is_beside(found, s)
 
 
 def _newton(segment: Segment, border: Border, guess: float) -> State | Failure:
@@ -377,29 +392,32 @@ def locate_sign_change(
     """Return the state where ``function`` of the state changes sign, by Brent's method.
 
     For functions without a gradient: a few corrected points more than Newton needs. ``narrow`` is
-    the part of the segment within which the change is bracketed, by default close to rounding. On a
-    straight segment the place is known, from :meth:`~pwscont.TransitionDetector.falls`.
+    the part of the segment within which the change is bracketed, by default close to rounding. A
+    bracket of equal distances on a straight segment is a place that is known, from
+    :meth:`~pwscont.TransitionDetector.falls`.
     """
-    if not isinstance(segment, CurvedSegment):
+    is_curved = isinstance(segment, CurvedSegment)
+    if not is_curved and bracket[0] == bracket[1]:
         return locate_point(segment, bracket[0])
     from scipy.optimize import brentq  # noqa: PLC0415  it takes as long to import as all the rest
 
-    known: dict[float, State] = {0.0: segment.start, segment.length: segment.end}
+    @cache
+    def state(s: float) -> State:
+        found = state_at(segment, s)
+        if isinstance(found, Failure):
+            raise _OffCurveError(found)
+        return found
 
     @cache  # noise may give a second value another sign
     def along(s: float) -> float:
-        state = known.get(s) or segment.at(s)
-        if isinstance(state, Failure):
-            raise _OffCurveError(state)
-        known[s] = state
-        return function(state)
+        return function(state(s))
 
     try:
         ends = sorted(map(along, bracket))
         if not ends[0] <= 0.0 <= ends[1]:  # a change that is rounding
             return Failure(FailureReason.NOT_CONVERGED)
-        xtol = narrow * segment.length
+        xtol = narrow * (segment.length if isinstance(segment, CurvedSegment) else bracket[1])
         s = brentq(along, *bracket, xtol=xtol, rtol=4.0 * EPS, maxiter=MOST_BRENT)
+        return state(s) if is_curved else locate_point(segment, s)
     except _OffCurveError as off:
         return off.failure
-    return known[s] if s in known else segment.at(s)

@@ -22,9 +22,7 @@ from typing import final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Matrix, Signs, are_finite
-from pwscont.basics.character import Character
-from pwscont.basics.errors import InvalidSystemError
+from pwscont.basics.arrays import Array, Matrix, Signs
 from pwscont.basics.outcome import FILL_CURVES, Failure, FailureReason, Kind
 from pwscont.basics.rounding import CONFIDENCE, EPS, GUARD, SAME_ALPHA
 from pwscont.curve.curve import Curve, State
@@ -38,8 +36,8 @@ from pwscont.system.abilities import Ending, end_of
 from pwscont.system.box import Box
 from pwscont.system.selection import Selection
 from pwscont.system.system import PiecewiseSystem, SlicewiseLinearSystem
-from pwscont.transitions.bounding import BoundingTests, corner, crossed, turns
-from pwscont.transitions.corner.cone import same_piece, tangent_cone
+from pwscont.transitions.bounding import BoundingTests, at_corner, crossed, turns
+from pwscont.transitions.corner import same_piece, tangent_cone
 from pwscont.transitions.detector import (
     NARROW_BRACKET,
     Reading,
@@ -48,8 +46,8 @@ from pwscont.transitions.detector import (
     locate_sign_change,
     locate_zero,
 )
-from pwscont.transitions.rays import Corner, Ray, check_continuity, inward_ray, is_zero, vanishing
-from pwscont.transitions.smooth import at_branch_point, fold_at_end
+from pwscont.transitions.rays import Corner, Ray, check_continuity, inward_ray, vanishing
+from pwscont.transitions.smooth import at_branch_point, fold_at_end, fold_point
 
 #: Most steps of Newton that put a solution on its curve.
 MOST_SETTLING = 8
@@ -91,52 +89,22 @@ def regular_border(curve: Curve, x: Array) -> tuple[Matrix, Array, Factor] | Non
     return None
 
 
-@final
-@dataclass(frozen=True, slots=True)
-class Standing:
-    """Where a solution stands: inside a cell, on the interface of two, or in a corner."""
+def departures(corner: Corner) -> SpecialPointFound:
+    """Return a start as a special point, with the point's kind and rays.
 
-    x: Array  # shape (n + 1,)
-    error: Array  # shape (k, n + 1)
-    zero: frozenset[int]  # the tests that vanish there
-    curve: Curve  # the curve of the cell whose signs the tests have, or seem to have
-    #: The curve of the cell on the other side, if exactly one test that bounds a cell vanishes.
-    other: Curve | None
-
-    @classmethod
-    def of(cls, system: PiecewiseSystem, metric: Metric, x: Array, error: Array) -> Standing:
-        """Return where a solution stands; refuse tests that are not finite."""
-        tests = np.array(system.test_functions(x[:-1], float(x[-1])), dtype=float)
-        if len(tests) and not are_finite(tests):
-            raise InvalidSystemError(
-                f"{type(system).__name__}.test_functions returned {tests} at a solution, alpha = "
-                f"{x[-1]:.6g}: all must be finite"
-            )
-        curve = Curve(Selection(system, Character.of(tests)), metric)
-        gradients = system.test_jacobian(x[:-1], float(x[-1]))
-        zero = np.flatnonzero(is_zero(gradients, tests, x, error, metric.scale)).tolist()
-        here = curve.selection
-        beyond = [Selection(system, here.character.flip(test)) for test in zero]
-        if all(set(zero).isdisjoint(side.bounding.tolist()) for side in (here, *beyond)):
-            return cls(x, error, frozenset(), curve, None)
-        other = Curve(beyond[0], metric) if len(zero) == 1 else None
-        return cls(x, error, frozenset(zero), curve, other)
-
-    def departures(self) -> SpecialPointFound:
-        """Return the solution as a special point, with the point's kind and rays.
-
-        A point inside a cell has two rays on the same curve and the kind START.
-        """
-        curve, other, x, error = self.curve, self.other, self.x, self.error
-        if not self.zero:
-            return _inside(curve, x, error)
-        if other:
-            (test,) = self.zero
-            one, two = (inward_ray(side, x, error, test) for side in (curve, other))
-            check_continuity(curve, other.selection, one and two, x, error)
-            if one and two:
-                return crossed(x, one, two)
-        return corner(curve, x, error, self.zero)
+    A point inside a cell has two rays on the same curve and the kind START.
+    """
+    x, error, zero = corner.x, corner.error, corner.zero
+    here, *beyond = corner.sides()
+    if not zero:
+        return _inside(here, x, error)
+    if beyond:
+        (other,), (test,) = beyond, zero
+        one, two = (inward_ray(side, x, error, test) for side in (here, other))
+        check_continuity(here, other.selection, one and two, x, error)
+        if one and two:
+            return crossed(x, one, two)
+    return at_corner(corner, here)
 
 
 def _inside(curve: Curve, x: Array, error: Array) -> SpecialPointFound:
@@ -195,31 +163,35 @@ class IntervalEnds(TransitionDetector):
     def locate(self, segment: Segment, index: int, bracket: tuple[float, float]) -> State | Failure:
         """Solve {H_chi = 0, alpha = end}."""
         end, side = (self.lo, 1.0) if index == 0 else (self.hi, -1.0)
-        row = side * last_unit(len(segment.start.x))
-        state = locate_zero(segment, lambda x: (side * (float(x[-1]) - end), row), bracket)
-        if isinstance(segment, CurvedSegment) and (fold := _fold(segment, state)):
-            return fold
-        if isinstance(state, State):
-            state.x[-1] = end  # equal up to the rounding of the solve
-        return state
+        state = _reached(segment, bracket, -1, side, end)
+        fold = _fold(segment, state) if isinstance(segment, CurvedSegment) else None
+        return fold or state
 
     def arrive(self, curve: Curve, state: State, index: int) -> SpecialPointFound:
         """End the component, or turn back where other pieces leave from the same point."""
         return at_end(curve, state)
 
 
+def _reached(
+    segment: Segment, bracket: tuple[float, float], which: int, side: float, limit: float
+) -> State | Failure:
+    """Return the state at which a component of x reaches a limit; from above where side is 1."""
+    row = np.zeros(len(segment.start.x))
+    row[which] = side
+    state = locate_zero(segment, lambda x: (side * float(x[which] - limit), row), bracket)
+    if isinstance(state, State):
+        state.x[which] = limit  # equal up to the rounding of the solve
+    return state
+
+
 def at_end(curve: Curve, state: State) -> SpecialPointFound:
     """Return the special point at which a curve reaches an end of the interval."""
     back = Ray(curve, state).reversed()
     system, metric = curve.selection.system, curve.metric
-    zero = vanishing(system, state.x, state.error, metric.scale)
-    if not zero and (fold := fold_at_end(curve, state)):
-        forth = Ray(curve, fold)
-        message = f'fold within "{curve.selection.label}", at the end of the interval'
-        return SpecialPointFound(Kind.FOLD, fold.x, message, (forth.reversed(), forth))
-    rays: tuple[Ray, ...] = ()
-    if zero:
-        rays = tangent_cone(Corner.at(system, metric, state.x, state.error, zero), back).rays
+    corner = Corner.at(system, metric, state.x, state.error)
+    if not corner.zero and (fold := fold_at_end(curve, state)):
+        return fold_point(curve, fold, ", at the end of the interval")
+    rays = tangent_cone(corner, back).rays if corner.zero else ()
     inside = tuple(ray for ray in rays if turns(back, ray) and not same_piece(ray, back))
     return SpecialPointFound(Kind.END, state.x, "end of the interval", (back, *inside))
 
@@ -311,12 +283,7 @@ class Bounds(TransitionDetector):
     def locate(self, segment: Segment, index: int, bracket: tuple[float, float]) -> State | Failure:
         """Solve {H_chi = 0, z_i = bound}."""
         which, side, limit = self._which[index], self._side[index], self._limit[index]
-        row = np.zeros(len(segment.start.x))
-        row[which] = side
-        state = locate_zero(segment, lambda x: (float(side * (x[which] - limit)), row), bracket)
-        if isinstance(state, State):
-            state.x[which] = limit  # equal up to the rounding of the solve
-        return state
+        return _reached(segment, bracket, int(which), float(side), float(limit))
 
     def arrive(self, curve: Curve, state: State, index: int) -> SpecialPointFound:
         """End the branch, or cross the interface that is met together with the bound."""

@@ -33,12 +33,7 @@ from pwscont.basics.rounding import CONVERGED, EPS
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.metric import Metric
 from pwscont.curve.stepper import BESIDE, CurvedSegment, Segment
-from pwscont.transitions.detector import (
-    MOST_BRENT,
-    SpecialPointFound,
-    locate_point,
-    locate_sign_change,
-)
+from pwscont.transitions.detector import SpecialPointFound, locate_sign_change, state_at
 from pwscont.transitions.rays import Ray
 from pwscont.transitions.user_event import Stop, UserEvent
 
@@ -94,26 +89,29 @@ class EventsAlong:
     """Watches events along one piece, stretch after stretch."""
 
     def __init__(
-        self, events: Sequence[UserEvent], curve: Curve, begin: tuple[Array, Array]
+        self, events: Sequence[UserEvent], metric: Metric, begin: tuple[Array, Array]
     ) -> None:
+        self._events, self._metric, self._begin = events, metric, begin
+        self._signs = [_sign(event, metric, *begin) for event in events]
         self._marks: list[EventMark] = []
-        self._curve, self._begin = curve, begin
-        self._watched = [_Watched(event, curve, *begin) for event in events]
 
     def look(self, segment: Segment, length: float, after: int) -> Sequence[EventMark]:
         """Return the events on a stretch of the piece, and keep these events."""
-        found = [
-            EventMark(state, (watched.event,), after, s)
-            for watched in self._watched
-            for s, state in watched.zeros(segment, length)
-        ]
-        known = len(self._marks)
+        found: list[EventMark] = []
+        for i, event in enumerate(self._events):
+            stretch = _Stretch(event, segment, length, self._signs[i])
+            found += [EventMark(state, (event,), after, s) for s, state in stretch.zeros()]
+            self._signs[i] = stretch.sign
+        known, metric = len(self._marks), self._metric
         for mark in sorted(found, key=lambda mark: mark.position):
             if self._is_at(mark, *self._begin):
                 continue
-            if len(self._marks) > known and self._is_one(self._marks[-1], mark):
-                last = self._marks.pop()
-                mark = replace(last, events=(*last.events, *mark.events))  # noqa: PLW2901
+            if len(self._marks) > known:
+                last = self._marks[-1]
+                x = last.state.x
+                if metric.norm(x - mark.state.x) <= metric.slack(x, CONVERGED):  # the same place
+                    self._marks[-1] = replace(last, events=(*last.events, *mark.events))
+                    continue
             self._marks.append(mark)
         return self._marks[known:]
 
@@ -124,66 +122,87 @@ class EventsAlong:
             end -= 1
         return self._marks[:end]
 
-    def _is_one(self, one: EventMark, other: EventMark) -> bool:
-        """Tell whether two events are at the same place."""
-        metric, x = self._curve.metric, one.state.x
-        return metric.norm(x - other.state.x) <= metric.slack(x, CONVERGED)
-
     def _is_at(self, mark: EventMark, x: Array, error: Array) -> bool:
         """Tell whether events are at a special point, to the accuracy of that point."""
-        metric, way = self._curve.metric, mark.state.x - x
-        if metric.norm(way) > AT_SPECIAL_POINT:
+        way = mark.state.x - x
+        if self._metric.norm(way) > AT_SPECIAL_POINT:
             return False
-        return all(event.is_near(metric, x, error, way) for event in mark.events)
+        return all(event.is_near(self._metric, x, error, way) for event in mark.events)
 
 
-class _Watched:
-    """An event and its current sign; 0 on a stretch of zeros, None while there is no sign."""
+def _sign(event: UserEvent, metric: Metric, x: Array, size: Array) -> float | None:
+    """Return the sign of g, 0 where g is zero all around, None where g is rounding."""
+    if value := event.cleared(metric, x, size):
+        return float(np.sign(value))
+    is_flat = not event.value(x) and event.noise(metric, x, 0.0 * x) == 0.0
+    return 0.0 if is_flat else None
 
-    def __init__(self, event: UserEvent, curve: Curve, x: Array, size: Array) -> None:
-        self.event, self._curve = event, curve
-        self._sign = self._sign_at(x, size)
 
-    def zeros(self, segment: Segment, length: float) -> Iterator[tuple[float, State]]:
-        """Yield places on a stretch where the sign changes; keep the sign at the end."""
-        places = length * (ON_STEP if isinstance(segment, CurvedSegment) else ON_RAY)
-        values = np.array([self.event.value(x) for x in self._points(segment, places)])
-        if len(more := self._beside_least(segment, places, values)):
+class _Stretch:
+    """A function g on a stretch of a piece: the sign of g so far, and where the sign changes."""
+
+    def __init__(
+        self, event: UserEvent, segment: Segment, length: float, sign: float | None
+    ) -> None:
+        self._event, self._segment, self._length, self.sign = event, segment, length, sign
+        self._metric, self._is_curved = segment.curve.metric, isinstance(segment, CurvedSegment)
+
+    def zeros(self) -> Iterator[tuple[float, State]]:
+        """Yield places where the sign changes; keep the sign at the end."""
+        places = self._length * (ON_STEP if self._is_curved else ON_RAY)
+        values = self._values(places)
+        if len(more := self._beside_least(places, values)):
             places = np.unique([*places, *more])
-            values = np.array([self.event.value(x) for x in self._points(segment, places)])
-        lows = list(self._lows(segment, places, values)) if values.any() else []
-        if self._sign is not None and not lows and (np.sign(values) == self._sign).all():
+            values = self._values(places)
+        lows = list(self._lows(places, values)) if values.any() else []
+        if self.sign is not None and not lows and (np.sign(values) == self.sign).all():
             return
-        places = np.unique([*places, *lows])
-        yield from self._walk(segment, 0.0, places)
+        yield from self._changes(0.0, np.unique([*places, *lows]))
 
-    def _walk(
-        self, segment: Segment, before: float, places: Array, is_fine: bool = False
+    def _changes(
+        self, before: float, places: Array, is_fine: bool = False
     ) -> Iterator[tuple[float, State]]:
         """Yield where the sign changes between places; keep the sign at the last place."""
         for s in map(float, places):
-            sign = self._sign_at(*self._exact(segment, s))
+            sign = _sign(self._event, self._metric, *self._exact(s))
             if sign is None:
                 continue
-            if self._sign is not None and sign != self._sign:
-                found = self._change(segment, before, s)
-                more = NO_PLACES if is_fine else self._around(segment, before, found[0], s)
+            if self.sign is not None and sign != self.sign:
+                found = self._change(self.sign, before, s)
+                more = NO_PLACES if is_fine else self._around(self.sign, before, found[0], s)
                 if len(more):
-                    yield from self._walk(segment, before, np.append(more, s), is_fine=True)
+                    yield from self._changes(before, np.append(more, s), is_fine=True)
                 else:
                     yield found
-            self._sign, before = sign, s
+            self.sign, before = sign, s
 
-    def _around(self, segment: Segment, lo: float, zero: float, hi: float) -> Array:
+    def _change(self, sign: float, lo: float, hi: float) -> tuple[float, State]:
+        """Return the place where the sign changes; a rough place if the location fails.
+
+        The rough place lies between two places, and is as uncertain as the places are apart.
+        """
+        segment, ahead = self._segment, self._event.ahead
+        if ahead(sign, self._exact(lo)[0]) <= 0.0:
+            hi = lo  # g is rounding there already
+        found = locate_sign_change(segment, lambda state: ahead(sign, state.x), (lo, hi), EPS)
+        found = state_at(segment, hi) if isinstance(found, Failure) else found
+        if isinstance(found, State):
+            return segment.position(found.x), found
+        start, ends, s = segment.start, (segment.near(lo), segment.near(hi)), 0.5 * (lo + hi)
+        aside = BESIDE * self._metric.norm(ends[1] - start.x) * self._metric.scale
+        error = np.abs(ends[1] - ends[0]) + aside
+        return s, State(segment.near(s), start.tangent, error[np.newaxis], start.orientation)
+
+    def _around(self, sign: float, lo: float, zero: float, hi: float) -> Array:
         """Return places that tell three zeros from one, beside which g / distance is even."""
-        sign, cell, places = self._sign, hi - lo, [lo]
+        cell, places = hi - lo, [lo]
         if not sign:
             return NO_PLACES
 
         def divided(s: float) -> float:
             """Return g over the distance to the zero, positive if the zero is the only zero."""
             places.append(s)
-            value = self.event.value(self._exact(segment, s)[0])
+            value = self._event.value(self._exact(s)[0])
             return sign * value / (zero - s) if s != zero else np.inf
 
         plain, close = COMPARED_AT * cell, DISTANCE_TO_PLACE * cell
@@ -197,119 +216,72 @@ class _Watched:
             places += [zero - apart, zero + apart]
         return np.unique([s for s in places if lo < s < hi])
 
-    def _points(self, segment: Segment, places: Array) -> Iterator[Array]:
-        """Yield points of a stretch at places in the interval, the last point corrected."""
-        for s in places[:-1]:
-            x = segment.near(float(s))
-            self._curve.metric.admits(x)
-            yield x
-        yield self._exact(segment, float(places[-1]))[0]
+    def _rough(self, s: float) -> float:
+        """Return g at a place of the cubic, or of the ray."""
+        return self._event.value(self._segment.near(s))
 
-    def _exact(self, segment: Segment, s: float) -> tuple[Array, Array]:
+    def _exact(self, s: float) -> tuple[Array, Array]:
         """Return a point of the curve, and the size of the point's error."""
-        if not isinstance(segment, CurvedSegment):
-            return segment.near(s), np.zeros_like(segment.start.x)
-        if s in (0.0, segment.length):
-            end = segment.end if s else segment.start
-            return end.x, end.size
-        found = segment.at(s)
-        if isinstance(found, Failure):
-            return segment.near(s), np.zeros_like(segment.start.x)
-        return found.x, found.size
+        found = state_at(self._segment, s) if self._is_curved else None
+        if isinstance(found, State):
+            return found.x, found.size
+        return self._segment.near(s), np.zeros_like(self._segment.start.x)
 
-    def _beside_least(self, segment: Segment, places: Array, values: Array) -> Array:
+    def _values(self, places: Array) -> Array:
+        """Return g at places in the interval, the last place on the curve itself."""
+        *inside, last = places.tolist()
+        points = [*map(self._segment.near, inside), self._exact(last)[0]]
+        for x in points:
+            self._metric.admits(x)  # moves rounding of alpha into the interval
+        return np.array([self._event.value(x) for x in points])
+
+    def _beside_least(self, places: Array, values: Array) -> Array:
         """Return graded places around where g seems to vanish, if g comes close to zero."""
         sizes, length = np.abs(values), float(places[-1])
         i = int(sizes.argmin())
         if not sizes[i] <= CLOSE_TO_ZERO * sizes.max() or not sizes.any():
             return NO_PLACES
         s = np.concatenate([[0.0], places])
-        lo, hi = float(s[i]), float(s[min(i + 2, len(s) - 1)])
-        low, _ = _least(lambda s: abs(self.event.value(segment.near(s))), lo, hi)
+        low, _ = _least(lambda s: abs(self._rough(s)), s[i], s[min(i + 2, len(s) - 1)])
         beside = np.concatenate([low - length * AROUND, low + length * AROUND])
         return beside[(beside > 0.0) & (beside < length)]
 
-    def _lows(self, segment: Segment, places: Array, values: Array) -> Iterator[float]:
+    def _lows(self, places: Array, values: Array) -> Iterator[float]:
         """Yield the lowest places where g has another sign than at the places around."""
         s = np.concatenate([[0.0], places])
-        values = np.concatenate([[self.event.value(segment.start.x)], values])
-        shallow = SHALLOW_DIP * float(np.abs(values).max())
-        for lo, hi, sign in self._valleys(segment, s, values):
-            low, least = self._lowest(segment.near, sign, lo, hi)
-            if abs(least) <= shallow and isinstance(segment, CurvedSegment):
-                low, least = self._lowest(lambda s: self._exact(segment, s)[0], sign, lo, hi)
-            if least < 0.0:
-                yield low
-
-    def _valleys(
-        self, segment: Segment, s: Array, values: Array
-    ) -> Iterator[tuple[float, float, float]]:
-        """Yield the stretches inside which g comes closest to zero, with the sign of g."""
+        values = np.concatenate([[self._rough(0.0)], values])
         sizes, signs = np.abs(values), np.sign(values)
-        inside = (sizes[1:-1] <= sizes[:-2]) & (sizes[1:-1] <= sizes[2:])
-        inside &= (signs[1:-1] == signs[:-2]) & (signs[1:-1] == signs[2:])
-        for i in np.flatnonzero(inside):
-            yield float(s[i]), float(s[i + 2]), float(signs[i])
+        least = (sizes[1:-1] <= sizes[:-2]) & (sizes[1:-1] <= sizes[2:])
+        least &= (signs[1:-1] == signs[:-2]) & (signs[1:-1] == signs[2:])
+        valleys = [(s[i], s[i + 2], signs[i]) for i in np.flatnonzero(least)]
         for at, beyond in ((0, 1), (-1, -2)):
             beside = float(s[at] + DISTANCE_TO_PLACE * (s[beyond] - s[at]))
             is_least = signs[at] == signs[beyond] and sizes[at] <= sizes[beyond]
-            if is_least and signs[at] * self.event.value(segment.near(beside)) < sizes[at]:
-                lo, hi = sorted((float(s[at]), float(s[beyond])))
-                yield lo, hi, float(signs[at])
+            if is_least and signs[at] * self._rough(beside) < sizes[at]:
+                valleys.append((*sorted((s[at], s[beyond])), signs[at]))
 
-    def _lowest(
-        self, point: Callable[[float], Array], sign: float, lo: float, hi: float
-    ) -> tuple[float, float]:
-        """Return the place where sign * g is lowest between two places, and the lowest value."""
-        return _least(lambda s: sign * self.event.value(point(s)), lo, hi)
+        def on_curve(s: float) -> float:
+            return self._event.value(self._exact(s)[0])
 
-    def _sign_at(self, x: Array, size: Array) -> float | None:
-        """Return the sign of g, 0 where g is zero all around, None where g is rounding."""
-        metric = self._curve.metric
-        if value := self.event.cleared(metric, x, size):
-            return float(np.sign(value))
-        is_flat = not self.event.value(x) and self.event.noise(metric, x, 0.0 * x) == 0.0
-        return 0.0 if is_flat else None
-
-    def _change(self, segment: Segment, lo: float, hi: float) -> tuple[float, State]:
-        """Return the place where the sign changes; a rough place if the location fails."""
-        sign = self._sign
-        assert sign is not None
-        if self.event.ahead(sign, self._exact(segment, lo)[0]) <= 0.0:
-            hi = lo  # g is rounding there already
-        if not isinstance(segment, CurvedSegment):
-            if hi > lo:
-                from scipy.optimize import brentq  # noqa: PLC0415  importing takes long
-
-                exactly = {"xtol": EPS * hi, "rtol": 4.0 * EPS, "maxiter": MOST_BRENT}
-                hi = brentq(lambda s: self.event.ahead(sign, segment.near(s)), lo, hi, **exactly)
-            found = locate_point(segment, hi)
-        elif hi == lo:
-            found = segment.start if not lo else segment.at(lo)
-        else:
-            found = locate_sign_change(
-                segment, lambda state: self.event.ahead(sign, state.x), (lo, hi), EPS
-            )
-            found = segment.at(hi) if isinstance(found, Failure) else found
-        if isinstance(found, Failure):
-            return 0.5 * (lo + hi), self._roughly(segment, lo, hi)
-        return segment.position(found.x), found
-
-    def _roughly(self, segment: Segment, lo: float, hi: float) -> State:
-        """Return the state in the middle of two places, as uncertain as the places are apart."""
-        x, way = segment.near(0.5 * (lo + hi)), segment.start.tangent
-        aside = BESIDE * self._curve.metric.norm(segment.near(hi) - segment.start.x)
-        error = np.abs(segment.near(hi) - segment.near(lo)) + aside * self._curve.metric.scale
-        return State(x, way, error[np.newaxis], segment.start.orientation)
+        for lo, hi, sign in valleys:
+            low, lowest = _least(self._rough, lo, hi, sign)
+            if abs(lowest) <= SHALLOW_DIP * float(sizes.max()) and self._is_curved:
+                low, lowest = _least(on_curve, lo, hi, sign)
+            if lowest < 0.0:
+                yield low
 
 
-def _least(function: Callable[[float], float], lo: float, hi: float) -> tuple[float, float]:
-    """Return the place where a function is least between two places, and the least value."""
+def _least(
+    function: Callable[[float], float], lo: float, hi: float, sign: float = 1.0
+) -> tuple[float, float]:
+    """Return the place where sign * function is least between two places, and the least value."""
     from scipy.optimize import minimize_scalar  # noqa: PLC0415  few events need it
 
-    options = {"xatol": CLOSEST * (hi - lo)}
     found = minimize_scalar(
-        lambda s: function(float(s)), bounds=(lo, hi), method="bounded", options=options
+        lambda s: sign * function(float(s)),
+        bounds=(lo, hi),
+        method="bounded",
+        options={"xatol": CLOSEST * (hi - lo)},
     )
     return float(found.x), float(found.fun)
 
@@ -320,8 +292,8 @@ ALWAYS = (
 )
 
 
-def checked_events(events: Mapping[str, Any] | None, shown: int | None = None) -> Events | None:
-    """Return the detector of events given by name, None where there are none.
+def checked_events(events: Mapping[str, Any], shown: int | None = None) -> Events:
+    """Return the detector of events given by name.
 
     Event functions are given the first ``shown`` unknowns, default all.
 
@@ -330,8 +302,6 @@ def checked_events(events: Mapping[str, Any] | None, shown: int | None = None) -
     InvalidInputError
         If ``events`` is no mapping of names to functions or :class:`Stop`.
     """
-    if not events:
-        return None
     if not isinstance(events, Mapping):
         raise InvalidInputError(f"events must be a mapping of names to functions, got {events!r}")
     return Events(tuple(_checked(name, what, shown) for name, what in events.items()))
@@ -360,24 +330,32 @@ class Events:
 
     def along(self, curve: Curve, x: Array, error: Array) -> EventsAlong:
         """Return what watches all events along a piece that begins at a point with this error."""
-        return EventsAlong(self.events, curve, (x, error))
+        return EventsAlong(self.events, curve.metric, (x, error))
 
     def stops_along(self, curve: Curve, state: State) -> EventsAlong | None:
         """Return what watches the events that end a branch, None where there are none."""
         stops = [event for event in self.events if event.stops]
-        return EventsAlong(stops, curve, (state.x, state.size)) if stops else None
+        return EventsAlong(stops, curve.metric, (state.x, state.size)) if stops else None
 
     def stopped(self, curve: Curve, mark: EventMark) -> SpecialPointFound:
         """Return the end of a branch at an event, with the names of all events there."""
-        here = [e for e in self.events if e in mark.events or e.crosses(curve, mark.state)]
-        back = Ray(curve, mark.state).reversed()
-        return SpecialPointFound(Kind.EVENT, mark.state.x, _named(here), (back,))
+        state, metric = mark.state, curve.metric
+        beside = [state.x - AT_SPECIAL_POINT * state.tangent]
+        here = [
+            event
+            for event in self.events
+            if event in mark.events or event.meets(metric, state.x, state.size, beside)
+        ]
+        back = Ray(curve, state).reversed()
+        return SpecialPointFound(Kind.EVENT, state.x, _named(here), (back,))
 
     def ended(self, arrival: SpecialPointFound) -> SpecialPointFound:
         """Return a special point as the end of a branch, where an event that stops is zero."""
-        for event in self.events:
-            if event.stops and arrival.kind != Kind.EVENT and event.is_zero(arrival.rays[0]):
-                return SpecialPointFound(Kind.EVENT, arrival.x, event.name, arrival.rays[:1])
+        stops = [event for event in self.events if event.stops]
+        for event in stops if arrival.kind != Kind.EVENT else ():
+            back, state = arrival.rays[0], arrival.rays[0].state
+            if event.is_near(back.curve.metric, state.x, state.size, state.tangent):
+                return SpecialPointFound(Kind.EVENT, arrival.x, event.name, (back,))
         return arrival
 
     @property

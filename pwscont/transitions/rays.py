@@ -13,7 +13,7 @@ own curve, not at the common point, which is a point of another curve.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 from typing import TypeAlias, final
 
@@ -21,8 +21,11 @@ import numpy as np
 
 from pwscont.basics.arrays import Array, Matrix, Signs, generic
 from pwscont.basics.character import Character
+from pwscont.basics.errors import InvalidSystemError
+from pwscont.basics.outcome import Failure
 from pwscont.basics.printing import at, named
 from pwscont.basics.rounding import CONFIDENCE, EPS, GUARD
+from pwscont.curve.corrector import BorderedNewton
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.error_samples import magnitude, rounding_of_values
 from pwscont.curve.metric import Metric
@@ -48,7 +51,7 @@ class Ray:
         For a ray along an interface, all cells to which the ray belongs; else empty.
     index : int
         For a ray along an interface, the sum of the signs of det(dH/dz) over the solutions into
-        which small changes of H split the ray, see :mod:`pwscont.transitions.corner.enumeration`.
+        which small changes of H split the ray, see :mod:`pwscont.transitions.corner`.
     """
 
     curve: Curve
@@ -71,25 +74,35 @@ class Ray:
 
 
 def vanishing(system: PiecewiseSystem, x: Array, error: Array, scale: Array) -> frozenset[int]:
-    """Return the indices of the tests that are zero at ``x``; parameters as of :func:`is_zero`."""
+    """Return the indices of the tests that are zero at ``x``; see :func:`rounding_of_tests`."""
     z, alpha = x[:-1], float(x[-1])
     gradients, values = system.test_jacobian(z, alpha), system.test_functions(z, alpha)
     return frozenset(is_zero(gradients, values, x, error, scale).nonzero()[0].tolist())
 
 
 def is_zero(gradients: Matrix, values: Array, x: Array, error: Array, scale: Array) -> Signs:
-    """Tell which of some tests with these gradients and values are zero at ``x``.
-
-    A test is zero below the rounding of the test's own terms plus what the error of the point
-    contributes.
-
-    ``error``, shape (k, n + 1): samples of the error of ``x``.
-    ``scale``, shape (n + 1,): typical magnitudes of x. Where all unknowns of a test vanish, as at a
-    node that lifts off while it begins to slip, their own size is no measure of rounding.
-    """
-    rounding = rounding_of_values(gradients, np.abs(x) + scale, error)
-    zero: Signs = np.abs(values) <= CONFIDENCE * rounding
+    """Tell which tests with these gradients are zero at ``x``; see :func:`rounding_of_tests`."""
+    zero: Signs = np.abs(values) <= rounding_of_tests(gradients, x, error, scale)
     return zero
+
+
+def rounding_of_tests(gradients: Matrix, x: Array, error: Array, scale: Array) -> Array:
+    """Return the sizes up to which tests with these gradients are zero at ``x``, shape (l,).
+
+    That is the rounding of a test's own terms plus what the error of the point contributes, shape
+    (k, n + 1). Where all unknowns of a test vanish, as at a node that lifts off while it begins to
+    slip, their own size is no measure of rounding: the typical magnitudes ``scale`` are added.
+    """
+    rounding: Array = CONFIDENCE * rounding_of_values(gradients, np.abs(x) + scale, error)
+    return rounding
+
+
+def beside(curve: Curve, state: State, s: float) -> State | None:
+    """Return the curve's own state at a distance along the tangent, within the interval."""
+    x = state.x + s * state.tangent
+    x[-1] = np.clip(x[-1], *curve.metric.interval)
+    found = BorderedNewton().correct(curve, x, state.tangent)
+    return None if isinstance(found, Failure) else found.state
 
 
 def inward_ray(curve: Curve, x: Array, error: Array, test: int) -> Ray | None:
@@ -165,28 +178,58 @@ NOISE = GUARD * EPS / SLANT
 @final
 @dataclass(frozen=True, slots=True, eq=False)
 class Corner:
-    """A solution at which test functions vanish."""
+    """A solution, and the tests that vanish there: none inside a cell, one on an interface."""
 
     system: PiecewiseSystem
     metric: Metric
     x: Array  # shape (n + 1,)
     error: Array  # samples of the error of ``x``, shape (k, n + 1)
     zero: frozenset[int]  # the tests that vanish
-    #: Shape (m,): whether each test is positive; the signs of vanishing tests mean nothing.
-    signs: Signs
+    tests: Array  # all tests there, shape (m,); the signs of those that vanish mean nothing
 
     @classmethod
     def at(
-        cls, system: PiecewiseSystem, metric: Metric, x: Array, error: Array, zero: frozenset[int]
+        cls,
+        system: PiecewiseSystem,
+        metric: Metric,
+        x: Array,
+        error: Array,
+        zero: frozenset[int] | None = None,
     ) -> Corner:
-        """Return the corner at ``x``, with the signs that the tests have there."""
-        signs = system.test_functions(x[:-1], float(x[-1])) >= 0.0
-        return cls(system, metric, x, error, zero, signs)
+        """Return the corner at ``x``, by default with all tests that are zero there to rounding."""
+        tests = np.array(system.test_functions(x[:-1], float(x[-1])), dtype=float)
+        if zero is None:
+            gradients = system.test_jacobian(x[:-1], float(x[-1]))
+            vanish = is_zero(gradients, tests, x, error, metric.scale)
+            zero = frozenset(vanish.nonzero()[0].tolist())
+        return cls(system, metric, x, error, zero, tests)
+
+    @classmethod
+    def of_start(cls, system: PiecewiseSystem, metric: Metric, x: Array, error: Array) -> Corner:
+        """Return where a start lies; refuse tests that are not finite.
+
+        Tests that bound no cell there do not count.
+        """
+        corner = cls.at(system, metric, x, error)
+        if len(corner.tests) and not np.isfinite(corner.tests).all():
+            raise InvalidSystemError(
+                f"{type(system).__name__}.test_functions returned {corner.tests} at a solution, "
+                f"alpha = {x[-1]:.6g}: all must be finite"
+            )
+        here, zero = corner.character, corner.zero
+        bounding = (system.bounding_tests(cell) for cell in (here, *map(here.flip, zero)))
+        return replace(corner, zero=frozenset()) if all(map(zero.isdisjoint, bounding)) else corner
+
+    def sides(self) -> list[Curve]:
+        """Return the curve of the cell, and of the cell beyond where exactly one test vanishes."""
+        here = self.character
+        cells = here, *(map(here.flip, self.zero) if len(self.zero) == 1 else ())
+        return [Curve(Selection(self.system, cell), self.metric) for cell in cells]
 
     @property
     def character(self) -> Character:
         """The character of the signs of the tests, those that vanish included."""
-        return Character(tuple(self.signs.tolist()))
+        return Character.of(self.tests)
 
     def all_cells(self) -> list[Character]:
         """Return a character for each cell, from all sign patterns of the vanishing tests."""

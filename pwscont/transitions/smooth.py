@@ -25,7 +25,7 @@ import numpy as np
 from pwscont.basics.arrays import Array
 from pwscont.basics.outcome import TOUCH, Failure, FailureReason, Kind
 from pwscont.basics.rounding import CONVERGED, EPS, GUARD, SAME_ALPHA
-from pwscont.curve.corrector import BorderedNewton, polished
+from pwscont.curve.corrector import polished
 from pwscont.curve.crossing import Crossing, crossing, loses_rank
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.newton import uncertainty_beside
@@ -39,7 +39,7 @@ from pwscont.transitions.detector import (
     TransitionDetector,
     locate_sign_change,
 )
-from pwscont.transitions.rays import Ray
+from pwscont.transitions.rays import Ray, beside
 
 #: A dip of the slope of alpha below zero by less than this part of the slope is left alone.
 SHALLOW_TURN = 1e-4
@@ -91,16 +91,21 @@ class SmoothFolds(TransitionDetector):
         if isinstance(found, Failure):
             return found
         fold, off = polished(curve, found)
-        narrow, level = max(narrow, _place(segment, off)), _vertical(fold, fold.error)
+        # an exactly vertical tangent: rounding would be found as a fold again
+        narrow, level = max(narrow, _place(segment, off)), _with_slope(fold, 0.0, fold.error)
         along = narrow * segment.length * level.tangent
         # alpha is stationary at a fold: its error is of second order
         return replace(level, error=np.vstack([fold.error, uncertainty_beside(curve, fold), along]))
 
     def arrive(self, curve: Curve, state: State, index: int) -> SpecialPointFound:
         """Go on along the same curve."""
-        forth = Ray(curve, state)
-        message = f'fold within "{curve.selection.label}"'
-        return SpecialPointFound(Kind.FOLD, state.x, message, (forth.reversed(), forth))
+        return fold_point(curve, state)
+
+
+def fold_point(curve: Curve, fold: State, where: str = "") -> SpecialPointFound:
+    """Return a fold as a special point, from which the same curve goes on."""
+    forth, message = Ray(curve, fold), f'fold within "{curve.selection.label}"{where}'
+    return SpecialPointFound(Kind.FOLD, fold.x, message, (forth.reversed(), forth))
 
 
 def _turns_twice(segment: CurvedSegment) -> bool:
@@ -138,7 +143,7 @@ def fold_at_end(curve: Curve, state: State) -> State | None:
     if not side or abs(slope) > STEEPEST_AT_FOLD:
         return None
     inwards = FIRST_SECANT if side * slope > 0.0 else -FIRST_SECANT
-    here, there = _beside(curve, state, 0.0), _beside(curve, state, inwards)
+    here, there = beside(curve, state, 0.0), beside(curve, state, inwards)
     if here is None or there is None or _side(curve, there):
         return None
     steepness = before = curve.slope(there)
@@ -147,21 +152,21 @@ def fold_at_end(curve: Curve, state: State) -> State | None:
         if slope in (0.0, before):
             break
         r, s, before = s, s - slope * (s - r) / (slope - before), slope
-        found = _beside(curve, state, s) if abs(s) <= FIRST_SECANT else None
+        found = beside(curve, state, s) if abs(s) <= FIRST_SECANT else None
         if found is None:
             return None
         fold, slope = found, curve.slope(found)
     if not _side(curve, fold):
         return None
     along = max(abs(s), GUARD * EPS * FIRST_SECANT / abs(steepness))
-    return _vertical(fold, np.vstack([state.error, fold.error, along * fold.tangent]))
+    return _with_slope(fold, 0.0, np.vstack([state.error, fold.error, along * fold.tangent]))
 
 
-def _vertical(fold: State, error: Array) -> State:
-    """Return a fold with an exactly vertical tangent: rounding would be found as a fold again."""
-    tangent = fold.tangent.copy()
-    tangent[-1] = 0.0
-    return State(fold.x, tangent, error, fold.orientation)
+def _with_slope(state: State, slope: float, error: Array) -> State:
+    """Return a state with another component of the tangent along alpha, and another error."""
+    tangent = state.tangent.copy()
+    tangent[-1] = slope
+    return State(state.x, tangent, error, state.orientation)
 
 
 def leaning(ray: Ray) -> Ray:
@@ -170,9 +175,8 @@ def leaning(ray: Ray) -> Ray:
     side = _side(curve, state)
     if not side or curve.slope(state) or curve.selection.is_straight:
         return ray
-    tangent = state.tangent.copy()
-    tangent[-1] = side * LEAN_INWARDS * curve.metric.scale[-1]
-    return replace(ray, state=State(state.x, tangent, state.error, state.orientation))
+    slope = side * LEAN_INWARDS * float(curve.metric.scale[-1])
+    return replace(ray, state=_with_slope(state, slope, state.error))
 
 
 def _side(curve: Curve, state: State) -> int:
@@ -180,14 +184,6 @@ def _side(curve: Curve, state: State) -> int:
     (lo, hi), alpha = curve.metric.interval, state.alpha
     same = SAME_ALPHA * max(hi - lo, abs(alpha))
     return (abs(alpha - lo) <= same) - (abs(alpha - hi) <= same)
-
-
-def _beside(curve: Curve, state: State, s: float) -> State | None:
-    """Return the curve's own state at a distance along the tangent."""
-    x = state.x + s * state.tangent
-    x[-1] = np.clip(x[-1], *curve.metric.interval)
-    found = BorderedNewton().correct(curve, x, state.tangent)
-    return None if isinstance(found, Failure) else found.state
 
 
 #: A branch point outside a step, within this part of the step's length, belongs to the step.
@@ -199,7 +195,7 @@ SAME_CROSSING = EPS**0.5
 #: The extended system, which costs as much as many points of the curve, is solved from the middle
 #: of every third bracket: from within an eighth of the bracket before.
 BISECTIONS_BETWEEN = 3
-#: Distance at which the sign of det[J; t^T] is evaluated if no walk carries the sign along.
+#: Distance at which the sign of det[J; t^T] is evaluated if no piece carries the sign along.
 DISTANCE_TO_SIGN = EPS**0.25
 #: What is read, by the sign: not to be written to.
 _READINGS = {sign: Reading(np.array([1.0, -1.0]) * sign, UNKNOWN) for sign in (-1, 0, 1)}
@@ -273,7 +269,7 @@ def _locate(
     the last state tried is returned. A sign that is rounding all along the segment, as on a
     curve of double roots, tells of no point.
     """
-    lo, hi = bracket
+    (lo, hi), last = bracket, segment.end
     for number in range(MOST_BISECTIONS):
         middle = 0.5 * (lo + hi)
         is_tried = number % BISECTIONS_BETWEEN == 0
@@ -292,7 +288,8 @@ def _locate(
         if isinstance(state, Failure):
             return state
         lo, hi = (middle, hi) if state.orientation == before else (lo, middle)
-    return _touching(segment, state, hi - lo, before)
+        last = state
+    return _touching(segment, last, hi - lo, before)
 
 
 def _touching(segment: CurvedSegment, last: State, apart: float, before: int) -> State | Failure:

@@ -76,7 +76,6 @@ class StraightTests(TransitionDetector):
         self._slowly = BoundingTests()
         self._gradients: Gradients | None = None
         self._last: Entered | None = None
-        self._hard: State | None = None  # where a piece begins that next() gave up
 
     def read(self, curve: Curve, state: State) -> Reading:
         """Return the bounding tests, positive inside, and their slopes.
@@ -87,8 +86,7 @@ class StraightTests(TransitionDetector):
 
     def locate(self, segment: Segment, index: int, bracket: tuple[float, float]) -> State | Failure:
         """Return the point of the interface, which the piece beyond has been found for."""
-        if segment.start is not self._hard:
-            self._last = self._across(segment.curve, segment.start, index, bracket[0])
+        self._last = self._across(segment.curve, segment.start, index, bracket[0])
         if self._last is None:
             return self._slowly.locate(segment, index, bracket)
         return self._last.state
@@ -121,7 +119,6 @@ class StraightTests(TransitionDetector):
         if not (len(distances) and distances[first] < room):
             return self._at_end(last, room, end)
         self._last = self._across(ray.curve, state, first, float(distances[first]))
-        self._hard = None if self._last else state
         return self._last and self.arrive(ray.curve, self._last.state, first)
 
     def _begun(self, ray: Ray) -> Entered | None:
@@ -139,9 +136,7 @@ class StraightTests(TransitionDetector):
         self._last, start = None, last.ray.state
         x = start.x + room * start.tangent
         x[-1] = end
-        if self._gradients is None or self._gradients.may_end or not np.isfinite(room):
-            return None
-        found = last.cell.corrected(x, last_unit(len(x)), 0.0)
+        found = last.cell.corrected(x, last_unit(len(x)), 0.0) if np.isfinite(room) else None
         if found is None:
             return None
         found.x[-1] = end  # equal up to rounding
@@ -300,7 +295,6 @@ class StraightCell:
         self._lines[0] = along
         self.along: Array = self._lines[0]  # with alpha component 1; changes with the cell
         self._wide = np.zeros(len(along))
-        self._slopes = np.empty(0)  # of the last test crossed, along all lines
         self._terms = np.empty(0)  # magnitudes of the terms of the rows of H at the last audit
         self._most, self._since = np.empty(0), AUDIT_AFTER
 
@@ -345,22 +339,20 @@ class StraightCell:
         pivot = self._solver.change(w, gradient[:-1])
         if pivot == 0.0:
             return None
-        self._slopes = self._lines.dot(gradient) / pivot
+        slopes = self._lines.dot(gradient) / pivot
         self._wide[:-1] = w  # alpha of the lines does not change
-        add_multiples(self._lines, -self._slopes, self._wide)
+        add_multiples(self._lines, -slopes, self._wide)
         self.turn, self._since = 1 if pivot > 0.0 else -1, self._since + 1
         self.length = other.metric.norm(self.along)
-        return self._corrected(x, gradient, value) if self._is_tame() else None
+        return self.corrected(x, gradient, value, slopes) if self._is_tame() else None
 
-    def corrected(self, x: Array, gradient: Array, value: float) -> CorrectedPoint | None:
-        """Return the point of the piece where a function vanishes, as :meth:`cross` does."""
-        self._slopes = self._lines.dot(gradient)
-        return self._corrected(x, gradient, value)
+    def corrected(
+        self, x: Array, gradient: Array, value: float, slopes: Array | None = None
+    ) -> CorrectedPoint | None:
+        """Return the point of the piece near ``x`` where a function vanishes, as :meth:`cross`.
 
-    def _corrected(self, x: Array, gradient: Array, value: float) -> CorrectedPoint | None:
-        """Correct a point, and in audits also the direction and the samples.
-
-        None where the correction is more than rounding.
+        Audits correct the direction and the samples as well. ``slopes``: of the function along all
+        lines, if known.
         """
         residual, sizes, aside = self.curve.selection.residual(x), np.abs(x), None
         is_due = self._since >= AUDIT_AFTER or len(sizes) <= ALWAYS_AUDITED
@@ -370,12 +362,13 @@ class StraightCell:
             aside = self._audited(x, sizes, residual)
             if aside is None:
                 return None
-            self._slopes = self._lines.dot(gradient)
+            slopes = None
         elif is_off:
             aside = self._solver.solve(residual)
-        if not self._slopes[0]:
+        slopes = self._lines.dot(gradient) if slopes is None else slopes
+        if not slopes[0]:
             return None
-        metric, slopes = self.curve.metric, self._slopes
+        metric = self.curve.metric
         along = (value - (0.0 if aside is None else gradient[:-1].dot(aside))) / slopes[0]
         dx = along * self._lines[0]
         if aside is not None:

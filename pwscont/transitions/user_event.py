@@ -20,7 +20,6 @@ from pwscont.basics.arrays import Array, generic
 from pwscont.basics.errors import InvalidInputError
 from pwscont.basics.quantities import Function, evaluated
 from pwscont.basics.rounding import CONFIDENCE, CONVERGED, EPS, GUARD
-from pwscont.curve.curve import Curve, State
 from pwscont.curve.metric import Metric
 from pwscont.transitions.rays import Ray
 
@@ -31,8 +30,6 @@ PLACES_TRIED = 18
 FARTHEST_TRIED = 4.0
 #: Number of shaken points that tell how much of a function is rounding.
 SHAKEN = 16
-#: A function whose zero lies within this distance, in the metric, may be zero up to rounding.
-REACHABLE = 1e-2
 #: Over this distance a function hardly changes; if the function does, the change is rounding.
 ROUNDING_DISTANCE = 1e-9
 TINIEST = float(np.finfo(float).tiny)
@@ -82,19 +79,6 @@ class UserEvent:
 
         return evaluated(f"the event {self.name!r}", number, x[:-1][: self.shown], float(x[-1]))
 
-    def crosses(self, curve: Curve, state: State) -> bool:
-        """Tell whether g is zero at a state, by rounding or the error of the state, and not beside.
-
-        The slope of g along the tangent must be more than rounding.
-        """
-        metric, x = curve.metric, state.x
-        value, slope, steep = self._differences(metric, x, state.tangent)
-        if not (value or slope) or (slope and abs(value) > REACHABLE * steep):
-            return False
-        noise = self.noise(metric, x, state.size)
-        is_zero = abs(value) <= max(steep * metric.slack(x, CONVERGED), noise)
-        return is_zero and abs(slope * _step(metric, x, state.tangent)) > noise
-
     def meets(self, metric: Metric, x: Array, error: Array, beyond: Sequence[Array]) -> bool:
         """Tell whether g is zero at a special point, to its accuracy, and not on all its pieces.
 
@@ -113,7 +97,7 @@ class UserEvent:
         """
         value, length, nearly = self.value(x), metric.norm(way), 0.0
         if length:
-            step = min(abs(_step(metric, x, way)), length)
+            step = min(math.sqrt(EPS) * metric.slack(x, 1.0), length)
             steep = abs(self.value(x + step / length * way) - value) / step
             nearly = steep * (metric.slack(x, CONVERGED) + 2.0 * CONVERGED * length)
         return abs(value) <= nearly or abs(value) <= self.noise(metric, x, error)
@@ -149,31 +133,10 @@ class UserEvent:
                 changes.append(abs(self.value(y) - value))
         return max(changes)
 
-    def is_zero(self, ray: Ray) -> bool:
-        """Tell whether g is zero where a ray begins, to the accuracy of that point."""
-        metric, state = ray.curve.metric, ray.state
-        off = max(metric.norm(sample) for sample in state.error)
-        slack = max(metric.slack(state.x, CONVERGED), CONFIDENCE * off)
-        value, _, steep = self._differences(metric, state.x, state.tangent)
-        if abs(value) <= steep * slack:
-            return True
-        return abs(value) <= self.noise(metric, state.x, state.size)
-
-    def _differences(self, metric: Metric, x: Array, tangent: Array) -> tuple[float, float, float]:
-        """Return g, the difference quotient of g within the interval, and the steepness of g."""
-        (lo, hi), step = metric.interval, _step(metric, x, tangent)
-        value, ahead = self.value(x), self.value(x + step * tangent)
-        slope = (ahead - value) / step
-        behind = x - step * tangent
-        if ahead == 0.0 != value and lo <= behind[-1] <= hi:  # perhaps g is zero from here on
-            return value, slope, max(abs(slope), abs((value - self.value(behind)) / step))
-        return value, slope, abs(slope)
-
     def is_zero_around(self, ray: Ray) -> bool:
         """Tell whether g is nothing but rounding at a ray's beginning and wherever g is tried."""
-        metric, x = ray.curve.metric, ray.state.x
-        value, slope, steep = self._differences(metric, x, ray.state.tangent)
-        if slope and abs(value) > REACHABLE * steep:
+        metric, state = ray.curve.metric, ray.state
+        if self.cleared(metric, state.x, state.size):
             return False
         places, rounding = list(_around(ray)), ROUNDING_DISTANCE * metric.scale
         try:
@@ -194,9 +157,3 @@ def _around(ray: Ray) -> Iterator[Array]:
         yield aside
         if lo <= along[-1] <= hi:
             yield along
-
-
-def _step(metric: Metric, x: Array, way: Array) -> float:
-    """Return the length over which derivatives are differences, negative at an end ahead."""
-    (lo, hi), step = metric.interval, math.sqrt(EPS) * metric.slack(x, 1.0)
-    return step if lo <= x[-1] + step * way[-1] <= hi else -step

@@ -16,8 +16,10 @@ Failure modes and answers
 from __future__ import annotations
 
 import math
+from bisect import bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import accumulate
 from typing import final
 
 import numpy as np
@@ -72,23 +74,6 @@ class Event:
 
 
 @final
-@dataclass(slots=True, eq=False)
-class Readings:
-    """What all detectors read at one state."""
-
-    parts: Sequence[Reading]  # the reading of each detector
-    values: Array  # the values and slopes of all parts, end to end
-    slopes: Array
-
-    @classmethod
-    def of(cls, parts: Sequence[Reading]) -> Readings:
-        """Join the readings of all detectors."""
-        joined = np.concatenate([part.values for part in parts] + [part.slopes for part in parts])
-        half = len(joined) // 2
-        return cls(parts, joined[:half], joined[half:])
-
-
-@final
 class Watch:
     """All detectors of a run, in order; the ``added`` detectors are those that a user gave."""
 
@@ -105,28 +90,17 @@ class Watch:
         own, every = getattr(TransitionDetector, method), enumerate(self._detectors)
         return [(i, each) for i, each in every if getattr(type(each), method) is not own]
 
-    def read(self, curve: Curve, state: State) -> Readings:
-        """Return what all detectors read at a state.
-
-        The readings of a user's detector are copied, because the detector may use the same arrays
-        for the next state.
-        """
+    def read(self, curve: Curve, state: State) -> Reading:
+        """Return what all detectors read at a state, in new arrays; refuse wrong readings."""
         parts = [detector.read(curve, state) for detector in self._detectors]
-        for i, detector in enumerate(self._detectors if self._added else ()):
-            if detector in self._added:
-                parts[i] = Reading(np.array(parts[i].values), np.array(parts[i].slopes))
-        return Readings.of(parts)
-
-    def first(self, curve: Curve, state: State) -> Readings:
-        """Return what all detectors read where a piece begins; refuse wrong readings of users."""
-        for detector in self._added:
-            part = detector.read(curve, state)
+        for detector, part in zip(self._detectors, parts, strict=True) if self._added else ():
             if not isinstance(part, Reading):
                 raise broken(detector, "read", "a Reading", part)
             if np.ndim(part.values) != 1 or np.shape(part.values) != np.shape(part.slopes):
-                what = "values and slopes that are vectors alike"
-                raise broken(detector, "read", what, part)
-        return self.read(curve, state)
+                raise broken(detector, "read", "values and slopes that are vectors alike", part)
+        joined = np.concatenate([part.values for part in parts] + [part.slopes for part in parts])
+        begins = tuple(accumulate((len(part.values) for part in parts), initial=0))
+        return Reading(joined[: begins[-1]], joined[begins[-1] :], begins)
 
     def is_rounding(self, event: Event, curve: Curve) -> bool:
         """Tell whether the event of a user's detector is the beginning of the piece, to rounding.
@@ -136,54 +110,53 @@ class Watch:
         reach = AT_BEGINNING * (1.0 + curve.metric.norm(event.state.x))
         return event.detector in self._added and event.position <= reach
 
-    def without(self, reading: Readings, event: Event) -> Readings:
+    def without(self, reading: Reading, event: Event) -> Reading:
         """Return a reading in which the function of an event is zero, with slope zero.
 
         The function is watched again once it is positive. With a negative slope, the same zero
         would be found again.
         """
-        return self._changed(reading, event, 0.0, 0.0)
+        values, slopes, place = reading.values.copy(), reading.slopes.copy(), self._place(event)
+        values[reading.begins[place] + event.index] = 0.0
+        slopes[reading.begins[place] + event.index] = 0.0
+        return Reading(values, slopes, reading.begins)
 
-    def before(self, reading: Readings, event: Event) -> Readings:
-        """Return the reading just before an event, where the function is still positive."""
-        part = reading.parts[self._detectors.index(event.detector)]
-        return self._changed(reading, event, JUST_POSITIVE, float(part.slopes[event.index]))
+    def before(self, reading: Reading, event: Event) -> Reading:
+        """Return the reading just before an event: functions that vanish there are positive."""
+        values = np.where(reading.values == 0.0, JUST_POSITIVE, reading.values)
+        values[reading.begins[self._place(event)] + event.index] = JUST_POSITIVE
+        return Reading(values, reading.slopes, reading.begins)
 
-    def _changed(self, reading: Readings, event: Event, value: float, slope: float) -> Readings:
-        """Return a reading with another value and slope of the function of an event."""
-        place, parts = self._detectors.index(event.detector), list(reading.parts)
-        values, slopes = np.array(parts[place].values), np.array(parts[place].slopes)
-        values[event.index], slopes[event.index] = value, slope
-        parts[place] = Reading(values, slopes)
-        return Readings.of(parts)
+    def _place(self, event: Event) -> int:
+        return self._detectors.index(event.detector)
 
-    def check(self, start: Readings, end: Readings) -> None:
+    def check(self, start: Reading, end: Reading) -> None:
         """Refuse detectors whose number of functions changed, or whose values are nan."""
-        parts = zip(self._detectors, start.parts, end.parts, strict=True)
-        for detector, first, last in parts:
-            if len(first.values) != len(last.values):
-                what = f"{len(first.values)} functions all along a piece"
-                raise broken(detector, "read", what, last)
-            if detector in self._added and np.isnan(last.values).any():
-                raise broken(detector, "read", "finite values", last)
+        for i, detector in enumerate(self._detectors):
+            first, last = start.part(i).values, end.part(i).values
+            if len(first) != len(last):
+                what = f"{len(first)} functions all along a piece"
+                raise broken(detector, "read", what, end.part(i))
+            if detector in self._added and np.isnan(last).any():
+                raise broken(detector, "read", "finite values", end.part(i))
 
     def needs_shorter_step(
-        self, segment: CurvedSegment, start: Readings, end: Readings
+        self, segment: CurvedSegment, start: Reading, end: Reading
     ) -> Failure | None:
         """Return the reason for which a detector asks for a shorter step, None without one."""
         for i, detector in self._shortening:
-            if failure := detector.needs_shorter_step(segment, start.parts[i], end.parts[i]):
+            if failure := detector.needs_shorter_step(segment, start.part(i), end.part(i)):
                 return failure
         return None
 
-    def ahead(self, reading: Readings) -> tuple[float, TransitionDetector, int] | None:
+    def ahead(self, reading: Reading) -> tuple[float, TransitionDetector, int] | None:
         """Return the distance at which a function with a gradient seems to vanish first, and which.
 
         The distance is along the tangent. None where no such function falls.
         """
         soonest = None
         for i, detector in self._with_gradients:
-            values, slopes = reading.parts[i].values, reading.parts[i].slopes
+            values, slopes = (part := reading.part(i)).values, part.slopes
             if not len(values):
                 continue
             rates = np.divide(slopes, values, out=np.zeros(len(values)), where=values > 0.0)
@@ -194,7 +167,7 @@ class Watch:
                     soonest = distance, detector, int(fastest)
         return soonest
 
-    def falls(self, segment: Segment, start: Readings) -> Array:
+    def falls(self, segment: Segment, start: Reading) -> Array:
         """Return the distance at which each function falls to zero on a straight segment.
 
         Each detector looks only as far as the nearest zero of the detectors before it.
@@ -202,8 +175,8 @@ class Watch:
         if self._are_affine:
             return ratio_test(start.values, start.slopes)
         distances, farthest = [], np.inf
-        for detector, part in zip(self._detectors, start.parts, strict=True):
-            distances.append(detector.falls(segment, part, farthest))
+        for i, detector in enumerate(self._detectors):
+            distances.append(detector.falls(segment, start.part(i), farthest))
             farthest = min(farthest, distances[-1].min(initial=np.inf))
         return np.concatenate(distances)
 
@@ -213,13 +186,10 @@ class Watch:
             arrival = detector.ended(arrival)
         return arrival
 
-    def owner(self, reading: Readings, index: int) -> tuple[TransitionDetector, int]:
+    def owner(self, reading: Reading, index: int) -> tuple[TransitionDetector, int]:
         """Return the detector of a function, and the number of the function in that detector."""
-        for detector, part in zip(self._detectors, reading.parts, strict=True):
-            if index < len(part.values):
-                return detector, index
-            index -= len(part.values)
-        raise IndexError(index)
+        place = bisect_right(reading.begins, index) - 1
+        return self._detectors[place], index - reading.begins[place]
 
 
 def broken(detector: TransitionDetector, method: str, what: str, got: object) -> InvalidInputError:
@@ -230,7 +200,7 @@ def broken(detector: TransitionDetector, method: str, what: str, got: object) ->
     )
 
 
-def first_on_ray(watch: Watch, segment: Segment, start: Readings) -> Event | Failure:
+def first_on_ray(watch: Watch, segment: Segment, start: Reading) -> Event | Failure:
     """Return the first event on a straight segment, from the readings at the start."""
     if np.isnan(start.values).any():
         watch.check(start, start)
@@ -252,8 +222,8 @@ def first_on_ray(watch: Watch, segment: Segment, start: Readings) -> Event | Fai
 def first_on_curve(
     watch: Watch,
     segment: CurvedSegment,
-    start: Readings,
-    end: Readings,
+    start: Reading,
+    end: Reading,
     first: Event | None = None,
 ) -> Event | Failure | None:
     """Return the first event on a curved segment, None where there is none.
@@ -271,7 +241,7 @@ def first_on_curve(
     if math.isnan(smallest(end.values) + largest(end.values)):  # nan, or opposite infinities
         watch.check(start, end)
         return Failure(FailureReason.NOT_FINITE)
-    end = _before(end) if first else end
+    end = watch.before(end, first) if first else end
     if too_long := watch.needs_shorter_step(segment, start, end):
         return too_long
     located: set[int] = set()
@@ -290,17 +260,11 @@ def first_on_curve(
         if event.position <= 0.0:
             break
         segment = segment.until(event.state)
-        end = _before(watch.read(segment.curve, event.state))
+        end = watch.before(watch.read(segment.curve, event.state), event)
     return first
 
 
-def _before(reading: Readings) -> Readings:
-    """Return the reading just before an event: functions that vanish at the event are positive."""
-    values = np.where(reading.values == 0.0, JUST_POSITIVE, reading.values)
-    return Readings(reading.parts, values, reading.slopes)
-
-
-def _suspects(before: Readings, after: Readings, length: float) -> list[int]:
+def _suspects(before: Reading, after: Reading, length: float) -> list[int]:
     """Return the functions that vanish on the segment or may dip below zero within it."""
     turned, soon = before.slopes * after.slopes, before.values + (RISES * length) * before.slopes
     above, below = np.maximum(before.values, soon), np.negative(after.values)
@@ -316,10 +280,9 @@ def _suspects(before: Readings, after: Readings, length: float) -> list[int]:
     return [int(i) for i in np.flatnonzero(crossed | dips)]
 
 
-def _soonest(suspects: set[int], before: Readings, after: Readings) -> int:
+def _soonest(suspects: set[int], before: Reading, after: Reading) -> int:
     """Return which function of the first detector with any vanishes first, if all are straight."""
-    ends = np.cumsum([len(part.values) for part in before.parts])
-    last = ends[np.searchsorted(ends, min(suspects), side="right")]
+    last = before.begins[bisect_right(before.begins, min(suspects))]
     some = np.array(sorted(i for i in suspects if i < last), dtype=np.intp)
     falls, values = before.values[some] - after.values[some], before.values[some]
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -328,7 +291,7 @@ def _soonest(suspects: set[int], before: Readings, after: Readings) -> int:
 
 
 def _event(
-    watch: Watch, suspect: int, segment: CurvedSegment, before: Readings, after: Readings
+    watch: Watch, suspect: int, segment: CurvedSegment, before: Reading, after: Reading
 ) -> Event | Failure | None:
     """Return the located event, None for a dip that stays above zero."""
     detector, index = watch.owner(before, suspect)

@@ -117,9 +117,9 @@ class Paths:
         return rounding
 
     def _character(self, signs: Signs) -> Character:
-        all_signs = self.corner.signs.copy()
-        all_signs[self._zero] = signs
-        return Character.of(np.where(all_signs, 1.0, -1.0))
+        tests = self.corner.tests.copy()
+        tests[self._zero] = np.where(signs, 1.0, -1.0)
+        return Character.of(tests)
 
     def across(self, ray: Array, away: Array) -> tuple[Character, Array] | None:
         """Follow the path beside a ray, from far out towards the corner and on to the other end.
