@@ -6,8 +6,8 @@ opposite direction. So loops close.
 
 from __future__ import annotations
 
-from collections import deque
-from collections.abc import Callable, Sequence
+from collections import defaultdict, deque
+from collections.abc import Callable, Iterable, Sequence
 from functools import partial, reduce
 from typing import final
 
@@ -17,7 +17,7 @@ from pwscont.basics.arrays import Array
 from pwscont.basics.budget import Budget
 from pwscont.basics.outcome import ON_BOUND, Failure, Kind
 from pwscont.basics.rounding import SAME_ALPHA
-from pwscont.continuation.follow import FollowedPiece, Follower
+from pwscont.continuation.follow import FollowedPiece, PieceFollower
 from pwscont.continuation.known import (
     EVERY,
     JOIN,
@@ -26,16 +26,16 @@ from pwscont.continuation.known import (
     SAME_CROSSING,
     Edge,
     KnownRay,
-    KnownRays,
     Node,
     accumulating,
+    match,
     name_of,
     repeats,
 )
 from pwscont.curve.corrector import BorderedNewton
 from pwscont.curve.curve import State
 from pwscont.curve.error_samples import magnitude
-from pwscont.graph.records import Place, Track
+from pwscont.graph.records import Place
 from pwscont.system.abilities import Ending
 from pwscont.system.selection import Selection
 from pwscont.transitions.corner.cone import opposite
@@ -69,15 +69,21 @@ class Discovery:
     """All nodes and pieces that can be reached from the starts given so far.
 
     ``report`` is called with the number of pieces and the alpha reached after each piece. Where the
-    budget is spent, some rays are not followed, see :meth:`close`.
+    budget is spent, some rays are not followed, see :meth:`close`. ``follow`` is in place of the
+    follower's own, as where a journal has pieces.
     """
 
     def __init__(
-        self, follower: Follower, report: Callable[[int, float], None], budget: Budget
+        self,
+        follower: PieceFollower,
+        report: Callable[[int, float], None],
+        budget: Budget,
+        follow: Callable[[Ray], FollowedPiece] | None = None,
     ) -> None:
         self._follower, self._report, self._budget = follower, report, budget
+        self._follow_ray = follow or follower.follow
         self._queue: deque[KnownRay] = deque()
-        self._known_rays = KnownRays()
+        self._known_rays: dict[bytes, list[KnownRay]] = defaultdict(list)  # by cell
         self._next = 0
         self.nodes: dict[int, Node] = {}
         self.edges: list[Edge] = []
@@ -109,7 +115,7 @@ class Discovery:
             self._follow(self._queue.popleft())
             self._dissolve(start, inside.rays[0].curve.selection)
         else:
-            self._known_rays.add(rays)
+            self._remember(rays)
         self._follow_all()
 
     def has(self, standing: Standing) -> bool:
@@ -120,7 +126,7 @@ class Discovery:
         if standing.other is None:
             return False
         cells = (name_of(curve.selection.cell) for curve in (standing.curve, standing.other))
-        one, other = map(self._known_rays.nodes_in, cells)
+        one, other = ({known.node for known in self._known_rays.get(c, ())} for c in cells)
         metric, size = standing.curve.metric, magnitude(standing.x, standing.error)
         nodes = (self.nodes[node] for node in one & other)
         return any(
@@ -137,16 +143,16 @@ class Discovery:
         """
         if not self._repeats:
             return False
-        points = np.vstack([edge.track.points for edge in self.edges])[:, :-1]
+        points = np.vstack([edge.points for edge in self.edges])[:, :-1]
         return bool(((x[:-1] < points.min(axis=0)) | (x[:-1] > points.max(axis=0))).any())
 
     def spans(self, lo: float, hi: float) -> bool:
         """Tell whether at every alpha from lo to hi there is a piece."""
         reached = lo
-        for edge in sorted(self.edges, key=lambda edge: float(edge.track.alpha.min())):
-            if edge.track.alpha.min() > reached:
+        for least, most in sorted(edge.span() for edge in self.edges):
+            if least > reached:
                 return False
-            reached = max(reached, float(edge.track.alpha.max()))
+            reached = max(reached, most)
         return reached >= hi
 
     def close(self, why: str) -> None:
@@ -177,24 +183,24 @@ class Discovery:
             left.ray, self._repeats = None, True
             here.stop(REPEATS)
             return
-        walk = self._follower.walk(ray).sharing(ray)
-        walk.arrival = self._inside(walk.arrival, back=1)
-        if walk.is_cut and len(walk.points) == 1:
+        piece = self._follow_ray(ray).sharing(ray)
+        piece.arrival = self._inside(piece.arrival, back=1)
+        if piece.is_cut and len(piece.points) == 1:
             return
         left.ray = None
-        if len(walk.points) == 1:  # not a single step could be taken
-            here.stop(walk.arrival.message)
+        if len(piece.points) == 1:  # not a single step could be taken
+            here.stop(piece.arrival.message)
             return
-        if walk.arrival.kind == Kind.END:
-            self.leaving.append(walk.arrival.rays[0].reversed())
-        end = place_of_arrival(walk.arrival)
-        reached = self._reach(walk, end, left)
-        edge = Edge.of(ray, left, reached, Track(left.place, walk.inner, end))
+        if piece.arrival.kind == Kind.END:
+            self.leaving.append(piece.arrival.rays[0].reversed())
+        end = place_of_arrival(piece.arrival)
+        reached = self._reach(piece, end, left)
+        edge = Edge.of(ray, left, piece.inner, reached, end)
         self.edges.append(self._with_start(edge, ray))
         self.nodes[reached].before = self.nodes[reached].before or (left.node, left.names)
         if not ray.curve.selection.is_straight:  # straight pieces pass over nothing
             self._settle(self.edges[-1], left, ray)
-        self._report(len(self.edges), float(walk.points[-1][-1]))
+        self._report(len(self.edges), float(piece.points[-1][-1]))
 
     def _stays(self, ray: Ray) -> bool:
         """Tell whether a ray leaves neither the interval nor the bounds at once."""
@@ -221,24 +227,24 @@ class Discovery:
         said = partial(_also, arrival.said, f"{ON_BOUND}: {why}")
         return SpecialPointFound(arrival.kind, arrival.x, said, rays)
 
-    def _reach(self, walk: FollowedPiece, place: Place, begun: KnownRay) -> int:
-        """Return the node at which a walk arrived, and remove its ray that leads back.
+    def _reach(self, piece: FollowedPiece, place: Place, begun: KnownRay) -> int:
+        """Return the node at which a piece arrived, and remove the node's ray that leads back.
 
-        A walk that stops so close to its beginning that both ends seem one node is no loop: the end
-        may be another node close by.
+        A piece that stops so close to its beginning that both ends seem one node is no loop: the
+        end may be another node close by.
         """
-        rays = [KnownRay.of(ray, place) for ray in walk.arrival.rays]
-        left, node = None, self._node_of(walk.arrival, rays)
-        if node is not None and _has_stayed(walk, begun):
-            left, node = begun, self._node_of(walk.arrival, rays, left=begun)
+        rays = [KnownRay.of(ray, place) for ray in piece.arrival.rays]
+        left, node = None, self._node_of(piece.arrival, rays)
+        if node is not None and _has_stayed(piece, begun):
+            left, node = begun, self._node_of(piece.arrival, rays, left=begun)
         if node is None:
-            node = self._new(walk.arrival, place, rays, first=1)
-            self._known_rays.add(rays)
+            node = self._new(piece.arrival, place, rays, first=1)
+            self._remember(rays)
             return node
-        self._absorb(node, walk.arrival, rays, left if node == begun.node else None)
-        if node == begun.node and walk.arrival.kind == Kind.STOPPED:
-            self.nodes[node].stop(walk.arrival.message)
-        if back := self._known_rays.match(rays[0], left):
+        self._absorb(node, piece.arrival, rays, left if node == begun.node else None)
+        if node == begun.node and piece.arrival.kind == Kind.STOPPED:
+            self.nodes[node].stop(piece.arrival.message)
+        if back := self._match(rays[0], left):
             back.ray = None
         return node
 
@@ -251,7 +257,7 @@ class Discovery:
         these curves do not match.
         """
         for ray in rays:
-            if found := self._known_rays.match(ray, left):
+            if found := self._match(ray, left):
                 return found.node
         if not rays:
             return None
@@ -275,13 +281,25 @@ class Discovery:
         Transitions apart by no more than rounding may look like one corner from one side and like
         two special points from the other; the rays found from both sides are joined.
         """
-        news = [ray for ray in rays if not self._known_rays.match(ray, left)]
+        news = [ray for ray in rays if not self._match(ray, left)]
         if not news:
             return
         here = self.nodes[node]
         here.kind, here.said = arrival.kind, arrival.said
         self._let_leave(node, news)
-        self._known_rays.add(news)
+        self._remember(news)
+
+    def _match(self, new: KnownRay, left: KnownRay | None = None) -> KnownRay | None:
+        """Return the known ray that a new ray is, see :func:`match`."""
+        assert new.ray is not None
+        rays = (known for cell in new.names for known in self._known_rays.get(cell, ()))
+        return match(new.ray, new.direction, rays, left)
+
+    def _remember(self, rays: Iterable[KnownRay]) -> None:
+        """Let pieces arrive on rays."""
+        for known in rays:
+            for cell in known.names:
+                self._known_rays[cell].append(known)
 
     def _let_leave(self, node: int, rays: Sequence[KnownRay]) -> None:
         """Let rays leave a node; those that are not followed yet come into the queue."""
@@ -324,8 +342,8 @@ class Discovery:
         if len(far) != 1 or shorter.start == shorter.end or not longer.is_in(shorter.names):
             return False
         node, metric = self.nodes[far.pop()], ray.curve.metric
-        ends = longer.track.start, longer.track.end
-        if any(metric.norm(metric.difference(node.place.x, e.x)) < BESIDE_AN_END for e in ends):
+        ends = longer.first.x, longer.last.x
+        if any(metric.norm(metric.difference(node.place.x, x)) < BESIDE_AN_END for x in ends):
             return False
         same = SAME_CROSSING if node.kind == Kind.BRANCH_POINT else SAME
         return _passes_place(longer, ray, node.place, same)
@@ -336,15 +354,15 @@ class Discovery:
 
     def _follow_again(self, edge: Edge, shared: int, ray: Ray) -> None:
         """Follow a forgotten piece from the end that is not shared with a shorter one."""
-        track = edge.track if edge.start == shared else edge.track.reversed()
+        edge = edge if edge.start == shared else edge.reversed()
         curve = edge.curve(ray.curve.selection.system, ray.curve.metric)
-        end, way = track.end, track.points[-2] - track.end.x
+        end, way = edge.last, edge.points[-2] - edge.last.x
         found = BorderedNewton().correct(curve, end.x, way)
         if isinstance(found, Failure):
             return
         state = State(end.x, found.state.tangent, end.error[np.newaxis], found.state.orientation)
         back = Ray(curve, state, edge.cells[1:])
-        known = self._known_rays.match(KnownRay.of(back, end))
+        known = self._match(KnownRay.of(back, end))
         if known and known not in self._again:
             self._again.add(known)
             known.ray = back
@@ -392,19 +410,17 @@ class Discovery:
         if len(halves) != 2:
             return
         forth, back = halves
-        first, second = (float(np.subtract(*half.track.alpha[1::-1])) for half in halves)
+        first, second = (float(np.subtract(*half.points[1::-1, -1])) for half in halves)
         if first * second > 0.0:  # alpha turns where both halves begin
             node = self.nodes[start]
             node.kind, node.said = Kind.FOLD, f'fold within "{selection.label}"'
-            self._known_rays.add(node.rays)
+            self._remember(node.rays)
             return
-        straight = not len(forth.track.inner) and not len(back.track.inner)
-        middle = forth.track.points[0 if not straight else 1 : -1]
-        inner = np.vstack([back.track.inner[::-1], middle])
+        straight = not len(forth.inner) and not len(back.inner)
+        inner = np.vstack([back.inner[::-1], forth.points[1 if straight else 0 : -1]])
         self.edges[:] = [edge for edge in self.edges if edge not in halves]
-        begun_at = self.nodes.pop(start).place
-        track = Track(back.track.end, inner, forth.track.end)
-        self.edges.append(forth._replace(start=back.end, track=track, begun_at=begun_at))
+        whole = forth._replace(start=back.end, first=back.last, inner=inner)
+        self.edges.append(whole._replace(begun_at=self.nodes.pop(start).place))
 
 
 def _passes_place(edge: Edge, ray: Ray, place: Place, same: float = SAME) -> bool:
@@ -412,7 +428,7 @@ def _passes_place(edge: Edge, ray: Ray, place: Place, same: float = SAME) -> boo
     return edge.passes(ray.curve, place.x, magnitude(place.x, place.error[np.newaxis]), same)
 
 
-def _has_stayed(walk: FollowedPiece, begun: KnownRay) -> bool:
-    """Tell whether a walk never was clearly anywhere else than where it began."""
-    end = walk.arrival.rays[0]
-    return all(begun.is_at(end.curve.metric, x, end.state.size) for x in walk.points[::-1])
+def _has_stayed(piece: FollowedPiece, begun: KnownRay) -> bool:
+    """Tell whether a piece never was clearly away from the ray that begins the piece."""
+    end = piece.arrival.rays[0]
+    return all(begun.is_at(end.curve.metric, x, end.state.size) for x in piece.points[::-1])

@@ -12,7 +12,6 @@ Failure modes and answers
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import final
@@ -148,11 +147,6 @@ class FollowedPiece:
         between = self.points[1:-1]
         return np.array(between) if len(between) else np.empty((0, len(self.points[0])))
 
-    @property
-    def steps(self) -> Sequence[Array]:
-        """The points between whole steps, without the step that the special point ended."""
-        return self.points if self.arrival.kind == Kind.STOPPED else self.points[:-1]
-
     def sharing(self, ray: Ray) -> FollowedPiece:
         """Return the piece with the interface and the index of a ray on the ray back.
 
@@ -169,21 +163,10 @@ class FollowedPiece:
         return replace(self, arrival=self.arrival.leading(tuple(rays)))
 
 
-class Follower(ABC):
-    """Follows rays to the ends of their pieces, within an interval of alpha and bounds of z."""
-
-    interval: tuple[float, float]
-    bounds: Bounds | None
-
-    @abstractmethod
-    def walk(self, ray: Ray) -> FollowedPiece:
-        """Return the piece that ``ray`` begins."""
-
-
 @final
 @dataclass(frozen=True, slots=True)
-class PieceFollower(Follower):
-    """Follows a ray to the end of its piece; the policy is here, the step is the stepper's.
+class PieceFollower:
+    """Follows rays to the ends of their pieces, within an interval of alpha and bounds of z.
 
     Where nothing is watched but straight pieces and the ends of the interval, ``straight`` leads
     from cell to cell by itself. A ``gauge`` sees every step.
@@ -197,180 +180,182 @@ class PieceFollower(Follower):
     gauge: Gauge | None = None
     events: Events | None = None
 
-    def walk(self, ray: Ray) -> FollowedPiece:
+    def follow(self, ray: Ray) -> FollowedPiece:
         """Return the piece that ``ray`` begins, as far as the budget of the run allows."""
         reached = None
         try:
             check_budget()
             if arrival := self.straight and self.straight.next(ray, self.interval):
                 return FollowedPiece((ray.state.x, arrival.x), arrival)
-            reached = _Reached(leaning(ray))
-            if not (selection := ray.curve.selection).is_straight:
+            reached, selection = _Reached(self, leaning(ray)), ray.curve.selection
+            if not selection.is_straight:
                 refuse_wrong_jacobian(selection.system, selection.character, ray.state.x)
-            reached.stops = self.events and self.events.stops_along(ray.curve, ray.state)
-            return self._to_the_end(reached)
+            return reached.to_the_end()
         except KeyboardInterrupt as why:
-            walk = (reached or _Reached(ray)).stopped(current_budget().end(why))
-            return replace(walk, is_cut=True)
-
-    def _to_the_end(self, reached: _Reached) -> FollowedPiece:
-        curve, before, longest, blocked = reached.curve, None, np.inf, None
-        reading = self.watch.first(curve, reached.state)
-        for _ in range(MOST_STEPS):
-            check_budget()
-            if aimed := self._aimed(reached, before, longest, reading):
-                return self._ended(reached, *aimed)
-            segment = self._step(reached, before, longest)
-            if isinstance(segment, Failure):
-                if not blocked and segment.trouble in BY_DERIVATIVES and reached.refines():
-                    continue
-                return reached.stopped(str(blocked or segment))
-            event, after = self._first_event(segment, reading)
-            if isinstance(event, Event) and before is None and self.watch.is_rounding(event, curve):
-                reading = self.watch.without(reading, event)
-                continue
-            if isinstance(event, Event):
-                return self._ended(reached, segment, event)
-            if isinstance(event, Failure):  # the step is too long to tell which event comes first
-                if not isinstance(segment, CurvedSegment):
-                    return reached.stopped(str(event))
-                reached.blocked += 1
-                if reached.blocked > MOST_BLOCKED:
-                    break
-                longest, blocked = 0.5 * segment.length, event
-                continue
-            assert isinstance(segment, CurvedSegment)  # a ray ends in an event or a failure
-            if end := self._gone(reached, segment, before):
-                return end
-            before, reading, longest, blocked = segment, after, np.inf, None
-        return reached.stopped(str(Failure(FailureReason.TOO_MANY_STEPS)))
-
-    def _gone(
-        self, reached: _Reached, step: CurvedSegment, before: Segment | None
-    ) -> FollowedPiece | None:
-        """Go to the end of a step; return the piece if an event of a user ends it on the way."""
-        if end := self._ended_by_event(reached, step, step.length):
-            return end
-        reached.go_to(step, before)
-        if self.gauge:
-            self.gauge.see(step.start.x, step.end.x)
-        return None
-
-    def _step(self, reached: _Reached, before: Segment | None, longest: float) -> Segment | Failure:
-        """Return the next step; the farther a long piece has gone, the longer the step."""
-        stepper, number = self.stepper, len(reached.points)
-        if number % ENDLESS_CHECK_EVERY == 0 and reached.is_endless():
-            return Failure(FailureReason.ENDLESS)
-        if reached.tiny > MOST_TINY:
-            return Failure(FailureReason.CREEPING)
-        if number > MANY_STEPS and (factor := reached.distance() / STRETCHED_FROM) > 1.0:
-            stepper = stepper.stretched(factor)
-        segment = stepper.step(reached.curve, self.interval, reached.state, before, longest)
-        if not isinstance(segment, Segment | Failure):
-            raise self._broken("step", "a Segment or a Failure", segment)
-        if isinstance(segment, CurvedSegment):
-            largest = (step_size_of(stepper) or StepSize()).largest
-            is_tiny = segment.length < TINY_PART * largest
-            reached.tiny = reached.tiny + 1 if is_tiny else 0
-        return segment
-
-    def _aimed(
-        self, reached: _Reached, before: Segment | None, longest: float, reading: Readings
-    ) -> tuple[CurvedSegment, Event] | None:
-        """Return the step to the event that seems to come next, None if that event is not next."""
-        curve, ahead = reached.curve, self.watch.ahead(reading)
-        if ahead is None or ahead[0] > longest:
-            return None
-        distance, detector, index = ahead
-        border = detector.border(curve, index)
-        segment = border and self.stepper.aim(curve, reached.state, before, distance, border)
-        if segment is None:
-            return None
-        if not isinstance(segment, CurvedSegment):
-            raise self._broken("aim", "a CurvedSegment or None", segment)
-        event = Event(detector, index, segment.length, segment.end)
-        after = self.watch.before(self.watch.read(curve, segment.end), event)
-        first = first_on_curve(self.watch, segment, reading, after, event)
-        if not isinstance(first, Event) or self.watch.is_rounding(first, curve):
-            return None
-        return segment, first
-
-    def _broken(self, method: str, what: str, got: object) -> InvalidInputError:
-        """Return the error that says what the stepper returned instead of what it must."""
-        return InvalidInputError(
-            f"{type(self.stepper).__name__}.{method} must return {what}, got {got!r}; "
-            "check_stepper tells what else is wrong"
-        )
-
-    def _ended(self, reached: _Reached, segment: Segment, event: Event) -> FollowedPiece:
-        """Return the piece that an event on the last step ends."""
-        if end := self._ended_by_event(reached, segment, event.position):
-            return end
-        points = self._points(reached, segment, event.position, event.state)
-        return FollowedPiece(points, self._arrived(event, reached.curve))
-
-    def _points(
-        self, reached: _Reached, segment: Segment, position: float, end: State
-    ) -> list[Array]:
-        """Return the points of a piece that ends on a segment."""
-        between = reached.between(segment, position, end)
-        if self.gauge and between:  # as where the piece is read from a journal
-            self.gauge.see(reached.state.x, *between)
-        return [*reached.points, *between, end.x]
-
-    def _ended_by_event(
-        self, reached: _Reached, segment: Segment, length: float
-    ) -> FollowedPiece | None:
-        """Return the piece up to the event of a user that ends the branch on a stretch, if any."""
-        if not (self.events and reached.stops and length > 0.0):
-            return None
-        marks = reached.stops.look(segment, length, len(reached.points))
-        if not marks:
-            return None
-        mark = marks[0]
-        points = self._points(reached, segment, mark.position, mark.state)
-        return FollowedPiece(points, self.events.stopped(reached.curve, mark))
-
-    def _arrived(self, event: Event, curve: Curve) -> SpecialPointFound:
-        """Return the special point that an event makes, with the ways on that are allowed."""
-        arrival = self.watch.ended(event.arrive(curve))
-        arrival = self.events.ended(arrival) if self.events else arrival
-        final = ended_by_system(arrival)
-        return arrival if final is arrival else final.leading(final.rays[:1])
-
-    def _first_event(
-        self, segment: Segment, reading: Readings
-    ) -> tuple[Event | Failure | None, Readings]:
-        """Return the first event on the segment, and the reading at its end."""
-        if not isinstance(segment, CurvedSegment):
-            return first_on_ray(self.watch, segment, reading), reading
-        after = self.watch.read(segment.curve, segment.end)
-        return first_on_curve(self.watch, segment, reading, after), after
+            cut = (reached or _Reached(self, ray)).stopped(current_budget().end(why))
+            return replace(cut, is_cut=True)
 
 
 @final
 class _Reached:
-    """The points of a walk so far, and its last state."""
+    """A piece that is being followed: the points so far, and the last state.
 
-    def __init__(self, ray: Ray) -> None:
-        self.curve, self.state, self.points = ray.curve, ray.state, [ray.state.x]
-        self._before = ray.state
-        self.blocked = self.tiny = self._shortened = 0
-        self.stops: EventsAlong | None = None
+    The policy is here, the step is the stepper's.
+    """
+
+    def __init__(self, follower: PieceFollower, ray: Ray) -> None:
+        self._follower, self.curve = follower, ray.curve
+        self.state, self.points = ray.state, [ray.state.x]
+        self._state_before = ray.state
+        self._step_before: CurvedSegment | None = None
+        self._blocked = self._tiny = self._shortened = 0
         self._part = part_of(self.curve)
+        self._stops: EventsAlong | None = None
 
-    def go_to(self, step: CurvedSegment, before: Segment | None) -> None:
-        """Add a point, at the end of a step that may be shorter than the step before suggested."""
-        self._before, self.state = self.state, step.end
+    def to_the_end(self) -> FollowedPiece:
+        """Return the piece, step after step."""
+        watch, curve, events = self._follower.watch, self.curve, self._follower.events
+        self._stops = events and events.stops_along(curve, self.state)
+        reading, longest, blocked = watch.first(curve, self.state), np.inf, None
+        for _ in range(MOST_STEPS):
+            check_budget()
+            if aimed := self._aimed(longest, reading):
+                return self._ended(*aimed)
+            step = self._step(longest)
+            if isinstance(step, Failure):
+                if not blocked and step.trouble in BY_DERIVATIVES and self._refines():
+                    continue
+                return self.stopped(str(blocked or step))
+            event, after = self._first_event(step, reading)
+            if isinstance(event, Event):
+                if self._step_before is None and watch.is_rounding(event, curve):
+                    reading = watch.without(reading, event)
+                    continue
+                return self._ended(step, event)
+            if not isinstance(step, CurvedSegment):  # a ray without an event
+                return self.stopped(str(event))
+            if event:  # a failure: the step is too long to tell which event comes first
+                self._blocked += 1
+                if self._blocked > MOST_BLOCKED:
+                    break
+                longest, blocked = 0.5 * step.length, event
+                continue
+            if end := self._ended_by_user(step, step.length):
+                return end
+            self._go_to(step)
+            reading, longest, blocked = after, np.inf, None
+        return self.stopped(str(Failure(FailureReason.TOO_MANY_STEPS)))
+
+    def _first_event(
+        self, step: Segment, reading: Readings
+    ) -> tuple[Event | Failure | None, Readings]:
+        """Return the first event on a step, and the reading at the end of the step."""
+        watch = self._follower.watch
+        if not isinstance(step, CurvedSegment):
+            return first_on_ray(watch, step, reading), reading
+        after = watch.read(self.curve, step.end)
+        return first_on_curve(watch, step, reading, after), after
+
+    def _step(self, longest: float) -> Segment | Failure:
+        """Return the next step; the farther a long piece has gone, the longer the step."""
+        stepper, number = self._follower.stepper, len(self.points)
+        if number % ENDLESS_CHECK_EVERY == 0 and self.is_endless():
+            return Failure(FailureReason.ENDLESS)
+        if self._tiny > MOST_TINY:
+            return Failure(FailureReason.CREEPING)
+        if number > MANY_STEPS and (factor := self.distance() / STRETCHED_FROM) > 1.0:
+            stepper = stepper.stretched(factor)
+        interval, before = self._follower.interval, self._step_before
+        step = stepper.step(self.curve, interval, self.state, before, longest)
+        if not isinstance(step, Segment | Failure):
+            raise self._broken("step", "a Segment or a Failure", step)
+        if isinstance(step, CurvedSegment):
+            largest = (step_size_of(stepper) or StepSize()).largest
+            self._tiny = self._tiny + 1 if step.length < TINY_PART * largest else 0
+        return step
+
+    def _aimed(self, longest: float, reading: Readings) -> tuple[CurvedSegment, Event] | None:
+        """Return the step to the event that seems to come next, None if that event is not next."""
+        curve, watch, stepper = self.curve, self._follower.watch, self._follower.stepper
+        ahead = watch.ahead(reading)
+        if ahead is None or ahead[0] > longest:
+            return None
+        distance, detector, index = ahead
+        border = detector.border(curve, index)
+        step = border and stepper.aim(curve, self.state, self._step_before, distance, border)
+        if step is None:
+            return None
+        if not isinstance(step, CurvedSegment):
+            raise self._broken("aim", "a CurvedSegment or None", step)
+        event = Event(detector, index, step.length, step.end)
+        after = watch.before(watch.read(curve, step.end), event)
+        first = first_on_curve(watch, step, reading, after, event)
+        if not isinstance(first, Event) or watch.is_rounding(first, curve):
+            return None
+        return step, first
+
+    def _broken(self, method: str, what: str, got: object) -> InvalidInputError:
+        """Return the error that says what the stepper returned instead of what it must."""
+        return InvalidInputError(
+            f"{type(self._follower.stepper).__name__}.{method} must return {what}, got {got!r}; "
+            "check_stepper tells what else is wrong"
+        )
+
+    def _go_to(self, step: CurvedSegment) -> None:
+        """Add the end of a step; the step may be shorter than the step before suggested."""
+        before, self._step_before = self._step_before, step
+        self._state_before, self.state = self.state, step.end
         self.points.append(step.end.x)
-        if not isinstance(before, CurvedSegment):
-            return
-        if step.length < SHORTENED * before.suggestion:
+        if before and step.length < SHORTENED * before.suggestion:
             self._shortened += 1
-        elif before.suggestion > before.length:  # else the step was kept short for another reason
+        elif before and before.suggestion > before.length:  # else kept short for another reason
             self._shortened = max(self._shortened - 1, 0)
-        if self._shortened == MOST_SHORTENED:
-            self.refines()
+        if before and self._shortened == MOST_SHORTENED:
+            self._refines()
+        if self._follower.gauge:
+            self._follower.gauge.see(step.start.x, step.end.x)
+
+    def _refines(self) -> bool:
+        """Let differences have shorter steps if shorter steps help; return whether so."""
+        self._shortened = 0
+        return refined(self.curve, self.state.x)
+
+    # -- ends ------------------------------------------------------------------------------------
+
+    def _ended(self, step: Segment, event: Event) -> FollowedPiece:
+        """Return the piece that an event on the last step ends, with the ways on allowed there."""
+        if end := self._ended_by_user(step, event.position):
+            return end
+        watch, events = self._follower.watch, self._follower.events
+        arrival = watch.ended(event.arrive(self.curve))
+        arrival = events.ended(arrival) if events else arrival
+        final = ended_by_system(arrival)
+        arrival = arrival if final is arrival else final.leading(final.rays[:1])
+        return FollowedPiece(self._points_to(step, event.position, event.state), arrival)
+
+    def _ended_by_user(self, step: Segment, length: float) -> FollowedPiece | None:
+        """Return the piece up to the event of a user that ends the branch on a stretch, if any."""
+        events = self._follower.events
+        if not (events and self._stops and length > 0.0):
+            return None
+        marks = self._stops.look(step, length, len(self.points))
+        if not marks:
+            return None
+        points = self._points_to(step, marks[0].position, marks[0].state)
+        return FollowedPiece(points, events.stopped(self.curve, marks[0]))
+
+    def _points_to(self, step: Segment, position: float, end: State) -> list[Array]:
+        """Return the points of a piece that ends on a step.
+
+        A curved piece of two points would look straight, and gets a third point.
+        """
+        if isinstance(step, CurvedSegment) and len(self.points) == 1:
+            middle = step.point(0.5 * position, end.located_by)
+            if middle is not None:
+                if self._follower.gauge:  # as where the piece is read from a journal
+                    self._follower.gauge.see(self.state.x, middle)
+                return [*self.points, middle, end.x]
+        return [*self.points, end.x]
 
     def distance(self) -> float:
         """Return how far from its beginning the piece is now."""
@@ -406,20 +391,8 @@ class _Reached:
         first, middle = (float(points[np.argmax(sizes >= p * sizes[-1]), -1]) for p in PARTS)
         return abs(float(points[-1, -1]) - middle), abs(middle - first)
 
-    def refines(self) -> bool:
-        """Let differences have shorter steps if shorter steps help; return whether so."""
-        self._shortened = 0
-        return refined(self.curve, self.state.x)
-
-    def between(self, segment: Segment, position: float, end: State) -> list[Array]:
-        """Return a middle point for a curved piece of two points, which would look straight."""
-        if not isinstance(segment, CurvedSegment) or len(self.points) > 1:
-            return []
-        middle = segment.point(0.5 * position, end.located_by)
-        return [] if middle is None else [middle]
-
     def stopped(self, why: str) -> FollowedPiece:
-        """Return the walk that ends here; finer differences have been of no use."""
+        """Return the piece that ends here; finer differences have been of no use."""
         part = part_of(self.curve)
         self.curve.selection.system.refine_differences(self._part)
         if why == str(Failure(FailureReason.NOT_FINITE)) and len(self.points) > 2:
@@ -436,7 +409,7 @@ class _Reached:
         """
         last, residual = self.state, self.curve.selection.residual
         while len(self.points) > 2 and not are_finite(residual(self.points[-1])):
-            last = self._before
+            last = self._state_before
             self.points.pop()
         steps = [self.points[-1] - self.points[-2]]
         if not self.curve.selection.system.knows_jacobian:

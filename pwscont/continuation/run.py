@@ -35,8 +35,8 @@ from pwscont.basics.quantities import Function
 from pwscont.basics.rounding import SAME_ALPHA
 from pwscont.continuation.assembly import assemble, check_unique, mark
 from pwscont.continuation.discovery import CROSSED, Discovery
-from pwscont.continuation.follow import Follower, PieceFollower, alone, default_detectors
-from pwscont.continuation.journal import Journal, Recorded
+from pwscont.continuation.follow import PieceFollower, alone, default_detectors
+from pwscont.continuation.journal import Journal
 from pwscont.continuation.known import FollowedBranches
 from pwscont.curve.curve import Curve
 from pwscont.curve.error_samples import Found, has_digits, is_inside
@@ -275,11 +275,11 @@ def follow(plan: Plan, starts: Iterable[Found], searched: SearchScope) -> Branch
     # from cell to cell where only straight pieces are watched
     straight = None if plan.events else alone(watched)
     parts = (plan.interval, plan.bounds, straight, gauge, plan.events)
-    follower: Follower = PieceFollower(plan.stepper, Watch(watched, plan.foreign), *parts)
+    follower, follow = PieceFollower(plan.stepper, Watch(watched, plan.foreign), *parts), None
     if journal is not None:
         _check(journal, plan)
-        follower, starts = Recorded(follower, journal, gauge), journal.starts(starts)
-    discovery = Discovery(follower, plan.report, budget)
+        follow, starts = journal.recording(follower.follow, gauge), journal.starts(starts)
+    discovery = Discovery(follower, plan.report, budget, follow)
     plan.branches.edges = discovery.edges
     if searched.promise == Guarantee.NOTHING and searched != NOT_SEARCHED:
         starts = chain(starts, _reentries(discovery, plan))

@@ -52,8 +52,7 @@ def loose_ends(graph: Structure) -> dict[SpecialPoint, int]:
     """
     jumps: dict[int, int] = defaultdict(int)
     for piece in graph.pieces:
-        first, last = piece.track.start.alpha, piece.track.end.alpha
-        sign = piece.det_sign if first < last else -piece.det_sign
+        sign = piece.det_sign if piece.alpha[0] < piece.alpha[-1] else -piece.det_sign
         jumps[piece.start] += sign
         jumps[piece.end] -= sign
     verticals = ((piece.start, piece.end) for piece in graph.verticals)

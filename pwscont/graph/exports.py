@@ -148,7 +148,7 @@ def _pieces(graph: Structure, pandas: Any) -> Any:
     component, scale = _component(graph), magnitudes(graph)
     ends = [(p.id, component[p.id], p.start, p.end, p.label) for p in graph.pieces]
     kinds = [(str(p.character), p.det_sign, *p.interval) for p in graph.pieces]
-    sizes = [(len(p.track.inner) + 2, length(p, scale)) for p in graph.pieces]
+    sizes = [(len(p.points), length(p, scale)) for p in graph.pieces]
     rows = [sum(parts, ()) for parts in zip(ends, kinds, sizes, strict=True)]
     names = "id component start end label character det_sign alpha_lo alpha_hi points length"
     return pandas.DataFrame(rows, columns=names.split())

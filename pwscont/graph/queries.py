@@ -140,33 +140,45 @@ def fine_points(
     curve = Curve(Selection(system, piece.character), Metric.of(system, interval))
     found = [points[0]]
     for a, b in pairwise(points):
-        segment = _cubics(curve, a, b)[0]
+        segment = cubic_between(curve, a, b)
         inner = np.linspace(0.0, segment.length, parts + 1)[1:-1]
         found += [*(segment.near(s) for s in inner), b]
     return shown_points(system, np.array(found))
 
 
-def _cubics(curve: Curve, a: Array, b: Array) -> list[CurvedSegment]:
+def cubic_between(
+    curve: Curve, a: Array, b: Array, errors: Sequence[Array] | None = None
+) -> CurvedSegment:
+    """Return the cubic between two points of a curve that is closest to the curve.
+
+    ``errors``, each of shape (n + 1,): the errors of the two points, default zero.
+    """
+    return _cubics(curve, a, b, errors)[0]
+
+
+def _cubics(
+    curve: Curve, a: Array, b: Array, errors: Sequence[Array] | None = None
+) -> list[CurvedSegment]:
     """Return cubics between two points of a curve, the one closest to the curve first.
 
     Where two curves cross, the Jacobian gives no direction: guesses are the parabola with the known
     direction at the other point, and the chord.
     """
     chord = curve.metric.normalised(b - a)
-    if curve.selection.is_straight:
-        return [_cubic(curve, (a, chord), (b, chord))]
-    start, end = _tangent(curve, a, chord), _tangent(curve, b, chord)
-    other = 2.0 * chord - start, 2.0 * chord - end
-    ways = (start, end), (start, other[0]), (other[1], end), (chord, chord)
-    return sorted(
-        (_cubic(curve, (a, first), (b, last)) for first, last in ways),
-        key=_residual_in_the_middle,
-    )
+    ways = [(chord, chord)]
+    if not curve.selection.is_straight:
+        start, end = _tangent(curve, a, chord), _tangent(curve, b, chord)
+        ways = [(start, end), (start, 2.0 * chord - start), (2.0 * chord - end, end), *ways]
+    known = errors or (np.zeros_like(a), np.zeros_like(b))
 
+    def cubic(*tangents: Array) -> CurvedSegment:
+        first, last = (
+            State(x, way, error[np.newaxis], 1)
+            for x, way, error in zip((a, b), tangents, known, strict=True)
+        )
+        return CurvedSegment.between(curve, first, last, suggestion=0.0)
 
-def _cubic(curve: Curve, start: tuple[Array, Array], end: tuple[Array, Array]) -> CurvedSegment:
-    first, last = (State(x, way, np.zeros_like(x), 0) for x, way in (start, end))
-    return CurvedSegment.between(curve, first, last, suggestion=0.0)
+    return sorted((cubic(*way) for way in ways), key=_residual_in_the_middle)
 
 
 def _residual_in_the_middle(segment: CurvedSegment) -> float:

@@ -36,7 +36,6 @@ from pwscont.graph.records import (
     Place,
     SpecialPoint,
     Stretch,
-    Track,
     attempted,
     attributes,
     first_digits,
@@ -102,7 +101,7 @@ def _node_header(point: SpecialPoint) -> dict[str, Any]:
 
 
 def _piece_header(piece: Piece) -> dict[str, Any]:
-    values = {"signs": str(piece.character), "count": len(piece.track.inner) + 2}
+    values = {"signs": str(piece.character), "count": len(piece.points)}
     return attributes(piece, "id", "start", "end", "label", "det_sign") | values
 
 
@@ -258,7 +257,7 @@ def _piece(header: Fields, points: Array) -> Piece:
         end=header.integer("end", 0),
         character=Character.read(signs),
         naming=partial(_name, header.text("label")),
-        track=Track.of(points),
+        points=points,
         det_sign=header.integer("det_sign", -MOST_STORED),  # any number along an interface
     )
 
@@ -346,8 +345,8 @@ def _check_solution(
     path: str | Path, system: PiecewiseSystem, piece: Piece, interval: tuple[float, float]
 ) -> None:
     """Refuse a system whose equations do not hold where a piece begins."""
-    alpha = piece.track.start.alpha
-    z = completed(system, piece.track.start.x[:-1], alpha)
+    alpha = float(piece.alpha[0])
+    z = completed(system, piece.z[0], alpha)
     scale = np.append(system.scale(*interval), np.ptp(interval))
     if unexplained(system, piece.character, np.append(z, alpha), scale):
         raise InvalidInputError(
