@@ -39,7 +39,7 @@ from pwscont.system.system import PiecewiseSystem
 from pwscont.transitions.detector import TransitionDetector, kinds_at
 from pwscont.transitions.events import EventMark, Events
 
-#: Puts the unknowns that a user sees into points (..., z, alpha) of the followed system, or errors.
+#: Puts the unknowns that a user sees into points (..., z, alpha) of the reduced system, or errors.
 Show: TypeAlias = Callable[[Array], Array]
 #: An edge in the direction of positive orientation, and the piece made of the edge.
 Directed: TypeAlias = tuple[Edge, Piece]
@@ -142,7 +142,7 @@ def assemble(
     """
 
     def show(points: Array) -> Array:
-        """Return points (..., z, alpha) of the followed system with the user's unknowns."""
+        """Return points (..., z, alpha) of the reduced system with the user's unknowns."""
         whole = reduction.points(points, system.size) if reduction else points
         return shown_points(system, whole)
 

@@ -40,7 +40,7 @@ from pwscont.system.abilities import Ending
 from pwscont.system.selection import Selection
 from pwscont.transitions.corner.cone import opposite
 from pwscont.transitions.detector import Said, SpecialPointFound, worded
-from pwscont.transitions.ends import Standing, points_inside
+from pwscont.transitions.ends import points_inside
 from pwscont.transitions.rays import Ray
 
 
@@ -81,7 +81,7 @@ class Discovery:
         follow: Callable[[Ray], FollowedPiece] | None = None,
     ) -> None:
         self._follower, self._report, self._budget = follower, report, budget
-        self._follow_ray = follow or follower.follow
+        self._piece_from = follow or follower.follow
         self._queue: deque[KnownRay] = deque()
         self._known_rays: dict[bytes, list[KnownRay]] = defaultdict(list)  # by cell
         self._next = 0
@@ -117,24 +117,6 @@ class Discovery:
         else:
             self._remember(rays)
         self._follow_all()
-
-    def has(self, standing: Standing) -> bool:
-        """Tell whether a solution on an interface is a known transition between the two cells.
-
-        One ray leaves into each (F1): there is nothing else to be found.
-        """
-        if standing.other is None:
-            return False
-        cells = (name_of(curve.selection.cell) for curve in (standing.curve, standing.other))
-        one, other = ({known.node for known in self._known_rays.get(c, ())} for c in cells)
-        metric, size = standing.curve.metric, magnitude(standing.x, standing.error)
-        nodes = (self.nodes[node] for node in one & other)
-        return any(
-            node.kind in CROSSED
-            and len(node.rays) == 2
-            and node.rays[0].is_at(metric, standing.x, size)
-            for node in nodes
-        )
 
     def is_beyond(self, x: Array) -> bool:
         """Tell whether a start lies farther out than an endless path was followed.
@@ -183,7 +165,7 @@ class Discovery:
             left.ray, self._repeats = None, True
             here.stop(REPEATS)
             return
-        piece = self._follow_ray(ray).sharing(ray)
+        piece = self._piece_from(ray).sharing(ray)
         piece.arrival = self._inside(piece.arrival, back=1)
         if piece.is_cut and len(piece.points) == 1:
             return
