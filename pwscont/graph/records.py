@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any, final
+from typing import final
 
 import numpy as np
 import numpy.typing as npt
@@ -284,11 +284,6 @@ class Solution:
         more = [("det", f"{self.det_sign:+d}"), ("digits", f"{self.digits:.3g}")]
         title = f"Solution at alpha = {self.alpha:.10g}{f', {self.kind}' if self.kind else ''}"
         return card(title, [*rows, *more])
-
-
-def attributes(record: Any, *names: str) -> dict[str, Any]:
-    """Return some attributes of a record by name."""
-    return {name: getattr(record, name) for name in names}
 
 
 def attempted(state: SpecialPoint | Solution) -> dict[str, float | str]:

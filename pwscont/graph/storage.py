@@ -37,11 +37,10 @@ from pwscont.graph.records import (
     SpecialPoint,
     Stretch,
     attempted,
-    attributes,
     first_digits,
     from_first_digits,
 )
-from pwscont.graph.structure import Structure
+from pwscont.graph.structure import ConnectedPieces
 from pwscont.system.abilities import completed, shown_size
 from pwscont.system.selection import unexplained
 from pwscont.system.system import PiecewiseSystem
@@ -59,7 +58,7 @@ ARRAYS = ("nodes", "starts", "errors", "points")
 Contents: TypeAlias = dict[str, Any]
 
 
-def write(path: str | Path, graph: Structure, proof: BoxProof | None) -> None:
+def write(path: str | Path, graph: ConnectedPieces, proof: BoxProof | None) -> None:
     """Write a graph; the file appears whole or not at all."""
     arrays = {
         "nodes": stacked([point.z for point in graph.nodes]),
@@ -70,7 +69,7 @@ def write(path: str | Path, graph: Structure, proof: BoxProof | None) -> None:
     write_archive(path, _header(graph, proof), arrays)
 
 
-def _header(graph: Structure, proof: BoxProof | None) -> dict[str, Any]:
+def _header(graph: ConnectedPieces, proof: BoxProof | None) -> dict[str, Any]:
     """Return the header: all of a graph that is not an array of numbers."""
     searched = graph.searched
     header: dict[str, Any] = {
@@ -97,12 +96,13 @@ def _node_header(point: SpecialPoint) -> dict[str, Any]:
     """Return the header of a special point; for a recorded value that fails, a text says why."""
     names = "id", "message", "backward", "piece", "digits", "lost", "events"
     values = {"kind": str(point.kind), "alpha": float(point.alpha), "recorded": attempted(point)}
-    return attributes(point, *names) | values
+    return {name: getattr(point, name) for name in names} | values
 
 
 def _piece_header(piece: Piece) -> dict[str, Any]:
+    names = "id", "start", "end", "label", "det_sign"
     values = {"signs": str(piece.character), "count": len(piece.points)}
-    return attributes(piece, "id", "start", "end", "label", "det_sign") | values
+    return {name: getattr(piece, name) for name in names} | values
 
 
 def read(path: str | Path) -> tuple[Contents, BoxProof | None]:
