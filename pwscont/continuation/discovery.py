@@ -226,7 +226,7 @@ class Discovery:
         self._absorb(node, piece.arrival, rays, left if node == begun.node else None)
         if node == begun.node and piece.arrival.kind == Kind.STOPPED:
             self.nodes[node].stop(piece.arrival.message)
-        if back := self._match(rays[0], left):
+        if back := match(self._known_rays, rays[0], left):
             back.ray = None
         return node
 
@@ -239,7 +239,7 @@ class Discovery:
         these curves do not match.
         """
         for ray in rays:
-            if found := self._match(ray, left):
+            if found := match(self._known_rays, ray, left):
                 return found.node
         if not rays:
             return None
@@ -263,19 +263,13 @@ class Discovery:
         Transitions apart by no more than rounding may look like one corner from one side and like
         two special points from the other; the rays found from both sides are joined.
         """
-        news = [ray for ray in rays if not self._match(ray, left)]
+        news = [ray for ray in rays if not match(self._known_rays, ray, left)]
         if not news:
             return
         here = self.nodes[node]
         here.kind, here.said = arrival.kind, arrival.said
         self._let_leave(node, news)
         self._remember(news)
-
-    def _match(self, new: KnownRay, left: KnownRay | None = None) -> KnownRay | None:
-        """Return the known ray that a new ray is, see :func:`match`."""
-        assert new.ray is not None
-        rays = (known for cell in new.names for known in self._known_rays.get(cell, ()))
-        return match(new.ray, new.direction, rays, left)
 
     def _remember(self, rays: Iterable[KnownRay]) -> None:
         """Let pieces arrive on rays."""
@@ -344,7 +338,7 @@ class Discovery:
             return
         state = State(end.x, found.state.tangent, end.error[np.newaxis], found.state.orientation)
         back = Ray(curve, state, edge.cells[1:])
-        known = self._match(KnownRay.of(back, end))
+        known = match(self._known_rays, KnownRay.of(back, end))
         if known and known not in self._again:
             self._again.add(known)
             known.ray = back

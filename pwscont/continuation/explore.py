@@ -116,7 +116,7 @@ def checked_plan(
     """Return the plan for a system that keeps its promises at a start; options are of a Plan."""
     check_declaration(system)
     check_stepper_fits(system, stepper)
-    plan = replace(Plan.of(system, interval, stepper, watched, budget), **options)
+    plan = Plan.of(system, interval, stepper, watched, budget, **options)
     check_start(plan.system, interval, *start)
     return plan
 

@@ -105,27 +105,30 @@ class Node:
 
 
 def match(
-    ray: Ray, direction: Array, known: Iterable[KnownRay], left: KnownRay | None
+    known: Mapping[bytes, Sequence[KnownRay]], new: KnownRay, left: KnownRay | None = None
 ) -> KnownRay | None:
-    """Return the known ray of the same cell that a ray is, None for a new ray.
+    """Return which of the known rays, listed by cell, a ray is, None for a new ray.
 
     Of several rays in one cell, as at a branch point, the best aligned is taken. ``left`` is the
     ray on which a piece left, if the piece was never clearly away from the node: never the answer,
     and digits tell nothing then.
     """
-    metric, x, size = ray.curve.metric, ray.state.x, ray.state.size
+    assert new.ray is not None
+    metric, state = new.ray.curve.metric, new.ray.state
     found = [
         (cosine, each)
-        for each in known
-        if (cosine := float(each.direction.dot(direction))) > 0.0 and each.is_at(metric, x, size)
+        for cell in new.names
+        for each in known.get(cell, ())
+        if (cosine := float(each.direction.dot(new.direction))) > 0.0
+        and each.is_at(metric, state.x, state.size)
     ]
     if not found:
         return None  # nearly always
     if left or len({each.node for _, each in found}) > 1:
-        surely = [one for one in found if one[1].is_within(metric, x, size)]
+        surely = [one for one in found if one[1].is_within(metric, state.x, state.size)]
         found = [one for one in surely if one[1] is not left] if left else surely or found
     if len({each.node for _, each in found}) > 1:
-        nearest = min((each for _, each in found), key=lambda each: each.distance(metric, x))
+        nearest = min((each for _, each in found), key=lambda each: each.distance(metric, state.x))
         found = [one for one in found if one[1].node == nearest.node]
     return max(found, key=lambda one: one[0])[1] if found else None
 
@@ -168,7 +171,7 @@ class Edge(NamedTuple):
     @property
     def points(self) -> Array:
         """All points, shape (k, n + 1), a new array."""
-        return np.vstack([self.first.x, self.inner, self.last.x])
+        return np.concatenate([self.first.x[np.newaxis], self.inner, self.last.x[np.newaxis]])
 
     def reversed(self) -> Edge:
         """Return the piece from the end to the start, with the same orientation."""

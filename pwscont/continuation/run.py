@@ -143,18 +143,18 @@ class Plan:
         stepper: Stepper | None,
         watched: Watched,
         budget: Budget,
+        **options: Any,
     ) -> Plan:
-        """Choose the parts for a system on an interval that was checked."""
+        """Choose the parts for a system on an interval that was checked; options are fields."""
         if stepper is None:
             is_straight = isinstance(system, PiecewiseLinearSystem)
             stepper = ExactLinear() if is_straight else PseudoArclength()
-        Metric.of(system, interval)  # refuses magnitudes that cannot be computed with
-        system = system.within(*interval)
-        box = Box.of(system)
+        fitted = system.within(*interval)
+        plan = cls(fitted, interval, None, stepper, *watched, budget, **options)
         # a reduced system has neither a box nor the states that detectors expect
-        free = not (box.is_bounded or box.is_periodic or any(watched))
-        reduction = system.reduction(*interval) if isinstance(system, Reducible) and free else None
-        return cls(system, interval, reduction, stepper, *watched, budget)
+        free = not (plan.box.is_bounded or plan.box.is_periodic or any(watched))
+        reduction = fitted.reduction(*interval) if isinstance(fitted, Reducible) and free else None
+        return replace(plan, reduction=reduction) if reduction else plan
 
     @cached_property
     def reduced_system(self) -> PiecewiseSystem:

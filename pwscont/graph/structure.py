@@ -71,14 +71,20 @@ class ConnectedPieces:
         self.parameter = parameter
         #: All pieces by id.
         self.pieces = tuple(sorted(pieces, key=lambda piece: piece.id))
-        known, within = sorted(points, key=lambda point: point.id), list(starts)
+        self._points, within = sorted(points, key=lambda point: point.id), list(starts)
         #: The unknowns and recorded quantities of the states, by name.
-        self.quantities = _quantities([*known, *within], system, record, names)
-        #: The special points by id, without the starts within pieces.
-        self.nodes = tuple(_asked(point, self.quantities) for point in known)
+        self.quantities = _quantities([*self._points, *within], system, record, names)
         self.starts = tuple(_asked(point, self.quantities) for point in within)
-        self._nodes = {point.id: point for point in self.nodes}
         self._by_id = {piece.id: piece for piece in self.pieces}
+
+    @cached_property
+    def nodes(self) -> tuple[SpecialPoint, ...]:
+        """The special points by id, without the starts within pieces."""
+        return tuple(_asked(point, self.quantities) for point in self._points)
+
+    @cached_property
+    def _nodes(self) -> dict[int, SpecialPoint]:
+        return {point.id: point for point in self.nodes}
 
     @cached_property
     def _touching(self) -> dict[int, list[Piece]]:
