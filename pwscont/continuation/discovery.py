@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections import defaultdict, deque
 from collections.abc import Callable, Iterable, Sequence
-from functools import partial, reduce
+from functools import reduce
 from typing import final
 
 import numpy as np
@@ -39,8 +39,8 @@ from pwscont.graph.records import Place
 from pwscont.system.abilities import Ending
 from pwscont.system.selection import Selection
 from pwscont.transitions.corner.cone import opposite
-from pwscont.transitions.detector import Said, SpecialPointFound, worded
-from pwscont.transitions.ends import points_inside
+from pwscont.transitions.detector import SpecialPointFound, worded
+from pwscont.transitions.ends import Standing, points_inside
 from pwscont.transitions.rays import Ray
 
 
@@ -51,10 +51,6 @@ def place_of_arrival(arrival: SpecialPointFound) -> Place:
         return Place(x, magnitude(x, np.zeros((1, len(x)))))
     first, *others = [ray.state.size for ray in arrival.rays]
     return Place(x, reduce(np.maximum, [size for size in others if size is not first], first))
-
-
-def _also(said: Said, more: str) -> str:
-    return f"{worded(said)}; {more}"
 
 
 #: Closer to an end of a piece than this distance, in the metric, two branches of a fold are hard to
@@ -118,6 +114,24 @@ class Discovery:
             self._remember(rays)
         self._follow_all()
 
+    def has(self, standing: Standing) -> bool:
+        """Tell whether a solution on an interface is a known transition between the two cells.
+
+        One ray leaves into each (F1): there is nothing else to be found, and no ray is computed.
+        """
+        if standing.other is None:
+            return False
+        cells = (name_of(curve.selection.cell) for curve in (standing.curve, standing.other))
+        one, other = ({ray.node for ray in self._known_rays.get(cell, ())} for cell in cells)
+        metric, size = standing.curve.metric, magnitude(standing.x, standing.error)
+        known = (self.nodes[node] for node in one & other)
+        return any(
+            len(node.rays) == 2
+            and node.kind in CROSSED
+            and node.rays[0].is_at(metric, standing.x, size)
+            for node in known
+        )
+
     def is_beyond(self, x: Array) -> bool:
         """Tell whether a start lies farther out than an endless path was followed.
 
@@ -178,16 +192,16 @@ class Discovery:
         end = place_of_arrival(piece.arrival)
         reached = self._reach(piece, end, left)
         edge = Edge.of(ray, left, piece.inner, reached, end)
-        self.edges.append(self._with_start(edge, ray))
+        for place in self._starts:
+            if _passes_place(edge, ray, place):
+                self._starts.remove(place)
+                edge = edge._replace(begun_at=place)
+                break
+        self.edges.append(edge)
         self.nodes[reached].before = self.nodes[reached].before or (left.node, left.names)
         if not ray.curve.selection.is_straight:  # straight pieces pass over nothing
             self._settle(self.edges[-1], left, ray)
         self._report(len(self.edges), float(piece.points[-1][-1]))
-
-    def _stays(self, ray: Ray) -> bool:
-        """Tell whether a ray leaves neither the interval nor the bounds at once."""
-        (lo, hi), bounds = self._follower.interval, self._follower.bounds
-        return points_inside(ray, lo, hi) and not (bounds and bounds.left_by(ray))
 
     def _inside(self, arrival: SpecialPointFound, back: int) -> SpecialPointFound:
         """Return a special point without the rays that leave interval or bounds at once.
@@ -195,18 +209,22 @@ class Discovery:
         The first ``back`` rays stay. Words say which bounds are left. A transition that only
         rounding tells from an end may be met before the end.
         """
-        stays = [i < back or self._stays(ray) for i, ray in enumerate(arrival.rays)]
-        if all(stays):
+        (lo, hi), bounds, whys = self._follower.interval, self._follower.bounds, []
+        rays = arrival.rays[:back]
+        for ray in arrival.rays[back:]:
+            why = bounds and bounds.left_by(ray)
+            if points_inside(ray, lo, hi) and not why:
+                rays = (*rays, ray)
+            else:
+                whys.append(why)
+        if not whys:
             return arrival  # nearly always
-        rays = tuple(ray for ray, inside in zip(arrival.rays, stays, strict=True) if inside)
-        gone = (ray for ray, inside in zip(arrival.rays, stays, strict=True) if not inside)
-        bounds = self._follower.bounds
-        why = next(filter(None, map(bounds.left_by, gone)), None) if bounds else None
+        why = next(filter(None, whys), None)
         if len(rays) == 1 and (why or (back and arrival.kind != Kind.END)):
             return SpecialPointFound(Kind.END, arrival.x, why or "end of the interval", rays)
         if why is None:
             return arrival.leading(rays)
-        said = partial(_also, arrival.said, f"{ON_BOUND}: {why}")
+        said = f"{worded(arrival.said)}; {ON_BOUND}: {why}"
         return SpecialPointFound(arrival.kind, arrival.x, said, rays)
 
     def _reach(self, piece: FollowedPiece, place: Place, begun: KnownRay) -> int:
@@ -343,14 +361,6 @@ class Discovery:
             self._again.add(known)
             known.ray = back
             self._queue.append(known)
-
-    def _with_start(self, edge: Edge, ray: Ray) -> Edge:
-        """Return a piece with the place where tracing began, if a forgotten piece had it here."""
-        for place in self._starts:
-            if _passes_place(edge, ray, place):
-                self._starts.remove(place)
-                return edge._replace(begun_at=place)
-        return edge
 
     def _stands_on_pieces(self, arrival: SpecialPointFound, interior: bool) -> bool:
         """Tell whether a start is a point of known pieces.

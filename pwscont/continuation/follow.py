@@ -259,12 +259,13 @@ class _Reached:
     def _step(self, longest: float) -> Segment | Failure:
         """Return the next step; the farther a long piece has gone, the longer the step."""
         stepper, number = self._follower.stepper, len(self.points)
-        if number % ENDLESS_CHECK_EVERY == 0 and self.is_endless():
+        if number % ENDLESS_CHECK_EVERY == 0 and self._is_endless():
             return Failure(FailureReason.ENDLESS)
         if self._tiny > MOST_TINY:
             return Failure(FailureReason.CREEPING)
-        if number > MANY_STEPS and (factor := self.distance() / STRETCHED_FROM) > 1.0:
-            stepper = stepper.stretched(factor)
+        if number > MANY_STEPS:
+            factor = self.curve.metric.norm(self.state.x - self.points[0]) / STRETCHED_FROM
+            stepper = stepper.stretched(factor) if factor > 1.0 else stepper
         interval, before = self._follower.interval, self._step_before
         step = stepper.step(self.curve, interval, self.state, before, longest)
         if not isinstance(step, Segment | Failure):
@@ -357,39 +358,22 @@ class _Reached:
                 return [*self.points, middle, end.x]
         return [*self.points, end.x]
 
-    def distance(self) -> float:
-        """Return how far from its beginning the piece is now."""
-        return self.curve.metric.norm(self.state.x - self.points[0])
-
-    def is_endless(self) -> bool:
+    def _is_endless(self) -> bool:
         """Tell whether a long piece leads to infinity while alpha stays inside the interval.
 
-        All changes of alpha that are still to come are next to nothing together.
+        The last two parts of the way out are compared, which are as long in the size of z. Changes
+        of alpha shrink where alpha approaches a limit like a power of 1 / z, not like a logarithm;
+        all changes that are still to come must be next to nothing together.
         """
-        late, _ = self._changes()
-        is_next_to_nothing = ENDLESS_REST * late <= ENDLESS_CHANGE * self.curve.metric.width
-        return self.shrinks() and (is_next_to_nothing or len(self.points) > ENDLESS_STEPS)
-
-    def shrinks(self) -> bool:
-        """Tell whether alpha changes by less and less while z grows, far away.
-
-        Changes shrink where alpha approaches a limit like a power of 1 / z, not like a logarithm.
-        """
-        late, early = self._changes()
-        return late <= ENDLESS_RATIO * early
-
-    def _changes(self) -> tuple[float, float]:
-        """Return how alpha changed on the last part of the way out, and on the part before.
-
-        Both parts are as long in the size of z. Infinite and zero where z is not far out, or has
-        been farther out.
-        """
-        points = np.array(self.points)
-        sizes = np.linalg.norm((points / self.curve.metric.scale)[:, :-1], axis=1)
+        points, metric = np.array(self.points), self.curve.metric
+        sizes = np.linalg.norm((points / metric.scale)[:, :-1], axis=1)
         if sizes[-1] < max(ENDLESS_FROM, sizes.max()) or sizes[0] > PARTS[0] * sizes[-1]:
-            return np.inf, 0.0
-        first, middle = (float(points[np.argmax(sizes >= p * sizes[-1]), -1]) for p in PARTS)
-        return abs(float(points[-1, -1]) - middle), abs(middle - first)
+            return False  # not far out, or farther out before
+        first, middle = (points[np.argmax(sizes >= part * sizes[-1]), -1] for part in PARTS)
+        late, early = abs(points[-1, -1] - middle), abs(middle - first)
+        is_next_to_nothing = ENDLESS_REST * late <= ENDLESS_CHANGE * metric.width
+        is_long = len(points) > ENDLESS_STEPS
+        return bool(late <= ENDLESS_RATIO * early and (is_next_to_nothing or is_long))
 
     def stopped(self, why: str) -> FollowedPiece:
         """Return the piece that ends here; finer differences have been of no use."""
@@ -413,15 +397,11 @@ class _Reached:
             self.points.pop()
         steps = [self.points[-1] - self.points[-2]]
         if not self.curve.selection.system.knows_jacobian:
-            steps.append(self._reach_of_differences(last.tangent, part))
+            # along the tangent, each component moves by a step of differences
+            along = np.abs(last.tangent / self.curve.metric.scale)
+            steps.append(part * STEP / along[along > NEARLY_STILL].min() * last.tangent)
         error = np.vstack([last.error, *(REST_OF_THE_WAY * step for step in steps)])
         self.state = State(self.points[-1], last.tangent, error, last.orientation)
-
-    def _reach_of_differences(self, tangent: Array, part: float) -> Array:
-        """Return a step along a tangent in which each component moves by a step of differences."""
-        along = np.abs(tangent / self.curve.metric.scale)
-        reach: Array = part * STEP / along[along > NEARLY_STILL].min() * tangent
-        return reach
 
 
 def alone(watched: Sequence[TransitionDetector]) -> StraightTests | None:

@@ -206,10 +206,7 @@ class Edge(NamedTuple):
         if not points[:, -1].min() <= alpha <= points[:, -1].max():
             return False
         if len(points) == 2:
-            chord = points[1] - points[0]
-            row = metric.covector(chord)
-            s = float(row.dot(x - points[0]) / row.dot(chord))
-            nearest = points[0] + min(max(s, 0.0), 1.0) * chord
+            _, nearest = _nearest(points, x, metric)
         else:
             system, interval = here.selection.system, metric.interval
             nearest = solve_between(system, self.cells[0], points, alpha, interval)[0]

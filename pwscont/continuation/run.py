@@ -329,11 +329,13 @@ def _follow_from(starts: Iterable[Found], plan: Plan, discovery: Discovery) -> N
             continue
         if plan.gauge:
             plan.gauge.begin()
-        arrival = Standing.of(plan.reduced_system, plan.metric, x, error).departures()
-        for each in plan.foreign:  # a start may be a special point of a detector
-            arrival = each.begun(arrival)
-        arrival = plan.events.begun(arrival) if plan.events else arrival
-        discovery.add(ended_by_system(arrival))
+        standing = Standing.of(plan.reduced_system, plan.metric, x, error)
+        if not discovery.has(standing):
+            arrival = standing.departures()
+            for each in plan.foreign:  # a start may be a special point of a detector
+                arrival = each.begun(arrival)
+            arrival = plan.events.begun(arrival) if plan.events else arrival
+            discovery.add(ended_by_system(arrival))
         if plan.budget.spent or (plan.system.unique and discovery.spans(*plan.interval)):
             return
 

@@ -67,9 +67,14 @@ def solve_between(
             return found
         middle = _middle(segment)
         if middle is None:
-            return _unrefined(segment, s, alpha)
+            found = None
+            break
         a, b = _around(np.array([a, middle, b]), alpha)
-    return found or _unrefined(segment, s, alpha)
+    if found is None:
+        x = segment.near(s)
+        x[-1] = alpha
+        found = x, np.abs(segment.end.x - segment.start.x)
+    return found
 
 
 def _located(
@@ -192,13 +197,6 @@ def _tangent(curve: Curve, x: Array, chord: Array) -> Array:
     metric = curve.metric
     factor = bordered(curve.selection.jacobian(x), metric.covector(chord), metric.binary)
     return chord if factor.is_singular() else metric.normalised(factor.solve(last_unit(len(x))))
-
-
-def _unrefined(segment: CurvedSegment, s: float, alpha: float) -> tuple[Array, Array]:
-    """Return the point of the cubic at this alpha, with an error as large as the chord."""
-    x = segment.near(s)
-    x[-1] = alpha
-    return x, np.abs(segment.end.x - segment.start.x)
 
 
 def _where(segment: CurvedSegment, alpha: float) -> float:
