@@ -173,13 +173,12 @@ def _measured(
         return plan, _raising(error)
     except KeyboardInterrupt as why:  # or the budget is spent: the starts found so far are followed
         return plan, chain(first, _raising(why))
-    if not first:
-        return plan, starts
-    sizes = rounded_to_one(magnitudes_of(plan.system, plan.metric, first))
-    if are_alike(sizes, plan.metric.scale[:-1]):
-        return plan, chain(first, starts)
-    plan = plan.with_magnitudes(sizes)
-    return plan, chain(first, starts_of(plan))
+    if first:
+        sizes = rounded_to_one(magnitudes_of(plan.system, plan.metric, first))
+        if not are_alike(sizes, plan.metric.scale[:-1]):
+            plan = plan.with_magnitudes(sizes)
+            starts = starts_of(plan)
+    return plan, chain(first, starts)
 
 
 def _raising(error: BaseException) -> Iterator[Found]:

@@ -52,14 +52,7 @@ def default_detectors(
 
 
 def refined(curve: Curve, x: Array) -> bool:
-    """Let differences have shorter steps if derivatives become better; return whether so.
-
-    Parameters
-    ----------
-    curve : Curve
-    x : ndarray, shape (n + 1,)
-        Where derivatives are compared.
-    """
+    """Let differences have shorter steps if derivatives at x become better; return whether so."""
     part = part_of(curve)
     if part * REFINEMENT < FINEST_PART:
         return False

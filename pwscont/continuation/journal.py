@@ -278,12 +278,7 @@ class Journal:
     def check(self, facts: Mapping[str, str], probes: Sequence[float]) -> None:
         """Refuse the journal of another run; the first time, record what this run is about.
 
-        Parameters
-        ----------
-        facts : mapping
-            What is compared word by word.
-        probes : sequence of float
-            Values that tell problems apart, compared to half of the digits.
+        ``facts`` are compared word by word, ``probes`` to half of the digits.
         """
         known = self.recorded("about", 0)
         if known is None:

@@ -286,7 +286,7 @@ def _reason(point: SpecialPoint) -> str:
     words = (known or point.message.split("; ")[-1:])[0]
     near = _accumulation(point)
     words = words.split(";")[0].split(": ")[0]
-    return f" ({'; '.join(filter(None, ['' if words == near else words, near]))})"
+    return "; ".join(filter(None, ["" if words == near else words, near]))
 
 
 def _accumulation(point: SpecialPoint) -> str:
@@ -308,16 +308,13 @@ def _places(
     for reason, found in alphas.items():
         shown, rest = list(found)[:MOST_PLACES_LISTED], len(found) - MOST_PLACES_LISTED
         more = f" and {rest} more" if rest > 0 else ""
-        yield f"{what} at {graph.parameter} = {', '.join(shown)}{more}{reason}"
+        because = f" ({reason})" if reason else ""
+        yield f"{what} at {graph.parameter} = {', '.join(shown)}{more}{because}"
 
 
 def _unfinished(graph: ConnectedPieces) -> str:
     """Say what ended the run, and where there is more."""
     spent = graph.searched.spent
     points = [point for point in graph.special_points(Kind.STOPPED) if spent in point.message]
-    return "; ".join([f"{spent}: there may be more", *_places("open ends", graph, points, _beyond)])
-
-
-def _beyond(point: SpecialPoint) -> str:
-    near = _accumulation(point)
-    return f" ({near})" if near else ""
+    places = _places("open ends", graph, points, _accumulation)
+    return "; ".join([f"{spent}: there may be more", *places])
