@@ -200,7 +200,7 @@ class Discovery:
         self.edges.append(edge)
         self.nodes[reached].before = self.nodes[reached].before or (left.node, left.names)
         if not ray.curve.selection.is_straight:  # straight pieces pass over nothing
-            self._settle(self.edges[-1], left, ray)
+            self._keep_shorter(self.edges[-1], left, ray)
         self._report(len(self.edges), float(piece.points[-1][-1]))
 
     def _inside(self, arrival: SpecialPointFound, back: int) -> SpecialPointFound:
@@ -313,7 +313,7 @@ class Discovery:
         self._let_leave(node, rays)
         return node
 
-    def _settle(self, edge: Edge, left: KnownRay, ray: Ray) -> None:
+    def _keep_shorter(self, edge: Edge, left: KnownRay, ray: Ray) -> None:
         """Keep the shorter of two pieces that overlap: the longer piece passed over an end.
 
         A step may pass over two branch points, or over a thin cell. The rest of the longer piece is

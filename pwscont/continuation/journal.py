@@ -329,13 +329,19 @@ class Journal:
         numbers = count()
 
         def read_or_follow(ray: Ray) -> FollowedPiece:
-            piece = self._find(next(numbers), ray)
-            if piece is None:
+            number = next(numbers)
+            begun, known = _place(ray), self.recorded("walk", number)
+            if known is None:
                 piece = follow(ray)
                 if not piece.is_cut:
                     text, rows = written(piece)
-                    self.record("walk", _place(ray) + text, rows)
-            elif gauge and not ray.curve.selection.is_straight:
+                    self.record("walk", begun + text, rows)
+                return piece
+            if not known[0].startswith(begun):
+                why = f"it is of another run: piece {number + 1} began elsewhere; {ADVICE}"
+                raise self._refusal(why)
+            piece = piece_of((known[0].removeprefix(begun), known[1]), ray)
+            if gauge and not ray.curve.selection.is_straight:
                 # the step that a special point ended was not seen in the first run
                 is_whole = piece.arrival.kind == Kind.STOPPED
                 for step in pairwise(piece.points if is_whole else piece.points[:-1]):
@@ -343,18 +349,6 @@ class Journal:
             return piece
 
         return read_or_follow
-
-    def _find(self, number: int, ray: Ray) -> FollowedPiece | None:
-        """Return a recorded piece, None if none is recorded; refuse a piece from another ray."""
-        found = self.recorded("walk", number)
-        if found is None:
-            return None
-        (text, rows), begun = found, _place(ray)
-        if not text.startswith(begun):
-            raise self._refusal(
-                f"it is of another run: piece {number + 1} began elsewhere; {ADVICE}"
-            )
-        return piece_of((text.removeprefix(begun), rows), ray)
 
     def finish(self) -> None:
         """Record that the run is finished."""

@@ -236,7 +236,7 @@ def joined(parts: Iterable[Continuum], known: Sequence[float]) -> tuple[Stretch,
     rows: list[Stretch] = []
     found: list[Stretch] = []
     for part in parts:
-        lo, hi = (_settled(end, part.blur, ends) for end in (part.lo, part.hi))
+        lo, hi = (_known_end(end, part.blur, ends) for end in (part.lo, part.hi))
         rows.append(Stretch(lo, hi, math.inf, part.lo_closed, part.hi_closed))
     for new in sorted(rows, key=lambda stretch: (stretch[0], not stretch.lo_closed)):
         last = found[-1] if found else None
@@ -249,7 +249,7 @@ def joined(parts: Iterable[Continuum], known: Sequence[float]) -> tuple[Stretch,
     return tuple(found)
 
 
-def _settled(alpha: float, blur: float, ends: list[float]) -> float:
+def _known_end(alpha: float, blur: float, ends: list[float]) -> float:
     """Return the known end that alpha is within rounding, or alpha, which is known from now on."""
     nearest = min(ends, key=lambda end: abs(end - alpha), default=math.inf)
     if abs(nearest - alpha) <= blur:
