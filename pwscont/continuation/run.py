@@ -149,6 +149,7 @@ class Plan:
         if stepper is None:
             is_straight = isinstance(system, PiecewiseLinearSystem)
             stepper = ExactLinear() if is_straight else PseudoArclength()
+        Metric.of(system, interval)  # refuses magnitudes to which no system can be fitted
         fitted = system.within(*interval)
         plan = cls(fitted, interval, None, stepper, *watched, budget, **options)
         # a reduced system has neither a box nor the states that detectors expect
