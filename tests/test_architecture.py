@@ -64,7 +64,7 @@ BUDGET = {
     "transitions": (14, 3700),
     "graph": (10, 2625),
     "search": (8, 1700),
-    "continuation": (8, 2740),
+    "continuation": (8, 2745),
     "kit": (4, 940),
     "proof": (15, 2675),
     "scenes": (14, 2650),
