@@ -60,11 +60,11 @@ BUDGET = {
     "linear": (11, 1630),
     "notation": (13, 2860),
     "curve": (14, 2825),
-    "enumeration": (11, 2650),
+    "enumeration": (11, 2615),
     "transitions": (12, 3615),
-    "graph": (10, 2710),
+    "graph": (10, 2625),
     "search": (7, 1630),
-    "continuation": (8, 2880),
+    "continuation": (8, 2745),
     "kit": (4, 940),
     "proof": (15, 2675),
     "scenes": (14, 2650),
@@ -76,7 +76,7 @@ BUDGET = {
     "commands": (10, 1150),
 }
 #: Most files and classes that the README's arch meets; a change that needs more says why.
-MOST_FILES_MET, MOST_CLASSES_MET = 49, 69
+MOST_FILES_MET, MOST_CLASSES_MET = 49, 67
 
 
 def module_of(path):

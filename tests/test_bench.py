@@ -27,7 +27,6 @@ from pwscont.bench.truth.known_answer import UnknownAnswerError
 from pwscont.bench.truth.problems import Bratu, bratu_fold
 from pwscont.commands.cli import main
 from pwscont.curve.step_size import StepSize
-from pwscont.graph.records import Track
 from pwscont.transitions import BoundingTests
 
 pytestmark = pytest.mark.sweep(2)  # the others take too long for the README's command
@@ -171,7 +170,7 @@ def test_distance_of_a_known_polygon(cases):
     case = cases["circle"]
     graph = follow(case, by_steps("arc", 0.1))
     corners = np.array([[0.0, 1.0], [1.0, 0.0], [0.0, -1.0]])  # (z, alpha)
-    pieces = [replace(p, track=Track.of(corners * [[p.det_sign, 1.0]])) for p in graph.pieces]
+    pieces = [replace(p, points=corners * [[p.det_sign, 1.0]]) for p in graph.pieces]
     square = BranchGraph(graph.special_points(), pieces, graph.interval, system=case.system)
     z_scale, alpha_scale = case.truth.scale
     found = errors(square, case.truth, case.system).branch_max
@@ -203,7 +202,7 @@ def test_a_shifted_piece_is_wrong(cases):
     graph = follow(case, Contestant(EXACT, None, ExactLinear()))
     points = graph.pieces[0].points.copy()
     points[-1] += 1e-2
-    pieces = [replace(graph.pieces[0], track=Track.of(points)), *graph.pieces[1:]]
+    pieces = [replace(graph.pieces[0], points=points), *graph.pieces[1:]]
     bent = BranchGraph(graph.special_points(), pieces, graph.interval, system=case.system)
     assert verdict(bent, case.truth, case.system) == "pieces end elsewhere"
     assert errors(bent, case.truth, case.system).points_max > 1e-3

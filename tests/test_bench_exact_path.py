@@ -24,7 +24,7 @@ from pwscont.bench.truth.rational import solve
 from pwscont.bench.truth.refinement import KNOWN_BITS, refined
 from pwscont.commands.cli import main
 from pwscont.curve.metric import Metric
-from pwscont.graph.records import Piece, Track
+from pwscont.graph.records import Piece
 
 pytestmark = pytest.mark.sweep(4)  # the others take too long for the README's command
 
@@ -90,7 +90,7 @@ def test_refined_solutions_agree_with_the_complete_answer(name, monkeypatch):
 def shifted(piece: Piece, end: int, by: float) -> Piece:
     points = piece.points.copy()
     points[end] += by
-    return replace(piece, track=Track.of(points))
+    return replace(piece, points=points)
 
 
 @pytest.mark.parametrize("number", range(4))

@@ -16,7 +16,7 @@ from reference_enumeration import solve_modes
 from pwscont import BranchGraph, Character, PseudoArclength, explore, trace
 from pwscont.basics.errors import GraphFileError, InvalidInputError, SystemNeededError
 from pwscont.basics.outcome import Kind
-from pwscont.graph.records import Piece, Place, SpecialPoint, Track
+from pwscont.graph.records import Piece, Place, SpecialPoint
 
 FREE, STICK, SLIP_PLUS, SLIP_MINUS = "no contact", "stick", "slip+", "slip-"
 
@@ -443,7 +443,7 @@ def graph_with_a_thin_stretch(error):
         for i, alpha in enumerate(ends)
     ]
     pieces = [
-        Piece(i, a, b, Character(()), str, Track.of(np.array([[0.0, ends[a]], [0.0, ends[b]]])), 1)
+        Piece(i, a, b, Character(()), str, np.array([[0.0, ends[a]], [0.0, ends[b]]]), 1)
         for i, (a, b) in enumerate([(0, 1), (2, 3)])
     ]
     return BranchGraph(points, pieces, (0.0, 1.0))

@@ -281,7 +281,9 @@ def test_in_another_thread():
 
 
 def test_interrupted_on_the_command_line_and_resumed(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr("pwscont.continuation.follow.PieceFollower.walk", _pressing(press_after(2)))
+    monkeypatch.setattr(
+        "pwscont.continuation.follow.PieceFollower.follow", _pressing(press_after(2))
+    )
     assert main(["run", "fig7", "-o", str(tmp_path)]) == 130
     assert "--resume goes on from there" in capsys.readouterr().err
     monkeypatch.undo()
@@ -290,7 +292,7 @@ def test_interrupted_on_the_command_line_and_resumed(tmp_path, monkeypatch, caps
 
 
 def _pressing(press):
-    original = PieceFollower.walk
+    original = PieceFollower.follow
 
     def pressing(self, ray):
         press()

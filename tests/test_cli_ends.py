@@ -121,7 +121,7 @@ def test_files_that_could_not_be_written_need_no_second_run(tmp_path, monkeypatc
     assert main(["run", "fig7", "-o", str(tmp_path)]) == 2
     (tmp_path / "fig7.npz").rmdir()
     monkeypatch.setattr(
-        "pwscont.continuation.follow.PieceFollower.walk", lambda *_: pytest.fail("again")
+        "pwscont.continuation.follow.PieceFollower.follow", lambda *_: pytest.fail("again")
     )
     assert main(["run", "fig7", "-o", str(tmp_path), "--resume"]) == 0
     assert len(BranchGraph.load(tmp_path / "fig7.npz").pieces) == 4

@@ -111,7 +111,7 @@ def test_ctrl_c_between_writing_and_counting(tmp_path):
 
 @pytest.mark.slow
 def test_interruption_keeps_what_was_found_and_resume_goes_on(tmp_path, monkeypatch, capsys):
-    walk, left = PieceFollower.walk, [3]
+    walk, left = PieceFollower.follow, [3]
 
     def interrupted(self, ray):
         if not left[0]:
@@ -119,7 +119,7 @@ def test_interruption_keeps_what_was_found_and_resume_goes_on(tmp_path, monkeypa
         left[0] -= 1
         return walk(self, ray)
 
-    monkeypatch.setattr(PieceFollower, "walk", interrupted)
+    monkeypatch.setattr(PieceFollower, "follow", interrupted)
     out = str(tmp_path)
     assert main(["run", "example1", "-o", out]) == 130
     assert "3 pieces are kept in" in capsys.readouterr().err

@@ -40,7 +40,7 @@ from pwscont import (
 )
 from pwscont.commands.cli import main
 from pwscont.continuation.follow import PieceFollower
-from pwscont.continuation.journal import walk_of, written
+from pwscont.continuation.journal import piece_of, written
 
 
 @pytest.mark.parametrize("times", swept([2], [10]))
@@ -79,7 +79,7 @@ def islands():
 
 @pytest.mark.parametrize("scene", [fig7, example1, example3, islands])
 def test_interrupted_after_every_piece(scene, tmp_path, monkeypatch):
-    made, walk, left = scene(), PieceFollower.walk, [0]
+    made, walk, left = scene(), PieceFollower.follow, [0]
 
     def until_interrupted(self, ray):
         if not left[0]:
@@ -87,7 +87,7 @@ def test_interrupted_after_every_piece(scene, tmp_path, monkeypatch):
         left[0] -= 1
         return walk(self, ray)
 
-    monkeypatch.setattr(PieceFollower, "walk", until_interrupted)
+    monkeypatch.setattr(PieceFollower, "follow", until_interrupted)
     pieces = 0
     while True:
         left[0] = 1  # one walk more each time
@@ -127,18 +127,18 @@ def along_a_boundary():
 
 @pytest.mark.parametrize("run", [lambda: long_run.run(interval=(-5.0, -2.0)), along_a_boundary])
 def test_a_walk_reads_as_it_was_written(run, monkeypatch):
-    walks, walk = [], PieceFollower.walk
+    walks, walk = [], PieceFollower.follow
 
     def kept(self, ray):
         found = walk(self, ray)
         walks.append((ray, found))
         return found
 
-    monkeypatch.setattr(PieceFollower, "walk", kept)
+    monkeypatch.setattr(PieceFollower, "follow", kept)
     run()
     assert any(ray.interface_cells for ray, _ in walks) == (run is along_a_boundary)
     for ray, found in walks:
-        read = walk_of(written(found), ray)
+        read = piece_of(written(found), ray)
         np.testing.assert_array_equal(read.points, found.points)
         assert (read.arrival.kind, read.arrival.message) == (
             found.arrival.kind,
@@ -321,7 +321,7 @@ def test_a_run_that_begins_again_with_other_magnitudes_is_resumed(tmp_path, monk
         graph = trace(*asked, journal=journal)
         assert journal.magnitudes is not None
     same(graph, trace(*asked))
-    walk, left = PieceFollower.walk, [0]
+    walk, left = PieceFollower.follow, [0]
 
     def until_interrupted(self, ray):
         if not left[0]:
@@ -329,7 +329,7 @@ def test_a_run_that_begins_again_with_other_magnitudes_is_resumed(tmp_path, monk
         left[0] -= 1
         return walk(self, ray)
 
-    monkeypatch.setattr(PieceFollower, "walk", until_interrupted)
+    monkeypatch.setattr(PieceFollower, "follow", until_interrupted)
     for _ in range(20):
         left[0] = 1
         with Journal(tmp_path / "parts") as journal:

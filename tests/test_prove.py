@@ -27,7 +27,6 @@ from pwscont import (
     trace,
 )
 from pwscont.extending import ExactMode
-from pwscont.graph.records import Track
 from pwscont.proof.cells import ExactCells, Ranges, residual, segment_of
 from pwscont.proof.interval import Interval
 from pwscont.proof.pieces import certified_pieces
@@ -352,7 +351,7 @@ def moved(graph, index, part):
     pieces = list(graph.pieces)
     points = pieces[index].points.copy()
     points[-1] += part * (points[-1] - points[0])
-    pieces[index] = replace(pieces[index], track=Track.of(points))
+    pieces[index] = replace(pieces[index], points=points)
     return BranchGraph(graph.special_points(), pieces, graph.interval, system=graph.system)
 
 
@@ -364,7 +363,7 @@ def test_a_curve_that_jumped_is_not_proved(name):
     for k, piece in enumerate(graph.pieces):
         points = piece.points.copy()
         points[:, 0] += 1e-4 * (1.0 + np.abs(points[:, 0]))
-        pieces = [*graph.pieces[:k], replace(piece, track=Track.of(points)), *graph.pieces[k + 1 :]]
+        pieces = [*graph.pieces[:k], replace(piece, points=points), *graph.pieces[k + 1 :]]
         assert not prove(BranchGraph(graph.nodes, pieces, graph.interval, system=system)).holds
 
 

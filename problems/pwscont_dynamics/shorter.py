@@ -41,7 +41,7 @@ class ShorterPeriods(Search):
         """Yield a point of every piece that is found for each shorter period."""
         for orbits in self._shorter.values():
             for piece in explore(orbits, interval).pieces:
-                x = piece.track.points[len(piece.track.points) // 2]
+                x = piece.points[len(piece.points) // 2]
                 times = system.size // orbits.size
                 found = semismooth_newton(system, metric, np.tile(x[:-1], times), float(x[-1]))
                 if not isinstance(found, Failure):

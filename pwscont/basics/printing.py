@@ -20,10 +20,10 @@ UNNAMED = ("z[0]",)
 DIGITS_SHOWN, DIGITS_OF_DIFFERENCE = 8, 3
 
 
-def counted(count: int | float, noun: str) -> str:
-    """Return a number with a noun, such as ``3 pieces``."""
+def counted(count: int | float, noun: str, plural: str = "s") -> str:
+    """Return a number with a noun, such as ``3 pieces``; the plural ends with ``plural``."""
     number = "infinitely many" if count == math.inf else count
-    return f"{number} {noun}{'' if count == 1 else 's'}"
+    return f"{number} {noun}{'' if count == 1 else plural}"
 
 
 def with_article(noun: str) -> str:

@@ -6,8 +6,8 @@ the graph without events, plus the events.
 Failure modes and answers
 -------------------------
 - A piece with two points is taken as straight: a part of a curved piece has a third point.
-- At an end of a piece, as at a corner, the tangent may not be known: the chord replaces the
-  tangent.
+- At an end of a piece, as at a branch point, the tangent may not be known: of several cubics the
+  one closest to the curve is taken.
 - An event where tracing began: the point is the event.
 """
 
@@ -23,23 +23,23 @@ import numpy as np
 from pwscont.basics.arrays import Array
 from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidSystemError
-from pwscont.basics.outcome import Failure, Kind
+from pwscont.basics.outcome import Kind
 from pwscont.basics.rounding import CONFIDENCE, CONVERGED, SAME_ALPHA
 from pwscont.continuation.discovery import CROSSED, Discovery
 from pwscont.continuation.known import Edge, Node
-from pwscont.curve.corrector import BorderedNewton
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.metric import Metric
-from pwscont.curve.stepper import CurvedSegment, Segment, StraightSegment
+from pwscont.curve.stepper import Segment, StraightSegment
 from pwscont.graph import BranchGraph, Piece, SpecialPoint
-from pwscont.graph.records import Place, Track, significant
+from pwscont.graph.queries import cubic_between
+from pwscont.graph.records import Place, significant
 from pwscont.system.abilities import Ending, HidesUnknowns, Reduction, shown_points
 from pwscont.system.box import Box
 from pwscont.system.system import PiecewiseSystem
 from pwscont.transitions.detector import TransitionDetector, kinds_at
 from pwscont.transitions.events import EventMark, Events
 
-#: Puts the unknowns that a user sees into points (..., z, alpha) of the followed system, or errors.
+#: Puts the unknowns that a user sees into points (..., z, alpha) of the reduced system, or errors.
 Show: TypeAlias = Callable[[Array], Array]
 #: An edge in the direction of positive orientation, and the piece made of the edge.
 Directed: TypeAlias = tuple[Edge, Piece]
@@ -54,10 +54,10 @@ def mark(
 ) -> None:
     """Mark what users' detectors see at special points, and divide the pieces at events."""
     for edge in discovery.edges if detectors else ():
-        curve, points = edge.curve(system, metric), edge.track.points
+        curve, points = edge.curve(system, metric), edge.points
         for number, place, inner in (
-            (edge.start, edge.track.start, points[1]),
-            (edge.end, edge.track.end, points[-2]),
+            (edge.start, edge.first, points[1]),
+            (edge.end, edge.last, points[-2]),
         ):
             node = discovery.nodes[number]
             for detector in detectors:
@@ -72,11 +72,8 @@ def _divided(
     edge: Edge, known: dict[int, Node], system: PiecewiseSystem, metric: Metric, events: Events
 ) -> list[Edge]:
     """Return the parts of a piece between its events, which are added to the known nodes."""
-    curve, track = edge.curve(system, metric), edge.track
-    kinds = known[edge.start].kind, known[edge.end].kind
-    crossed = kinds[0] == Kind.BRANCH_POINT, kinds[1] == Kind.BRANCH_POINT
-    points, (start, end) = track.points, (track.start, track.end)
-    segments = list(_segments(curve, track, crossed))
+    curve, points = edge.curve(system, metric), edge.points
+    start, end, segments = edge.first, edge.last, list(_segments(curve, edge))
     along = events.along(curve, start.x, start.error)
     for after, (segment, (a, b)) in enumerate(zip(segments, pairwise(points), strict=True), 1):
         along.look(segment, metric.norm(b - a), after)
@@ -92,23 +89,14 @@ def _divided(
     begun, parts = _part_begun(edge, curve, segments, marks), []
     for i, ((a, b), (first, last), (lo, hi)) in enumerate(zip(ends, joints, cuts, strict=True)):
         inner = points[lo:hi]
-        if len(inner) == 0 < len(track.inner):  # a curved part has at least one inner point
-            ways = crossed[0] and a is start, crossed[1] and b is end
-            inner = _middle(curve, a, b, ways)
+        if len(inner) == 0 < len(edge.inner):  # a curved part has at least one inner point
+            segment = cubic_between(curve, a.x, b.x)
+            middle = segment.point(0.5 * segment.length, None)
+            inner = inner if middle is None else middle[np.newaxis]
         begun_at = edge.begun_at if i == begun else None
-        parts.append(
-            edge._replace(start=first, end=last, track=Track(a, inner, b), begun_at=begun_at)
-        )
+        part = edge._replace(start=first, end=last, first=a, inner=inner, last=b)
+        parts.append(part._replace(begun_at=begun_at))
     return parts
-
-
-def _middle(curve: Curve, start: Place, end: Place, crossed: tuple[bool, bool]) -> Array:
-    """Return a point in the middle of a part of a curved piece, if there is one."""
-    points, errors = np.array([start.x, end.x]), [start.error, end.error]
-    first, last = _states(curve, points, errors, crossed)
-    segment = CurvedSegment.between(curve, first, last, 0.0)
-    middle = segment.point(0.5 * segment.length, None)
-    return points[1:1] if middle is None else middle[np.newaxis]
 
 
 def _part_begun(
@@ -120,49 +108,23 @@ def _part_begun(
         metric.norm(begun.x - mark.state.x) <= metric.slack(begun.x, CONVERGED) for mark in marks
     ):
         return None
-    apart = [metric.norm(begun.x - x) for x in edge.track.points]
-    after = int(np.argmin(apart)) if len(edge.track.inner) else 0
+    apart = [metric.norm(begun.x - x) for x in edge.points]
+    after = int(np.argmin(apart)) if len(edge.inner) else 0
     segment = segments[min(after, len(segments) - 1)]
     here = after + 1, segment.position(begun.x)
     return sum((mark.after, mark.position) < here for mark in marks)
 
 
-def _segments(curve: Curve, track: Track, crossed: tuple[bool, bool]) -> Iterator[Segment]:
+def _segments(curve: Curve, edge: Edge) -> Iterator[Segment]:
     """Yield the stretches between the points of a piece."""
-    points = track.points
+    points, none = edge.points, np.zeros_like(edge.first.x)
     if len(points) == 2:
-        way = _chords(curve, points)[0]
-        yield StraightSegment(curve, State(points[0], way, track.start.error[np.newaxis], 1))
+        way = curve.metric.normalised(points[1] - points[0])
+        yield StraightSegment(curve, State(points[0], way, edge.first.error[np.newaxis], 1))
         return
-    errors = [track.start.error, *[np.zeros_like(x) for x in points[1:-1]], track.end.error]
-    for start, end in pairwise(_states(curve, points, errors, crossed)):
-        yield CurvedSegment.between(curve, start, end, 0.0)
-
-
-def _chords(curve: Curve, points: Array) -> list[Array]:
-    normalised = curve.metric.normalised
-    return [normalised(b - a) if (b != a).any() else b - a for a, b in pairwise(points)]
-
-
-def _states(
-    curve: Curve, points: Array, errors: Sequence[Array], crossed: tuple[bool, bool]
-) -> list[State]:
-    """Return the states at points of a piece.
-
-    At a branch point the Jacobian gives no direction: the direction is that of the parabola through
-    the branch point and the next point, along the tangent at the next point.
-    """
-    chords, states = _chords(curve, points), []
-    for x, way, error in zip(points, [*chords, chords[-1]], errors, strict=True):
-        found = BorderedNewton().correct(curve, x, way)
-        tangent = way if isinstance(found, Failure) else found.state.tangent
-        states.append(State(x, tangent, error[np.newaxis], 1))
-    for is_crossed, end, beside in zip(crossed, (0, -1), (1, -2), strict=True):
-        if is_crossed:
-            way = 2.0 * chords[end] - states[beside].tangent
-            tangent = curve.metric.normalised(way)
-            states[end] = State(states[end].x, tangent, states[end].error, 1)
-    return states
+    errors = [edge.first.error, *[none for _ in edge.inner], edge.last.error]
+    for (a, b), known in zip(pairwise(points), pairwise(errors), strict=True):
+        yield cubic_between(curve, a, b, known)
 
 
 def assemble(
@@ -180,7 +142,7 @@ def assemble(
     """
 
     def show(points: Array) -> Array:
-        """Return points (..., z, alpha) of the followed system with the user's unknowns."""
+        """Return points (..., z, alpha) of the reduced system with the user's unknowns."""
         whole = reduction.points(points, system.size) if reduction else points
         return shown_points(system, whole)
 
@@ -218,7 +180,7 @@ def assemble(
 def _shown_places(discovery: Discovery, show: Show, show_errors: Show) -> dict[Place, Place]:
     """Return each place of a discovery with the user's unknowns, by the place itself."""
     nodes, edges = discovery.nodes.values(), discovery.edges
-    known = [place for edge in edges for place in (edge.track.start, edge.track.end, edge.begun_at)]
+    known = [place for edge in edges for place in (edge.first, edge.last, edge.begun_at)]
     known += [place for node in nodes for place in (node.place, *(ray.place for ray in node.rays))]
     places = list(dict.fromkeys(place for place in known if place is not None))
     if not places or show(places[0].x) is places[0].x:  # no unknown is left out or put back
@@ -230,12 +192,10 @@ def _shown_places(discovery: Discovery, show: Show, show_errors: Show) -> dict[P
 
 def _directed(edge: Edge, places: Mapping[Place, Place], show: Show) -> Edge:
     """Return an edge with the user's unknowns, in the direction of the positive orientation."""
-    track = Track(places[edge.track.start], show(edge.track.inner), places[edge.track.end])
     begun = None if edge.begun_at is None else places[edge.begun_at]
-    if edge.orientation > 0:
-        return edge._replace(track=track, begun_at=begun)
-    start, end = edge.end, edge.start
-    return edge._replace(start=start, end=end, track=track.reversed(), begun_at=begun)
+    first, inner, last = places[edge.first], show(edge.inner), places[edge.last]
+    shown = edge._replace(first=first, inner=inner, last=last, begun_at=begun)
+    return shown if edge.orientation > 0 else shown.reversed()
 
 
 # -- pieces ---------------------------------------------------------------------------------------
@@ -265,24 +225,22 @@ def _piece(
     metric: Metric,
 ) -> Piece:
     """Return the piece of a directed edge; ``whole`` puts back signs that were left out."""
-    track, character = edge.track, edge.cells[0]
-    rise = track.end.alpha - track.start.alpha
+    points, character = edge.points, edge.cells[0]
+    rise = float(points[-1, -1] - points[0, -1])
     is_level = abs(rise) <= SAME_ALPHA * (metric.interval[1] - metric.interval[0])
     # on the positive orientation alpha rises where det(dH/dz) > 0
     det_sign = 1 if rise > 0.0 else -1
     if is_level or edge.along_interface:
         det_sign = edge.det_sign
     if is_level and not det_sign:  # a vertical piece, with ends that differ by rounding only
-        points = track.points
-        points[:, -1] = track.start.alpha
-        track = Track.of(points)
+        points[:, -1] = points[0, -1]
     return Piece(
         id=number,
         start=numbers[edge.start],
         end=numbers[edge.end],
         character=whole(character) if whole else character,
         naming=system.label,
-        track=track,
+        points=points,
         det_sign=det_sign,
     )
 
@@ -304,7 +262,7 @@ def _special_point(
 
     The metric is that of the user's unknowns.
     """
-    ends = [edge.track.end for edge, _ in before] + [edge.track.start for edge, _ in after]
+    ends = [edge.last for edge, _ in before] + [edge.first for edge, _ in after]
     place = _covering(places[node.place], [*ends, *(places[r.place] for r in node.rays)], metric)
     also = list(node.also)
     if events is not None and node.kind != Kind.EVENT:

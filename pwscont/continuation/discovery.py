@@ -6,9 +6,9 @@ opposite direction. So loops close.
 
 from __future__ import annotations
 
-from collections import deque
-from collections.abc import Callable, Sequence
-from functools import partial, reduce
+from collections import defaultdict, deque
+from collections.abc import Callable, Iterable, Sequence
+from functools import reduce
 from typing import final
 
 import numpy as np
@@ -17,7 +17,7 @@ from pwscont.basics.arrays import Array
 from pwscont.basics.budget import Budget
 from pwscont.basics.outcome import ON_BOUND, Failure, Kind
 from pwscont.basics.rounding import SAME_ALPHA
-from pwscont.continuation.follow import FollowedPiece, Follower
+from pwscont.continuation.follow import FollowedPiece, PieceFollower
 from pwscont.continuation.known import (
     EVERY,
     JOIN,
@@ -26,20 +26,20 @@ from pwscont.continuation.known import (
     SAME_CROSSING,
     Edge,
     KnownRay,
-    KnownRays,
     Node,
     accumulating,
+    match,
     name_of,
     repeats,
 )
 from pwscont.curve.corrector import BorderedNewton
 from pwscont.curve.curve import State
 from pwscont.curve.error_samples import magnitude
-from pwscont.graph.records import Place, Track
+from pwscont.graph.records import Place
 from pwscont.system.abilities import Ending
 from pwscont.system.selection import Selection
 from pwscont.transitions.corner import opposite
-from pwscont.transitions.detector import Said, SpecialPointFound, worded
+from pwscont.transitions.detector import SpecialPointFound, worded
 from pwscont.transitions.ends import points_inside
 from pwscont.transitions.rays import Corner, Ray
 
@@ -51,10 +51,6 @@ def place_of_arrival(arrival: SpecialPointFound) -> Place:
         return Place(x, magnitude(x, np.zeros((1, len(x)))))
     first, *others = [ray.state.size for ray in arrival.rays]
     return Place(x, reduce(np.maximum, [size for size in others if size is not first], first))
-
-
-def _also(said: Said, more: str) -> str:
-    return f"{worded(said)}; {more}"
 
 
 #: Closer to an end of a piece than this distance, in the metric, two branches of a fold are hard to
@@ -69,15 +65,21 @@ class Discovery:
     """All nodes and pieces that can be reached from the starts given so far.
 
     ``report`` is called with the number of pieces and the alpha reached after each piece. Where the
-    budget is spent, some rays are not followed, see :meth:`close`.
+    budget is spent, some rays are not followed, see :meth:`close`. ``follow`` is in place of the
+    follower's own, as where a journal has pieces.
     """
 
     def __init__(
-        self, follower: Follower, report: Callable[[int, float], None], budget: Budget
+        self,
+        follower: PieceFollower,
+        report: Callable[[int, float], None],
+        budget: Budget,
+        follow: Callable[[Ray], FollowedPiece] | None = None,
     ) -> None:
         self._follower, self._report, self._budget = follower, report, budget
+        self._piece_from = follow or follower.follow
         self._queue: deque[KnownRay] = deque()
-        self._known_rays = KnownRays()
+        self._known_rays: dict[bytes, list[KnownRay]] = defaultdict(list)  # by cell
         self._next = 0
         self.nodes: dict[int, Node] = {}
         self.edges: list[Edge] = []
@@ -109,25 +111,25 @@ class Discovery:
             self._follow(self._queue.popleft())
             self._dissolve(start, inside.rays[0].curve.selection)
         else:
-            self._known_rays.add(rays)
+            self._remember(rays)
         self._follow_all()
 
     def has(self, corner: Corner) -> bool:
         """Tell whether a solution on an interface is a known transition between the two cells.
 
-        One ray leaves into each (F1): there is nothing else to be found.
+        One ray leaves into each (F1): there is nothing else to be found, and no ray is computed.
         """
         if len(corner.zero) != 1:
             return False
         cells = (name_of(curve.selection.cell) for curve in corner.sides())
-        one, other = map(self._known_rays.nodes_in, cells)
+        one, other = ({ray.node for ray in self._known_rays.get(cell, ())} for cell in cells)
         size = magnitude(corner.x, corner.error)
-        nodes = (self.nodes[node] for node in one & other)
+        known = (self.nodes[node] for node in one & other)
         return any(
-            node.kind in CROSSED
-            and len(node.rays) == 2
+            len(node.rays) == 2
+            and node.kind in CROSSED
             and node.rays[0].is_at(corner.metric, corner.x, size)
-            for node in nodes
+            for node in known
         )
 
     def is_beyond(self, x: Array) -> bool:
@@ -137,16 +139,16 @@ class Discovery:
         """
         if not self._repeats:
             return False
-        points = np.vstack([edge.track.points for edge in self.edges])[:, :-1]
+        points = np.vstack([edge.points for edge in self.edges])[:, :-1]
         return bool(((x[:-1] < points.min(axis=0)) | (x[:-1] > points.max(axis=0))).any())
 
     def spans(self, lo: float, hi: float) -> bool:
         """Tell whether at every alpha from lo to hi there is a piece."""
         reached = lo
-        for edge in sorted(self.edges, key=lambda edge: float(edge.track.alpha.min())):
-            if edge.track.alpha.min() > reached:
+        for least, most in sorted(edge.span() for edge in self.edges):
+            if least > reached:
                 return False
-            reached = max(reached, float(edge.track.alpha.max()))
+            reached = max(reached, most)
         return reached >= hi
 
     def close(self, why: str) -> None:
@@ -177,29 +179,29 @@ class Discovery:
             left.ray, self._repeats = None, True
             here.stop(REPEATS)
             return
-        walk = self._follower.walk(ray).sharing(ray)
-        walk.arrival = self._inside(walk.arrival, back=1)
-        if walk.is_cut and len(walk.points) == 1:
+        piece = self._piece_from(ray).sharing(ray)
+        piece.arrival = self._inside(piece.arrival, back=1)
+        if piece.is_cut and len(piece.points) == 1:
             return
         left.ray = None
-        if len(walk.points) == 1:  # not a single step could be taken
-            here.stop(walk.arrival.message)
+        if len(piece.points) == 1:  # not a single step could be taken
+            here.stop(piece.arrival.message)
             return
-        if walk.arrival.kind == Kind.END:
-            self.leaving.append(walk.arrival.rays[0].reversed())
-        end = place_of_arrival(walk.arrival)
-        reached = self._reach(walk, end, left)
-        edge = Edge.of(ray, left, reached, Track(left.place, walk.inner, end))
-        self.edges.append(self._with_start(edge, ray))
+        if piece.arrival.kind == Kind.END:
+            self.leaving.append(piece.arrival.rays[0].reversed())
+        end = place_of_arrival(piece.arrival)
+        reached = self._reach(piece, end, left)
+        edge = Edge.of(ray, left, piece.inner, reached, end)
+        for place in self._starts:
+            if _passes_place(edge, ray, place):
+                self._starts.remove(place)
+                edge = edge._replace(begun_at=place)
+                break
+        self.edges.append(edge)
         self.nodes[reached].before = self.nodes[reached].before or (left.node, left.names)
         if not ray.curve.selection.is_straight:  # straight pieces pass over nothing
-            self._settle(self.edges[-1], left, ray)
-        self._report(len(self.edges), float(walk.points[-1][-1]))
-
-    def _stays(self, ray: Ray) -> bool:
-        """Tell whether a ray leaves neither the interval nor the bounds at once."""
-        (lo, hi), bounds = self._follower.interval, self._follower.bounds
-        return points_inside(ray, lo, hi) and not (bounds and bounds.left_by(ray))
+            self._keep_shorter(self.edges[-1], left, ray)
+        self._report(len(self.edges), float(piece.points[-1][-1]))
 
     def _inside(self, arrival: SpecialPointFound, back: int) -> SpecialPointFound:
         """Return a special point without the rays that leave interval or bounds at once.
@@ -207,38 +209,42 @@ class Discovery:
         The first ``back`` rays stay. Words say which bounds are left. A transition that only
         rounding tells from an end may be met before the end.
         """
-        stays = [i < back or self._stays(ray) for i, ray in enumerate(arrival.rays)]
-        if all(stays):
+        (lo, hi), bounds, whys = self._follower.interval, self._follower.bounds, []
+        rays = arrival.rays[:back]
+        for ray in arrival.rays[back:]:
+            why = bounds and bounds.left_by(ray)
+            if points_inside(ray, lo, hi) and not why:
+                rays = (*rays, ray)
+            else:
+                whys.append(why)
+        if not whys:
             return arrival  # nearly always
-        rays = tuple(ray for ray, inside in zip(arrival.rays, stays, strict=True) if inside)
-        gone = (ray for ray, inside in zip(arrival.rays, stays, strict=True) if not inside)
-        bounds = self._follower.bounds
-        why = next(filter(None, map(bounds.left_by, gone)), None) if bounds else None
+        why = next(filter(None, whys), None)
         if len(rays) == 1 and (why or (back and arrival.kind != Kind.END)):
             return SpecialPointFound(Kind.END, arrival.x, why or "end of the interval", rays)
         if why is None:
             return arrival.leading(rays)
-        said = partial(_also, arrival.said, f"{ON_BOUND}: {why}")
+        said = f"{worded(arrival.said)}; {ON_BOUND}: {why}"
         return SpecialPointFound(arrival.kind, arrival.x, said, rays)
 
-    def _reach(self, walk: FollowedPiece, place: Place, begun: KnownRay) -> int:
-        """Return the node at which a walk arrived, and remove its ray that leads back.
+    def _reach(self, piece: FollowedPiece, place: Place, begun: KnownRay) -> int:
+        """Return the node at which a piece arrived, and remove the node's ray that leads back.
 
-        A walk that stops so close to its beginning that both ends seem one node is no loop: the end
-        may be another node close by.
+        A piece that stops so close to its beginning that both ends seem one node is no loop: the
+        end may be another node close by.
         """
-        rays = [KnownRay.of(ray, place) for ray in walk.arrival.rays]
-        left, node = None, self._node_of(walk.arrival, rays)
-        if node is not None and _has_stayed(walk, begun):
-            left, node = begun, self._node_of(walk.arrival, rays, left=begun)
+        rays = [KnownRay.of(ray, place) for ray in piece.arrival.rays]
+        left, node = None, self._node_of(piece.arrival, rays)
+        if node is not None and _has_stayed(piece, begun):
+            left, node = begun, self._node_of(piece.arrival, rays, left=begun)
         if node is None:
-            node = self._new(walk.arrival, place, rays, first=1)
-            self._known_rays.add(rays)
+            node = self._new(piece.arrival, place, rays, first=1)
+            self._remember(rays)
             return node
-        self._absorb(node, walk.arrival, rays, left if node == begun.node else None)
-        if node == begun.node and walk.arrival.kind == Kind.STOPPED:
-            self.nodes[node].stop(walk.arrival.message)
-        if back := self._known_rays.match(rays[0], left):
+        self._absorb(node, piece.arrival, rays, left if node == begun.node else None)
+        if node == begun.node and piece.arrival.kind == Kind.STOPPED:
+            self.nodes[node].stop(piece.arrival.message)
+        if back := match(self._known_rays, rays[0], left):
             back.ray = None
         return node
 
@@ -251,7 +257,7 @@ class Discovery:
         these curves do not match.
         """
         for ray in rays:
-            if found := self._known_rays.match(ray, left):
+            if found := match(self._known_rays, ray, left):
                 return found.node
         if not rays:
             return None
@@ -275,13 +281,19 @@ class Discovery:
         Transitions apart by no more than rounding may look like one corner from one side and like
         two special points from the other; the rays found from both sides are joined.
         """
-        news = [ray for ray in rays if not self._known_rays.match(ray, left)]
+        news = [ray for ray in rays if not match(self._known_rays, ray, left)]
         if not news:
             return
         here = self.nodes[node]
         here.kind, here.said = arrival.kind, arrival.said
         self._let_leave(node, news)
-        self._known_rays.add(news)
+        self._remember(news)
+
+    def _remember(self, rays: Iterable[KnownRay]) -> None:
+        """Let pieces arrive on rays."""
+        for known in rays:
+            for cell in known.names:
+                self._known_rays[cell].append(known)
 
     def _let_leave(self, node: int, rays: Sequence[KnownRay]) -> None:
         """Let rays leave a node; those that are not followed yet come into the queue."""
@@ -301,7 +313,7 @@ class Discovery:
         self._let_leave(node, rays)
         return node
 
-    def _settle(self, edge: Edge, left: KnownRay, ray: Ray) -> None:
+    def _keep_shorter(self, edge: Edge, left: KnownRay, ray: Ray) -> None:
         """Keep the shorter of two pieces that overlap: the longer piece passed over an end.
 
         A step may pass over two branch points, or over a thin cell. The rest of the longer piece is
@@ -324,8 +336,8 @@ class Discovery:
         if len(far) != 1 or shorter.start == shorter.end or not longer.is_in(shorter.names):
             return False
         node, metric = self.nodes[far.pop()], ray.curve.metric
-        ends = longer.track.start, longer.track.end
-        if any(metric.norm(metric.difference(node.place.x, e.x)) < BESIDE_AN_END for e in ends):
+        ends = longer.first.x, longer.last.x
+        if any(metric.norm(metric.difference(node.place.x, x)) < BESIDE_AN_END for x in ends):
             return False
         same = SAME_CROSSING if node.kind == Kind.BRANCH_POINT else SAME
         return _passes_place(longer, ray, node.place, same)
@@ -336,27 +348,19 @@ class Discovery:
 
     def _follow_again(self, edge: Edge, shared: int, ray: Ray) -> None:
         """Follow a forgotten piece from the end that is not shared with a shorter one."""
-        track = edge.track if edge.start == shared else edge.track.reversed()
+        edge = edge if edge.start == shared else edge.reversed()
         curve = edge.curve(ray.curve.selection.system, ray.curve.metric)
-        end, way = track.end, track.points[-2] - track.end.x
+        end, way = edge.last, edge.points[-2] - edge.last.x
         found = BorderedNewton().correct(curve, end.x, way)
         if isinstance(found, Failure):
             return
         state = State(end.x, found.state.tangent, end.error[np.newaxis], found.state.orientation)
         back = Ray(curve, state, edge.cells[1:])
-        known = self._known_rays.match(KnownRay.of(back, end))
+        known = match(self._known_rays, KnownRay.of(back, end))
         if known and known not in self._again:
             self._again.add(known)
             known.ray = back
             self._queue.append(known)
-
-    def _with_start(self, edge: Edge, ray: Ray) -> Edge:
-        """Return a piece with the place where tracing began, if a forgotten piece had it here."""
-        for place in self._starts:
-            if _passes_place(edge, ray, place):
-                self._starts.remove(place)
-                return edge._replace(begun_at=place)
-        return edge
 
     def _stands_on_pieces(self, arrival: SpecialPointFound, interior: bool) -> bool:
         """Tell whether a start is a point of known pieces.
@@ -392,19 +396,17 @@ class Discovery:
         if len(halves) != 2:
             return
         forth, back = halves
-        first, second = (float(np.subtract(*half.track.alpha[1::-1])) for half in halves)
+        first, second = (float(np.subtract(*half.points[1::-1, -1])) for half in halves)
         if first * second > 0.0:  # alpha turns where both halves begin
             node = self.nodes[start]
             node.kind, node.said = Kind.FOLD, f'fold within "{selection.label}"'
-            self._known_rays.add(node.rays)
+            self._remember(node.rays)
             return
-        straight = not len(forth.track.inner) and not len(back.track.inner)
-        middle = forth.track.points[0 if not straight else 1 : -1]
-        inner = np.vstack([back.track.inner[::-1], middle])
+        straight = not len(forth.inner) and not len(back.inner)
+        inner = np.vstack([back.inner[::-1], forth.points[1 if straight else 0 : -1]])
         self.edges[:] = [edge for edge in self.edges if edge not in halves]
-        begun_at = self.nodes.pop(start).place
-        track = Track(back.track.end, inner, forth.track.end)
-        self.edges.append(forth._replace(start=back.end, track=track, begun_at=begun_at))
+        whole = forth._replace(start=back.end, first=back.last, inner=inner)
+        self.edges.append(whole._replace(begun_at=self.nodes.pop(start).place))
 
 
 def _passes_place(edge: Edge, ray: Ray, place: Place, same: float = SAME) -> bool:
@@ -412,7 +414,7 @@ def _passes_place(edge: Edge, ray: Ray, place: Place, same: float = SAME) -> boo
     return edge.passes(ray.curve, place.x, magnitude(place.x, place.error[np.newaxis]), same)
 
 
-def _has_stayed(walk: FollowedPiece, begun: KnownRay) -> bool:
-    """Tell whether a walk never was clearly anywhere else than where it began."""
-    end = walk.arrival.rays[0]
-    return all(begun.is_at(end.curve.metric, x, end.state.size) for x in walk.points[::-1])
+def _has_stayed(piece: FollowedPiece, begun: KnownRay) -> bool:
+    """Tell whether a piece never was clearly away from the ray that begins the piece."""
+    end = piece.arrival.rays[0]
+    return all(begun.is_at(end.curve.metric, x, end.state.size) for x in piece.points[::-1])

@@ -25,7 +25,7 @@ from pwscont.continuation.run import (
     checked_detectors,
     checked_interval,
     default_search_of,
-    follow,
+    follow_starts,
     silent,
 )
 from pwscont.curve.error_samples import Found, is_inside
@@ -78,13 +78,13 @@ def corrected(plan: Plan, start: Start, name: str) -> Found:
     Refused is a start without a solution nearby, or with a solution outside the bounds.
     """
     z, alpha = start
-    found = semismooth_newton(plan.followed, plan.metric, plan.reduced(z), alpha)
+    found = semismooth_newton(plan.reduced_system, plan.metric, plan.reduced(z), alpha)
     if isinstance(found, Failure):
         raise StartNotFoundError(
             f"no solution found near {name} at alpha = {alpha}: {found}; start closer to a "
             "solution, or let explore() search for starts"
         )
-    on_curve = settled(plan.followed, plan.metric, found)
+    on_curve = settled(plan.reduced_system, plan.metric, found)
     if on_curve is None:
         raise StartNotFoundError(
             f"the solution nearest to {name} lies outside the interval {plan.interval}"
@@ -104,23 +104,24 @@ FIRST = 2
 REVISIONS = 6
 
 
-def prepared(
+def checked_plan(
     system: PiecewiseSystem,
-    start: Start,
     interval: tuple[float, float],
-    stepper: Stepper | None,
-    watched: Watched,
+    start: Start,
     budget: Budget,
+    watched: Watched,
+    stepper: Stepper | None,
+    **options: Any,
 ) -> Plan:
-    """Return the plan for a system that keeps its promises at a start."""
+    """Return the plan for a system that keeps its promises at a start; options are of a Plan."""
     check_declaration(system)
     check_stepper_fits(system, stepper)
-    plan = Plan.of(system, interval, stepper, watched, budget)
+    plan = Plan.of(system, interval, stepper, watched, budget, **options)
     check_start(plan.system, interval, *start)
     return plan
 
 
-def followed(
+def follow_measured(
     plan: Plan,
     guess: Array,
     starts_of: Callable[[Plan], Iterator[Found]],
@@ -132,10 +133,10 @@ def followed(
     magnitudes. ``starts_of`` returns the starts of a plan; a start is computed when it is taken.
     """
     if plan.system.gives_scale or plan.reduction:
-        return follow(plan, starts_of(plan), searched), plan
+        return follow_starts(plan, starts_of(plan), searched), plan
     # a journal has the magnitudes with which the interrupted run had begun again
     revised = None if plan.journal is None else plan.journal.magnitudes
-    if revised is not None and len(revised) == plan.followed.size:
+    if revised is not None and len(revised) == plan.system.size:
         plan = plan.with_magnitudes(revised)
         starts = starts_of(plan)
     else:
@@ -145,11 +146,11 @@ def followed(
     for _ in range(REVISIONS):
         try:
             judged = replace(plan, gauge=Gauge(plan.metric))
-            return follow(judged, _kept(starts, found), searched), plan
+            return follow_starts(judged, _kept(starts, found), searched), plan
         except MisjudgedError as wrong:
             plan = plan.with_magnitudes(wrong.magnitudes)
             starts = chain(tuple(found), starts_of(plan))
-    return follow(plan, starts, searched), plan
+    return follow_starts(plan, starts, searched), plan
 
 
 def _kept(starts: Iterator[Found], found: list[Found]) -> Iterator[Found]:
@@ -172,13 +173,12 @@ def _measured(
         return plan, _raising(error)
     except KeyboardInterrupt as why:  # or the budget is spent: the starts found so far are followed
         return plan, chain(first, _raising(why))
-    if not first:
-        return plan, starts
-    sizes = rounded_to_one(magnitudes_of(plan.system, plan.metric, first))
-    if are_alike(sizes, plan.metric.scale[:-1]):
-        return plan, chain(first, starts)
-    plan = plan.with_magnitudes(sizes)
-    return plan, chain(first, starts_of(plan))
+    if first:
+        sizes = rounded_to_one(magnitudes_of(plan.system, plan.metric, first))
+        if not are_alike(sizes, plan.metric.scale[:-1]):
+            plan = plan.with_magnitudes(sizes)
+            starts = starts_of(plan)
+    return plan, chain(first, starts)
 
 
 def _raising(error: BaseException) -> Iterator[Found]:
@@ -210,29 +210,8 @@ def trace(
         (z, alpha); z may be rough and is corrected at fixed alpha by semismooth Newton.
     interval : tuple of float
         (lo, hi): the values of alpha to stay in.
-    stepper : Stepper, optional
-        Default: exact for a PiecewiseLinearSystem, else PseudoArclength.
-    detectors : iterable of TransitionDetector, optional
-        Detectors beside the default ones; their special points may be of kinds of their own.
-    events : mapping of str to callable or Stop, optional
-        Functions g(z, alpha) -> float by name. A zero of g is a special point of kind "event" with
-        that name; a function given as ``Stop(g)`` ends the branch at the zero. Events change no
-        count and no balance. A transition, fold or end at a zero of g keeps its kind, and has the
-        ``name`` of the event.
-    record : mapping of str to callable, optional
-        Quantities f(z, alpha) -> float by name, at hand as ``solution["name"]`` and
-        ``point["name"]``, in data frames, tables and pictures.
-    parameter : str, optional
-        Name of alpha in tables and on axes.
-    report : callable, optional
-        Called with the number of pieces and the alpha reached, after each piece.
-    journal : Journal, optional
-        Where every finished piece is kept at once, so that an interrupted run can go on.
-    limits : Limits, optional
-        How many pieces the graph may have, and how many seconds it may take; default no limits.
-        Where one runs out, and after Ctrl-C, the graph found so far comes back: its unfinished ends
-        are special points of kind "stopped", and its guarantee says why. After Ctrl-C the run
-        first ends the current step; a second Ctrl-C does not wait for the step.
+    stepper, detectors, events, record, parameter, report, journal, limits : optional
+        As of :func:`explore`.
 
     Returns
     -------
@@ -255,26 +234,26 @@ def trace(
     >>> [round(p.alpha, 6) for p in branch.special_points("fold")]
     [0.3849]
     """
-    lo, hi = checked_interval(system, interval)
-    _check_options(journal, limits, report, parameter)
-    rough = checked_start(system, start, (lo, hi), "the start")
-    watched = checked_detectors(system, detectors, events)
-    recorded = checked_record(record, system.names() if record else ())
+    inside = checked_interval(system, interval)
+    options = checked_options(system, journal, limits, report, parameter, record)
+    rough = checked_start(system, start, inside, "the start")
+    watched, given = checked_detectors(system, detectors, events), {"the start": rough}
     with Budget(limits or Limits()) as budget:
-        plan = prepared(system, rough, (lo, hi), stepper, watched, budget)
-        plan = replace(plan, parameter=parameter, record=recorded, report=report, journal=journal)
-        given = {"the start": rough}
-        graph, _ = followed(plan, rough[0], lambda plan: _found(plan, given), NOT_SEARCHED)
-    return graph
+        plan = checked_plan(system, inside, rough, budget, watched, stepper, **options)
+        return follow_measured(plan, rough[0], lambda plan: _found(plan, given), NOT_SEARCHED)[0]
 
 
-def _check_options(journal: Any, limits: Any, report: Any, parameter: Any) -> None:
-    """Refuse what is no journal, no limits, no function or no name of a parameter."""
+def checked_options(
+    system: PiecewiseSystem, journal: Any, limits: Any, report: Any, parameter: Any, record: Any
+) -> dict[str, Any]:
+    """Return the options of a plan, or refuse what is no journal, limits, function or name."""
     checked_kind("journal", journal, Journal)
     checked_kind("limits", limits, Limits)
     check_callable("report", report, "(number of pieces, alpha)")
     if not (isinstance(parameter, str) and parameter):
         raise InvalidInputError(f"parameter must be a text, got {parameter!r}")
+    recorded = checked_record(record, system.names() if record else ())
+    return {"parameter": parameter, "record": recorded, "report": report, "journal": journal}
 
 
 def explore(
@@ -332,7 +311,8 @@ def explore(
     limits : Limits, optional
         How many pieces the graph may have, and how many seconds the run may take; default no
         limits. After a limit or Ctrl-C, the graph found so far comes back: its unfinished ends are
-        special points of kind "stopped", and its guarantee says why the run ended.
+        special points of kind "stopped", and its guarantee says why the run ended. After Ctrl-C
+        the run first ends the current step; a second Ctrl-C does not wait for the step.
 
     Returns
     -------
@@ -370,31 +350,31 @@ def explore(
     >>> [round(p.alpha, 6) for p in graph.special_points("fold")]
     [0.3849]
     """
-    lo, hi = checked_interval(system, interval)
+    inside = checked_interval(system, interval)
     checked_kind("search", search, Search)
-    _check_options(journal, limits, report, parameter)
+    options = checked_options(system, journal, limits, report, parameter, record)
     try:
         listed = list(starts)
     except TypeError as error:
         raise InvalidInputError(f"starts must be pairs (z, alpha): {error}") from error
     named = ((f"starts[{i}]", start) for i, start in enumerate(listed))
-    given = {name: checked_start(system, start, (lo, hi), name) for name, start in named}
-    watched = checked_detectors(system, detectors, events)
-    recorded = checked_record(record, system.names() if record else ())
+    given = {name: checked_start(system, start, inside, name) for name, start in named}
+    watched, guess = checked_detectors(system, detectors, events), np.zeros(system.size)
     with Budget(limits or Limits()) as budget:
-        guess = np.zeros(system.size)
-        plan = prepared(system, (guess, lo), (lo, hi), stepper, watched, budget)
-        plan = replace(plan, parameter=parameter, record=recorded, report=report, journal=journal)
-        around = [plan.reduced(z)[: shown_size(plan.followed)] for z, _ in given.values()]
+        at = guess, inside[0]
+        plan = checked_plan(system, inside, at, budget, watched, stepper, **options)
+        around = [plan.reduced(z)[: shown_size(plan.reduced_system)] for z, _ in given.values()]
         chosen = search or default_search_of(plan, around)
-        searched = scope_of(chosen, plan.followed)
+        searched = scope_of(chosen, plan.reduced_system)
         if given:
             what = f"{counted(len(given), 'given start')}; {searched.what}"
             searched = SearchScope(what, searched.promise)
-        graph, plan = followed(plan, guess, lambda plan: _found(plan, given, chosen), searched)
-        graph.proof = chosen.proved(plan.followed, plan.interval)
+        graph, plan = follow_measured(
+            plan, guess, lambda plan: _found(plan, given, chosen), searched
+        )
+        graph.proof = chosen.proved(plan.reduced_system, plan.interval)
         if graph.proof is None and journal is not None and not budget.spent:
-            asked_again = plan.followed, plan.metric, plan.interval, plan.branches
+            asked_again = plan.reduced_system, plan.metric, plan.interval, plan.branches
             graph.proof = chosen.prove_again(*asked_again)  # a journal repeats no finished search
     if not graph.pieces and not budget.spent:
         refuse_undefined(plan.system, plan.interval)
@@ -406,4 +386,4 @@ def _found(plan: Plan, given: Mapping[str, Start], search: Search | None = None)
     for name, start in given.items():
         yield corrected(plan, start, name)
     if search is not None:
-        yield from starts_of(search, plan.followed, plan.metric, plan.interval, plan.branches)
+        yield from starts_of(search, plan.reduced_system, plan.metric, plan.interval, plan.branches)

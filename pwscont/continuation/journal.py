@@ -1,37 +1,37 @@
 """The journal of a long run.
 
-A run is the same sequence of walks (rays followed to the ends of their pieces) each time, and only
-walks take long. So an interrupted run is repeated, and the journal supplies the recorded walks, the
-starts of the search, and the magnitudes with which the run had begun again.
+A run follows the same pieces in the same order each time, and only to follow pieces takes long. So
+an interrupted run is repeated, and the journal supplies the recorded pieces, the starts of the
+search, and the magnitudes with which the run had begun again.
 
 The file is an SQLite database of numbered records, each written in a transaction of its own, with a
 checksum over its number and content. A journal without the last records (after a power failure, or
 without the log of SQLite, ``NAME-wal``) is the journal of a run that was stopped earlier, and leads
 to the same graph, to rounding. Every other change is refused, and so is the journal of another
 problem, perhaps one that begins alike: names, interval, stepper, and the values of H and of the
-tests at generic points are compared before any work, and each walk with the ray where the walk
-began.
+tests at generic points are compared before any work, and each piece with the ray that begins
+the piece.
 """
 
 from __future__ import annotations
 
 import json
 from collections import defaultdict
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from hashlib import blake2b
 from itertools import count, pairwise
 from pathlib import Path
-from typing import Any, final
+from typing import Any, TypeAlias, final
 
 import numpy as np
 
 from pwscont.basics.arrays import Array
 from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidInputError
-from pwscont.basics.outcome import kind_of
+from pwscont.basics.outcome import Kind, kind_of
 from pwscont.basics.printing import counted, named
 from pwscont.basics.rounding import EPS
-from pwscont.continuation.follow import FollowedPiece, Follower
+from pwscont.continuation.follow import FollowedPiece
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.error_samples import Found
 from pwscont.curve.magnitudes import Gauge
@@ -39,9 +39,12 @@ from pwscont.system.selection import Selection
 from pwscont.transitions.detector import SpecialPointFound
 from pwscont.transitions.rays import Ray
 
+#: Returns the piece that a ray begins.
+Follow: TypeAlias = Callable[[Ray], FollowedPiece]
 
-def written(walk: FollowedPiece) -> tuple[str, bytes]:
-    """Return a walk as a text, which is a JSON object, and different rows of n + 1 doubles."""
+
+def written(piece: FollowedPiece) -> tuple[str, bytes]:
+    """Return a piece as a text, which is a JSON object, and different rows of n + 1 doubles."""
     numbers: dict[bytes, int] = {}  # of each row that is different from all rows before
 
     def add(rows: Iterable[Array]) -> list[int]:
@@ -60,19 +63,19 @@ def written(walk: FollowedPiece) -> tuple[str, bytes]:
             "orientation": int(state.orientation),
         }
 
-    arrival = walk.arrival
+    arrival = piece.arrival
     header = {
         "kind": str(arrival.kind),
         "message": arrival.message,
-        "points": add(walk.points),
+        "points": add(piece.points),
         "x": add(arrival.x[np.newaxis]),
         "rays": [told(ray) for ray in arrival.rays],
     }
     return json.dumps(header), b"".join(numbers)
 
 
-def walk_of(record: tuple[str, bytes], ray: Ray) -> FollowedPiece:
-    """Return the walk that was written; the first ray, ``ray``, has the system and the metric."""
+def piece_of(record: tuple[str, bytes], ray: Ray) -> FollowedPiece:
+    """Return the piece that was written; the first ray, ``ray``, has the system and the metric."""
     header = json.loads(record[0])
     rows = np.frombuffer(record[1]).reshape(-1, len(ray.state.x)).copy()
     system, metric = ray.curve.selection.system, ray.curve.metric
@@ -275,12 +278,7 @@ class Journal:
     def check(self, facts: Mapping[str, str], probes: Sequence[float]) -> None:
         """Refuse the journal of another run; the first time, record what this run is about.
 
-        Parameters
-        ----------
-        facts : mapping
-            What is compared word by word.
-        probes : sequence of float
-            Values that tell problems apart, compared to half of the digits.
+        ``facts`` are compared word by word, ``probes`` to half of the digits.
         """
         known = self.recorded("about", 0)
         if known is None:
@@ -326,22 +324,31 @@ class Journal:
                 yield x, error
         self.record("searched")
 
-    def find(self, number: int, ray: Ray) -> FollowedPiece | None:
-        """Return a recorded walk, None if none is recorded; refuse a walk from another ray."""
-        found = self.recorded("walk", number)
-        if found is None:
-            return None
-        (text, rows), begun = found, _place(ray)
-        if not text.startswith(begun):
-            raise self._refusal(
-                f"it is of another run: piece {number + 1} began elsewhere; {ADVICE}"
-            )
-        return walk_of((text.removeprefix(begun), rows), ray)
+    def recording(self, follow: Follow, gauge: Gauge | None) -> Follow:
+        """Return a function that reads the pieces of a run, or follows and records them."""
+        numbers = count()
 
-    def add(self, ray: Ray, walk: FollowedPiece) -> None:
-        """Record the next walk."""
-        text, rows = written(walk)
-        self.record("walk", _place(ray) + text, rows)
+        def read_or_follow(ray: Ray) -> FollowedPiece:
+            number = next(numbers)
+            begun, known = _place(ray), self.recorded("walk", number)
+            if known is None:
+                piece = follow(ray)
+                if not piece.is_cut:
+                    text, rows = written(piece)
+                    self.record("walk", begun + text, rows)
+                return piece
+            if not known[0].startswith(begun):
+                why = f"it is of another run: piece {number + 1} began elsewhere; {ADVICE}"
+                raise self._refusal(why)
+            piece = piece_of((known[0].removeprefix(begun), known[1]), ray)
+            if gauge and not ray.curve.selection.is_straight:
+                # the step that a special point ended was not seen in the first run
+                is_whole = piece.arrival.kind == Kind.STOPPED
+                for step in pairwise(piece.points if is_whole else piece.points[:-1]):
+                    gauge.see(*step)
+            return piece
+
+        return read_or_follow
 
     def finish(self) -> None:
         """Record that the run is finished."""
@@ -356,26 +363,3 @@ def _place(ray: Ray) -> str:
 
 def _digest(*parts: bytes) -> str:
     return blake2b(b"".join(parts), digest_size=16).hexdigest()
-
-
-@final
-class Recorded(Follower):
-    """A follower that records the walks of another follower, and reads walks already recorded."""
-
-    def __init__(self, follower: Follower, journal: Journal, gauge: Gauge | None) -> None:
-        self.interval, self.bounds = follower.interval, follower.bounds
-        self._follower, self._journal, self._gauge = follower, journal, gauge
-        self._number = 0
-
-    def walk(self, ray: Ray) -> FollowedPiece:
-        """Return the recorded piece that ``ray`` begins, or follow and record it."""
-        number, self._number = self._number, self._number + 1
-        known = self._journal.find(number, ray)
-        if known is None:
-            known = self._follower.walk(ray)
-            if not known.is_cut:
-                self._journal.add(ray, known)
-        elif self._gauge and not ray.curve.selection.is_straight:
-            for step in pairwise(known.steps):
-                self._gauge.see(*step)
-        return known

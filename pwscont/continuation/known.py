@@ -8,7 +8,6 @@ which of several points is at a place.
 
 from __future__ import annotations
 
-from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from hashlib import blake2b
@@ -23,7 +22,7 @@ from pwscont.basics.rounding import CONFIDENCE, EPS
 from pwscont.curve.curve import Curve
 from pwscont.curve.metric import Metric
 from pwscont.graph.queries import solve_between
-from pwscont.graph.records import Place, Track
+from pwscont.graph.records import Place
 from pwscont.search.search import KnownBranches
 from pwscont.system.selection import Selection
 from pwscont.system.system import PiecewiseSystem
@@ -105,48 +104,33 @@ class Node:
         return worded(self.said)
 
 
-@final
-class KnownRays:
-    """All rays on which pieces may arrive."""
+def match(
+    known: Mapping[bytes, Sequence[KnownRay]], new: KnownRay, left: KnownRay | None = None
+) -> KnownRay | None:
+    """Return which of the known rays, listed by cell, a ray is, None for a new ray.
 
-    def __init__(self) -> None:
-        self._by_cell: dict[bytes, list[KnownRay]] = defaultdict(list)
-
-    def add(self, rays: Iterable[KnownRay]) -> None:
-        """Let pieces arrive on rays."""
-        for known in rays:
-            for cell in known.names:
-                self._by_cell[cell].append(known)
-
-    def nodes_in(self, cell: bytes) -> set[int]:
-        """Return the nodes that rays in a cell leave."""
-        return {known.node for known in self._by_cell.get(cell, ())}
-
-    def match(self, new: KnownRay, left: KnownRay | None = None) -> KnownRay | None:
-        """Return the known ray that a ray is, None for a new ray.
-
-        Of several rays in one cell, as at a branch point, the best aligned is taken. ``left`` is
-        the ray on which a piece left, if the piece was never clearly away from the node: never the
-        answer, and digits tell nothing then.
-        """
-        assert new.ray is not None
-        metric, state = new.ray.curve.metric, new.ray.state
-        found = [
-            (cosine, known)
-            for cell in new.names
-            for known in self._by_cell.get(cell, ())
-            if (cosine := float(known.direction.dot(new.direction))) > 0.0
-            and known.is_at(metric, state.x, state.size)
-        ]
-        if not found:
-            return None  # nearly always
-        if left or len({known.node for _, known in found}) > 1:
-            surely = [one for one in found if one[1].is_within(metric, state.x, state.size)]
-            found = [one for one in surely if one[1] is not left] if left else surely or found
-        if len({known.node for _, known in found}) > 1:
-            nearest = min((known for _, known in found), key=lambda k: k.distance(metric, state.x))
-            found = [one for one in found if one[1].node == nearest.node]
-        return max(found, key=lambda one: one[0])[1] if found else None
+    Of several rays in one cell, as at a branch point, the best aligned is taken. ``left`` is the
+    ray on which a piece left, if the piece was never clearly away from the node: never the answer,
+    and digits tell nothing then.
+    """
+    assert new.ray is not None
+    metric, state = new.ray.curve.metric, new.ray.state
+    found = [
+        (cosine, each)
+        for cell in new.names
+        for each in known.get(cell, ())
+        if (cosine := float(each.direction.dot(new.direction))) > 0.0
+        and each.is_at(metric, state.x, state.size)
+    ]
+    if not found:
+        return None  # nearly always
+    if left or len({each.node for _, each in found}) > 1:
+        surely = [one for one in found if one[1].is_within(metric, state.x, state.size)]
+        found = [one for one in surely if one[1] is not left] if left else surely or found
+    if len({each.node for _, each in found}) > 1:
+        nearest = min((each for _, each in found), key=lambda each: each.distance(metric, state.x))
+        found = [one for one in found if one[1].node == nearest.node]
+    return max(found, key=lambda one: one[0])[1] if found else None
 
 
 #: Solutions at one alpha in one cell are the same when closer than this times the size of either.
@@ -158,7 +142,10 @@ SAME_CROSSING = 2.0 * EPS ** (1.0 / 3.0)
 
 @final
 class Edge(NamedTuple):
-    """A piece under discovery, from the node where the piece begins to the node it reached."""
+    """A piece under discovery, from the node where the piece begins to the node it reached.
+
+    The two end places are shared with rays of these nodes.
+    """
 
     start: int
     end: int
@@ -166,17 +153,35 @@ class Edge(NamedTuple):
     names: tuple[bytes, ...]  # of the cells in which the piece may be met again
     orientation: int  # +1 or -1, in which the piece was followed
     det_sign: int  # of det(dH/dz) where the piece begins; along an interface the index of the ray
-    track: Track
+    first: Place
+    inner: Array  # the points between, shape (k, n + 1)
+    last: Place
     begun_at: Place | None = None  # the point inside where tracing began, if not at a node
 
     @classmethod
-    def of(cls, ray: Ray, left: KnownRay, end: int, track: Track) -> Edge:
+    def of(cls, ray: Ray, left: KnownRay, inner: Array, end: int, last: Place) -> Edge:
         """Return the piece that a known ray began."""
         orientation = ray.state.orientation
         det_sign = int(np.sign(ray.curve.slope(ray.state))) * orientation
         det_sign = ray.index if ray.interface_cells else det_sign
         cells = (ray.curve.selection.character, *ray.interface_cells)
-        return cls(left.node, end, cells, left.names, orientation, det_sign, track)
+        track = left.place, inner, last
+        return cls(left.node, end, cells, left.names, orientation, det_sign, *track)
+
+    @property
+    def points(self) -> Array:
+        """All points, shape (k, n + 1), a new array."""
+        return np.concatenate([self.first.x[np.newaxis], self.inner, self.last.x[np.newaxis]])
+
+    def reversed(self) -> Edge:
+        """Return the piece from the end to the start, with the same orientation."""
+        start, end, first, last = self.end, self.start, self.last, self.first
+        return self._replace(start=start, end=end, first=first, inner=self.inner[::-1], last=last)
+
+    def span(self) -> tuple[float, float]:
+        """Return the least and the largest alpha."""
+        alpha = self.points[:, -1]
+        return float(alpha.min()), float(alpha.max())
 
     @property
     def along_interface(self) -> bool:
@@ -197,14 +202,11 @@ class Edge(NamedTuple):
         The solution is in a cell of the piece, and ``here`` is any curve of the same system and
         metric. Points closer than ``same``, relative to the size of either, are the same.
         """
-        metric, alpha, points = here.metric, float(x[-1]), self.track.points
+        metric, alpha, points = here.metric, float(x[-1]), self.points
         if not points[:, -1].min() <= alpha <= points[:, -1].max():
             return False
         if len(points) == 2:
-            chord = points[1] - points[0]
-            row = metric.covector(chord)
-            s = float(row.dot(x - points[0]) / row.dot(chord))
-            nearest = points[0] + min(max(s, 0.0), 1.0) * chord
+            _, nearest = _nearest(points, x, metric)
         else:
             system, interval = here.selection.system, metric.interval
             nearest = solve_between(system, self.cells[0], points, alpha, interval)[0]
@@ -230,7 +232,7 @@ class FollowedBranches(KnownBranches):
     def at(self, alpha: float) -> list[Array]:
         """Return a point for each known solution, by straight lines between stored points."""
         found = []
-        for points in (edge.track.points for edge in self.edges):
+        for points in (edge.points for edge in self.edges):
             sides = np.sign(points[:, -1] - alpha)
             found += [points[i] for i in np.flatnonzero(sides == 0.0)]
             for i in np.flatnonzero(sides[1:] * sides[:-1] < 0.0):
@@ -240,14 +242,14 @@ class FollowedBranches(KnownBranches):
 
     def near(self, x: Array, metric: Metric) -> Array | None:
         """Return the nearest point on the straight lines between stored points, if it is near."""
-        near = [_nearest(edge.track.points, x, metric) for edge in self.edges]
+        near = [_nearest(edge.points, x, metric) for edge in self.edges]
         part, point = min(near, key=lambda each: each[0], default=(np.inf, x))
         return point if part <= NEAR else None
 
     def extremes(self) -> list[Array]:
         """Return the points of pieces at which alpha or an unknown is extremal, each once."""
         found = []
-        for points in (edge.track.points for edge in self.edges):
+        for points in (edge.points for edge in self.edges):
             numbers = {*points.argmin(axis=0).tolist(), *points.argmax(axis=0).tolist()}
             found += [points[i] for i in sorted(numbers)]
         return found

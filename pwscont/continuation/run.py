@@ -19,6 +19,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from itertools import chain, islice
 from math import isfinite
 from typing import Any, final
@@ -35,8 +36,8 @@ from pwscont.basics.quantities import Function
 from pwscont.basics.rounding import SAME_ALPHA
 from pwscont.continuation.assembly import assemble, check_unique, mark
 from pwscont.continuation.discovery import CROSSED, Discovery
-from pwscont.continuation.follow import Follower, PieceFollower, alone, default_detectors
-from pwscont.continuation.journal import Journal, Recorded
+from pwscont.continuation.follow import PieceFollower, alone, default_detectors
+from pwscont.continuation.journal import Journal
 from pwscont.continuation.known import FollowedBranches
 from pwscont.curve.curve import Curve
 from pwscont.curve.error_samples import Found, has_digits, is_inside
@@ -116,16 +117,13 @@ def check_stepper_fits(system: PiecewiseSystem, stepper: Any) -> None:
 
 
 @final
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Plan:
     """The parts of a run."""
 
     system: PiecewiseSystem  # fitted to the interval, as by PiecewiseSystem.within
     interval: tuple[float, float]
     reduction: Reduction | None  # where parts of the system provably stay in one mode
-    followed: PiecewiseSystem  # the reduced system, or the system itself
-    metric: Metric  # of the followed system
-    box: Box  # the bounds and periods of the unknowns of the followed system
     stepper: Stepper
     foreign: tuple[TransitionDetector, ...]  # detectors that a user gave
     events: Events | None
@@ -145,22 +143,34 @@ class Plan:
         stepper: Stepper | None,
         watched: Watched,
         budget: Budget,
+        **options: Any,
     ) -> Plan:
-        """Choose the parts for a system on an interval that was checked."""
+        """Choose the parts for a system on an interval that was checked; options are fields."""
         if stepper is None:
             is_straight = isinstance(system, PiecewiseLinearSystem)
             stepper = ExactLinear() if is_straight else PseudoArclength()
-        metric = Metric.of(system, interval)  # refuses magnitudes that cannot be computed with
-        system = system.within(*interval)
-        box = Box.of(system)
+        Metric.of(system, interval)  # refuses magnitudes to which no system can be fitted
+        fitted = system.within(*interval)
+        plan = cls(fitted, interval, None, stepper, *watched, budget, **options)
         # a reduced system has neither a box nor the states that detectors expect
-        free = not (box.is_bounded or box.is_periodic or any(watched))
-        reduction = system.reduction(*interval) if isinstance(system, Reducible) and free else None
-        followed = system
-        if reduction:
-            followed = reduction.system.within(*interval)
-            metric, box = Metric.of(followed, interval), Box.of(followed)
-        return cls(system, interval, reduction, followed, metric, box, stepper, *watched, budget)
+        free = not (plan.box.is_bounded or plan.box.is_periodic or any(watched))
+        reduction = fitted.reduction(*interval) if isinstance(fitted, Reducible) and free else None
+        return replace(plan, reduction=reduction) if reduction else plan
+
+    @cached_property
+    def reduced_system(self) -> PiecewiseSystem:
+        """The system whose pieces are followed: the system itself without a reduction."""
+        return self.reduction.system.within(*self.interval) if self.reduction else self.system
+
+    @cached_property
+    def metric(self) -> Metric:
+        """The metric of the reduced system."""
+        return Metric.of(self.reduced_system, self.interval)
+
+    @cached_property
+    def box(self) -> Box:
+        """The bounds and periods of the unknowns of the reduced system."""
+        return Box.of(self.reduced_system)
 
     def with_magnitudes(self, magnitudes: Array) -> Plan:
         """Return a plan without a reduction with other typical magnitudes."""
@@ -168,8 +178,7 @@ class Plan:
         if (sizes == self.metric.scale[:-1]).all():
             return self
         system = self.system.within(*self.interval, sizes)
-        metric, box, known = Metric.of(system, self.interval), Box.of(system), FollowedBranches()
-        return replace(self, system=system, followed=system, metric=metric, box=box, branches=known)
+        return replace(self, system=system, branches=FollowedBranches())
 
     @property
     def detectors(self) -> tuple[TransitionDetector, ...]:
@@ -179,17 +188,17 @@ class Plan:
     @property
     def bounds(self) -> Bounds | None:
         """The detector of the bounds of the unknowns, if there are any."""
-        return Bounds(self.box, self.followed.names()) if self.box.is_bounded else None
+        return Bounds(self.box, self.reduced_system.names()) if self.box.is_bounded else None
 
     def reduced(self, z: Array) -> Array:
-        """Return a state of the system as one of the followed system."""
+        """Return a state of the system as a state of the reduced system."""
         return self.reduction.state(z) if self.reduction else z
 
     def few_threads(self) -> AbstractContextManager[Any]:
         """Let BLAS use as few threads as are fast for the steps of the stepper."""
         if isinstance(self.stepper, ExactLinear):
-            return few_threads(self.followed.size, MOST_MULTIPLIED)
-        return few_threads(self.followed.size, MOST_FACTORISED, few=0)
+            return few_threads(self.reduced_system.size, MOST_MULTIPLIED)
+        return few_threads(self.reduced_system.size, MOST_FACTORISED, few=0)
 
 
 def checked_detectors(system: PiecewiseSystem, detectors: Any, events: Any) -> Watched:
@@ -236,11 +245,11 @@ def plan_in_words(
     check_stepper_fits(system, stepper)
     plan = Plan.of(system, (lo, hi), stepper, watched, Budget(Limits()))
     search = search or default_search_of(plan)
-    unknowns = f"{plan.followed.size} of {plan.system.size}"
+    unknowns = f"{plan.reduced_system.size} of {plan.system.size}"
     return {
         "steps": repr(plan.stepper),
         "watched": ", ".join(type(detector).__name__ for detector in plan.detectors),
-        "starts": scope_of(search, plan.followed).what,
+        "starts": scope_of(search, plan.reduced_system).what,
         "unknowns": "; ".join([unknowns, *(plan.reduction.reasons if plan.reduction else ())]),
     }
 
@@ -250,8 +259,8 @@ def default_search_of(plan: Plan, around: Sequence[Array] = ()) -> Search:
 
     ``around``: states from which starts are tried.
     """
-    search = default_search(plan.followed, plan.interval, list(around))
-    if formula_of(plan.followed) is None:
+    search = default_search(plan.reduced_system, plan.interval, list(around))
+    if formula_of(plan.reduced_system) is None:
         return search
     from pwscont.proof.everywhere import AlsoProved  # noqa: PLC0415  for formulas only
 
@@ -265,21 +274,21 @@ PART_BEYOND = 0.25
 FEW_PIECES, MOST_PATHS = 20, 100
 
 
-def follow(plan: Plan, starts: Iterable[Found], searched: SearchScope) -> BranchGraph:
-    """Return the graph of everything that is reached from starts of the followed system.
+def follow_starts(plan: Plan, starts: Iterable[Found], searched: SearchScope) -> BranchGraph:
+    """Return the graph of everything that is reached from starts of the reduced system.
 
     Where the budget is spent, the graph has what was found until then.
     """
     gauge, budget, journal = plan.gauge, plan.budget, plan.journal
-    watched = _with_bounds(plan, plan.detectors)
+    watched = (*plan.detectors, *filter(None, [plan.bounds]))
     # from cell to cell where only straight pieces are watched
     straight = None if plan.events else alone(watched)
     parts = (plan.interval, plan.bounds, straight, gauge, plan.events)
-    follower: Follower = PieceFollower(plan.stepper, Watch(watched, plan.foreign), *parts)
+    follower, follow = PieceFollower(plan.stepper, Watch(watched, plan.foreign), *parts), None
     if journal is not None:
         _check(journal, plan)
-        follower, starts = Recorded(follower, journal, gauge), journal.starts(starts)
-    discovery = Discovery(follower, plan.report, budget)
+        follow, starts = journal.recording(follower.follow, gauge), journal.starts(starts)
+    discovery = Discovery(follower, plan.report, budget, follow)
     plan.branches.edges = discovery.edges
     if searched.promise == Guarantee.NOTHING and searched != NOT_SEARCHED:
         starts = chain(starts, _reentries(discovery, plan))
@@ -297,18 +306,11 @@ def follow(plan: Plan, starts: Iterable[Found], searched: SearchScope) -> Branch
                 journal.revise(wrong.magnitudes)
             raise
         discovery.close(budget.spent)
-        mark(discovery, plan.followed, plan.metric, plan.foreign, plan.events)
+        mark(discovery, plan.reduced_system, plan.metric, plan.foreign, plan.events)
     if journal is not None and not budget.spent:
         journal.finish()
     infinite = () if budget.spent else _infinite(plan, discovery, bool(without_digits))
     return _graph(plan, discovery, _scope(plan, searched, len(without_digits)), infinite)
-
-
-def _with_bounds(
-    plan: Plan, detectors: tuple[TransitionDetector, ...]
-) -> tuple[TransitionDetector, ...]:
-    """Return detectors, and the detector of the bounds of the unknowns, if there are any."""
-    return (*detectors, bounds) if (bounds := plan.bounds) else detectors
 
 
 def _usable(plan: Plan, starts: Iterable[Found], without_digits: list[Found]) -> Iterator[Found]:
@@ -328,7 +330,7 @@ def _follow_from(starts: Iterable[Found], plan: Plan, discovery: Discovery) -> N
             continue
         if plan.gauge:
             plan.gauge.begin()
-        corner = Corner.of_start(plan.followed, plan.metric, x, error)
+        corner = Corner.of_start(plan.reduced_system, plan.metric, x, error)
         if not discovery.has(corner):
             arrival = departures(corner)
             for each in plan.foreign:  # a start may be a special point of a detector
@@ -352,7 +354,7 @@ def _infinite(plan: Plan, discovery: Discovery, is_part: bool) -> tuple[Stretch,
         return ()
     alphas = [*plan.interval, *(node.place.alpha for node in nodes)]
     one_of_many = [node.place.x for node in nodes if node.message == FILL_CURVES]
-    return joined(find_continua(plan.followed, plan.metric, alphas, one_of_many), alphas)
+    return joined(find_continua(plan.reduced_system, plan.metric, alphas, one_of_many), alphas)
 
 
 def _scope(plan: Plan, searched: SearchScope, lost: int) -> SearchScope:
@@ -364,7 +366,7 @@ def _scope(plan: Plan, searched: SearchScope, lost: int) -> SearchScope:
     if plan.system.unique:
         what += "; at most one solution, by the system's promise"
         promise = Guarantee.UNIQUE
-    gap = gap_of(step_size_of(plan.stepper), plan.followed)
+    gap = gap_of(step_size_of(plan.stepper), plan.reduced_system)
     return SearchScope(what, promise, plan.budget.spent, gap)
 
 
@@ -410,7 +412,7 @@ def _intervals_beyond(plan: Plan, ray: Ray) -> Iterator[tuple[float, Interval]]:
     """Yield the end of the interval at which a straight ray leaves, and the interval beyond."""
     if not ray.curve.selection.is_straight:
         return
-    (lo, hi), (low, high), alpha = plan.interval, plan.followed.domain, ray.state.alpha
+    (lo, hi), (low, high), alpha = plan.interval, plan.reduced_system.domain, ray.state.alpha
     same, further = SAME_ALPHA * (hi - lo), PART_BEYOND * (hi - lo)
     if abs(alpha - lo) <= same and low < lo:
         yield lo, (max(lo - further, low), lo)
@@ -421,11 +423,11 @@ def _intervals_beyond(plan: Plan, ray: Ray) -> Iterator[tuple[float, Interval]]:
 def _coming_back(plan: Plan, ray: Ray, end: float, beyond: Interval, limits: Limits) -> list[Found]:
     """Return where the path of a ray comes back from an interval to the same end."""
     scale, selection = plan.metric.scale, ray.curve.selection
-    system = plan.followed.within(*beyond, scale[:-1])
+    system = plan.reduced_system.within(*beyond, scale[:-1])
     there = Selection(system, selection.character, selection.adjacent_cells)
-    curve = Curve(there, Metric(scale, beyond, Box.of(plan.followed).period))
+    curve = Curve(there, Metric(scale, beyond, Box.of(plan.reduced_system).period))
     onwards = (Ray(curve, ray.state, ray.interface_cells, ray.index),)
-    watch = Watch(_with_bounds(plan, default_detectors(plan.stepper, beyond)))
+    watch = Watch((*default_detectors(plan.stepper, beyond), *filter(None, [plan.bounds])))
     follower = PieceFollower(plan.stepper, watch, beyond, plan.bounds)
     with Budget(limits) as budget:
         discovery = Discovery(follower, silent, budget)
@@ -438,13 +440,13 @@ def _check(journal: Journal, plan: Plan) -> None:
     """Refuse a journal of another run, or of a system with other values at generic points."""
     facts = {
         "system": type(plan.system).__name__,
-        "number of unknowns": str(plan.followed.size),
+        "number of unknowns": str(plan.reduced_system.size),
         "interval": str(list(plan.interval)),
         "stepper": repr(plan.stepper),
         "detectors": ", ".join(type(d).__name__ for d in plan.foreign),
         "events": plan.events.names if plan.events else "",
     }
-    sums, system, (lo, hi) = [], plan.followed, plan.interval
+    sums, system, (lo, hi) = [], plan.reduced_system, plan.interval
     for shift, alpha in enumerate((lo, 0.5 * (lo + hi), hi)):
         z = plan.metric.scale[:-1] * generic(system.size, shift)
         tests = system.test_functions(z, alpha)

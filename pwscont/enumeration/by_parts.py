@@ -16,13 +16,12 @@ in the closed cell. Its cells, all combinations of the parts' cells, are made wh
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from graphlib import TopologicalSorter
 from itertools import product
 from math import prod
-from typing import Any, final
+from typing import final
 
 import numpy as np
 import numpy.typing as npt
@@ -35,7 +34,7 @@ from pwscont.basics.character import Character
 from pwscont.basics.rounding import CONFIDENCE, EPS, GUARD
 from pwscont.curve.newton import Root
 from pwscont.enumeration.options import Table
-from pwscont.enumeration.polyhedron import Point, Slice
+from pwscont.enumeration.polyhedron import Cells, Point, Slice
 from pwscont.system.system import Block, SlicewiseLinearSystem, number_of_cells
 
 Pattern = npt.NDArray[np.bool_]
@@ -98,8 +97,6 @@ def most_cells(parts: Sequence[Part], blocks: Sequence[Block]) -> int:
 
 #: Constants below this fraction of typical constants are as good as zero: typical magnitudes stay.
 TINY_CONSTANTS = 1e-150
-#: Most cells of a solution that are listed.
-MOST_CELLS_LISTED = 4**6
 #: Most cells of a part that is checked for regularity, to bound the time.
 MOST_CELLS_CHECKED = 4**6
 
@@ -281,48 +278,6 @@ class _Root:
         return Point(np.array([self.x, 0.0]), error, tuple(self.cells), self.sign, (), in_doubt)
 
 
-@final
-class Cells(Sequence[Character]):
-    """All combinations of the cells of parts, each combination made when taken.
-
-    ``tests``: for each part, the numbers of the part's tests in the whole system.
-    ``size``: number of tests of the system.
-    """
-
-    def __init__(
-        self, tests: Sequence[Sequence[int]], cells: Sequence[Sequence[Character]], size: int
-    ) -> None:
-        self._tests, self._cells, self._size = tests, cells, size
-
-    def __len__(self) -> int:
-        return min(prod(map(len, self._cells)), sys.maxsize)
-
-    def listed(self) -> tuple[Character, ...]:
-        """Return all cells; if too many, the cells that differ from the first in a single part."""
-        if len(self) <= MOST_CELLS_LISTED:
-            return tuple(self)
-        found, stride = [self[0]], 1
-        for cells in self._cells:
-            found += [self._at(stride * k) for k in range(1, len(cells))]
-            stride *= len(cells)
-        return tuple(found)
-
-    def __getitem__(self, index: Any) -> Any:
-        if isinstance(index, slice):
-            return [self[i] for i in range(*index.indices(len(self)))]
-        if not 0 <= index < len(self):
-            raise IndexError(index)
-        return self._at(index)
-
-    def _at(self, index: int) -> Character:
-        signs = [True] * self._size
-        for tests, cells in zip(self._tests, self._cells, strict=True):
-            index, mine = divmod(index, len(cells))
-            for test, sign in zip(tests, cells[mine].signs, strict=True):
-                signs[test] = sign
-        return Character(signs)
-
-
 def solve_parts(
     table: Table, parts: Sequence[Part], solve: Callable[[PartSlice], Slice]
 ) -> list[Partial] | None:
@@ -344,7 +299,14 @@ def solve_parts(
 def cells_of(table: Table, parts: Sequence[Part], found: Partial) -> Cells:
     """Return the cells of the system in whose closure a solution lies."""
     tests = [[t for i in part.blocks for t in table.blocks[i].tests] for part in parts]
-    return Cells(tests, found.cells, len(table.tests[1]))
+
+    def cell(picks: Sequence[int]) -> Character:
+        character = Character([True] * len(table.tests[1]))
+        for own, cells, pick in zip(tests, found.cells, picks, strict=True):
+            character = character.with_signs(own, cells[pick].signs)
+        return character
+
+    return Cells([len(cells) for cells in found.cells], cell)
 
 
 def is_regular(table: Table, parts: Sequence[Part], scale: Array) -> bool:

@@ -17,7 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from fractions import Fraction
 from math import prod
 from typing import final
@@ -45,54 +45,6 @@ WORST_IN_DOUBLES = EPS**-0.5
 #: Largest negative test of a solution that may be inside such a cell, as a part of the sum of the
 #: magnitudes of the test's terms: far above the error of the solution.
 CERTAINLY_OUTSIDE = 1e-5
-
-
-@final
-@dataclass(frozen=True, slots=True, eq=False)
-class CellsInDoubles:
-    """Equations and tests of cells, by the unknowns that blocks decide, in doubles."""
-
-    #: The equations of each mode of each block, rows of unit size with the constant last, shapes
-    #: (modes, k, d + 1).
-    options: Sequence[Array]
-    sides: Sequence[Array]  # +1 or -1 if a test bounds a mode, else 0, shapes (modes, m)
-    tests: Array  # shape (m, d + 1)
-    z: Array  # all unknowns as functions of the unknowns that blocks decide, shape (n, d + 1)
-    whole: Array  # the tests by all unknowns, shape (m, n + 1)
-    scale: Array  # shape (n,)
-    #: By how much rounding of the common equations grows in the equations of the blocks.
-    growth: float
-
-    def left(self) -> Indices:
-        """Return the choices of modes, shape (N, blocks), that may hold a solution or nearly."""
-        numbers = [len(options) for options in self.options]
-        found = [self._left_of(picks) for picks in _batches(numbers)]
-        return np.concatenate(found)
-
-    def _left_of(self, picks: Indices) -> Indices:
-        parts = [options[k] for options, k in zip(self.options, picks.T, strict=True)]
-        rows = np.concatenate([np.zeros((len(picks), 0, len(self.tests.T))), *parts], axis=1)
-        known = np.linalg.slogdet(rows[..., :-1])[0] != 0.0
-        excluded = np.zeros(len(picks), dtype=bool)
-        if known.any():
-            excluded[known] = self._excluded(picks[known], rows[known])
-        return picks[~excluded]
-
-    def _excluded(self, picks: Indices, rows: Array) -> Signs:
-        """Tell which regular choices have a solution outside of the cell."""
-        inverse = np.linalg.inv(rows[..., :-1])
-        condition = self.growth * np.abs(inverse).sum(axis=2).max(axis=1, initial=1.0)
-        y = np.ones((len(picks), len(self.tests.T)))
-        y[:, :-1] = -(inverse @ rows[..., -1:])[..., 0]
-        sizes = np.abs(y)
-        reach = EPS * condition * sizes.max(axis=1)
-        off = np.outer(reach, np.abs(self.tests).sum(axis=1))
-        typical = np.abs(y @ self.z.T) + self.scale
-        terms = typical @ np.abs(self.whole[:, :-1]).T + np.abs(self.whole[:, -1])
-        side = sum(sides[k] for sides, k in zip(self.sides, picks.T, strict=True))
-        outside = side * (y @ self.tests.T) < -(CERTAINLY_OUTSIDE * terms + off)
-        excluded: Signs = outside.any(axis=1) & (condition <= WORST_IN_DOUBLES)
-        return excluded
 
 
 def _batches(numbers: Sequence[int]) -> Iterator[Indices]:
@@ -140,7 +92,7 @@ class ExactSlice:
         if common is None:
             return []
         self._reduce(common)
-        left, d = self._cells().left(), len(self._free)
+        left, d = self._left(), len(self._free)
         if len(left) * d * d * (d + len(self._tests)) > MOST_WORK:
             return None
         cells = self._descend((), Echelon(d, level=common.determinant), left)
@@ -153,23 +105,46 @@ class ExactSlice:
         cells = number_of_cells(self._blocks)
         return (common + options + len(self._tests)) * common * n + cells * (n - common)
 
-    def _cells(self) -> CellsInDoubles:
-        """Return the equations of all cells in doubles."""
-        m, n = len(self._tests), self._n
-        units = np.append(self._scale[self._free], 1.0)
-        z = np.zeros((n, len(units)))
-        z[self._free, :-1] = np.eye(len(units) - 1)
+    def _left(self) -> Indices:
+        """Return the choices of modes, shape (N, blocks), that may hold a solution or nearly.
+
+        A regular choice is excluded if the solution is outside of the cell, in doubles, by more
+        than rounding explains. The unknowns y are those that blocks decide, each in units.
+        """
+        d, units = len(self._free), np.append(self._scale[self._free], 1.0)
+        z = np.zeros((self._n, d + 1))  # all unknowns as functions of (y, 1)
+        z[self._free, :-1] = np.eye(d)
         z[list(self._eliminated.columns)] = self._decided
         z *= units
-        options = [
-            np.array([[_unit(row, units) for row in rows] for rows in o]) for o in self._options
-        ]
-        places = zip(self._blocks, self._bounding, strict=True)
-        sides = [_sides(block, bounding, m) for block, bounding in places]
-        tests = self._tests[:, :-1] @ z
+        options = [np.array([[_unit(r, units) for r in rows] for rows in o]) for o in self._options]
+        pairs = zip(self._blocks, self._bounding, strict=True)
+        sides = [_sides(block, bounding, len(self._tests)) for block, bounding in pairs]
+        tests, whole = self._tests[:, :-1] @ z, np.abs(self._tests)
         tests[:, -1] += self._tests[:, -1]
+        reach_of_tests = np.abs(tests).sum(axis=1)
         growth = _condition(self._rows[0][self._common, :-1] * self._scale)
-        return CellsInDoubles(options, sides, tests, z, self._tests, self._scale, growth)
+
+        def excluded(picks: Indices, rows: Array) -> Signs:
+            inverse = np.linalg.inv(rows[..., :-1])
+            condition = growth * np.abs(inverse).sum(axis=2).max(axis=1, initial=1.0)
+            y = np.ones((len(picks), d + 1))
+            y[:, :-1] = -(inverse @ rows[..., -1:])[..., 0]
+            off = np.outer(EPS * condition * np.abs(y).max(axis=1), reach_of_tests)
+            terms = (np.abs(y @ z.T) + self._scale) @ whole[:, :-1].T + whole[:, -1]
+            side = sum(signs[k] for signs, k in zip(sides, picks.T, strict=True))
+            outside = side * (y @ tests.T) < -(CERTAINLY_OUTSIDE * terms + off)
+            is_outside: Signs = outside.any(axis=1) & (condition <= WORST_IN_DOUBLES)
+            return is_outside
+
+        left = []
+        for picks in _batches([len(option) for option in options]):
+            parts = [option[k] for option, k in zip(options, picks.T, strict=True)]
+            rows = np.concatenate([np.zeros((len(picks), 0, d + 1)), *parts], axis=1)
+            out = np.linalg.slogdet(rows[..., :-1])[0] != 0.0
+            if out.any():
+                out[out] = excluded(picks[out], rows[out])
+            left.append(picks[~out])
+        return np.concatenate(left)
 
     def _reduce(self, common: Echelon) -> None:
         """Eliminate the unknowns that the common rows decide from all other rows, once."""

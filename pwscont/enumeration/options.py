@@ -177,8 +177,7 @@ def reduce(system: SlicewiseLinearSystem, scale: Array, alpha: float) -> Problem
 
     ``scale``, shape (n,): typical magnitudes of z; the reduced unknowns are of the order of 1.
     """
-    table = Table.of(system, alpha, scale)
-    forms = [*table.rows, table.tests]
+    forms = [(J[:, :-1], r) for J, r in affine_forms(system, alpha, np.append(scale, 0.0))]
     return problem_of(system, forms, checked_necessary(system, alpha), scale)
 
 

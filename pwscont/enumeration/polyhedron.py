@@ -9,9 +9,11 @@ subspace that these inequalities leave holds a polyhedron with interior.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import sys
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import combinations
+from math import prod
 from typing import Any, final
 
 import numpy as np
@@ -22,6 +24,46 @@ from pwscont.basics.character import Character
 from pwscont.basics.rounding import EPS, GUARD
 from pwscont.enumeration.choices import SLACK, Choices, inequalities_of
 from pwscont.enumeration.options import Option, Problem
+
+#: Most cells of a solution that are listed.
+MOST_CELLS_LISTED = 4**6
+
+
+@final
+class Cells(Sequence[Character]):
+    """All combinations of a cell of each part, each character made when taken: there may be 4^p.
+
+    ``numbers``: how many cells each part has.
+    ``cell``: returns the character of a choice of one of these cells, by number, for each part.
+    """
+
+    def __init__(self, numbers: Sequence[int], cell: Callable[[Sequence[int]], Character]) -> None:
+        self._numbers, self._cell = numbers, cell
+
+    def __len__(self) -> int:
+        return min(prod(self._numbers), sys.maxsize)
+
+    def listed(self) -> tuple[Character, ...]:
+        """Return all cells; if too many, the cells that differ from the first in a single part."""
+        if len(self) <= MOST_CELLS_LISTED:
+            return tuple(self)
+        others = [
+            [k if place == i else 0 for place in range(len(self._numbers))]
+            for i, number in enumerate(self._numbers)
+            for k in range(1, number)
+        ]
+        return (self[0], *map(self._cell, others))
+
+    def __getitem__(self, index: Any) -> Any:
+        if isinstance(index, slice):
+            return [self[i] for i in range(*index.indices(len(self)))]
+        if not 0 <= index < len(self):
+            raise IndexError(index)
+        picks = []
+        for number in self._numbers:
+            index, pick = divmod(index, number)
+            picks.append(pick)
+        return self._cell(picks)
 
 
 @final

@@ -9,9 +9,8 @@ dimension and corners.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, final
+from typing import final
 
 import numpy as np
 
@@ -25,7 +24,6 @@ from pwscont.curve.error_samples import is_same, slack_of_values
 from pwscont.curve.metric import Metric
 from pwscont.curve.newton import Border, Root, newton, uncertainty
 from pwscont.enumeration.by_parts import (
-    Cells,
     Partial,
     PartSlice,
     cells_of,
@@ -35,7 +33,7 @@ from pwscont.enumeration.by_parts import (
 )
 from pwscont.enumeration.choices import Choices
 from pwscont.enumeration.options import Problem, Table, reduce
-from pwscont.enumeration.polyhedron import Face, Point, Slice, face_of
+from pwscont.enumeration.polyhedron import Cells, Face, Point, Slice, face_of
 from pwscont.enumeration.tree import leaves
 from pwscont.linear.factorise import last_unit
 from pwscont.system.promises import check_blocks
@@ -197,10 +195,11 @@ class Points:
 
     def points(self) -> list[Point]:
         """Return the solutions."""
-        return [
-            Point(k.x, k.error, _Cells(self._problem, np.hstack(k.picks)), k.det_sign)
-            for k in self.found
-        ]
+        return [Point(k.x, k.error, self._cells(k), k.det_sign) for k in self.found]
+
+    def _cells(self, known: Known) -> Cells:
+        picks = np.hstack(known.picks)
+        return Cells([picks.shape[1]], lambda place: self._problem.character(picks[:, place[0]]))
 
     def add(self, choices: Choices) -> None:
         """Add the solutions of some choices without free directions."""
@@ -272,19 +271,3 @@ class Known:
         if mine.any():
             self.picks.append(choices.picks[:, mine])
         return choices[np.flatnonzero(~mine)]
-
-
-@final
-class _Cells(Sequence[Character]):
-    """The characters of some choices, each character made when taken: an apex has 4^p."""
-
-    def __init__(self, problem: Problem, picks: Indices) -> None:
-        self._problem, self._picks = problem, picks
-
-    def __len__(self) -> int:
-        return int(self._picks.shape[1])
-
-    def __getitem__(self, index: Any) -> Any:
-        if isinstance(index, slice):
-            return _Cells(self._problem, self._picks[:, index])
-        return self._problem.character(self._picks[:, index])

@@ -45,6 +45,9 @@ BATCH = 4**7
 FEW_CHOICES = 4**8
 #: Choices that are decided in batches in the time of a linear program.
 CHOICES_PER_PROGRAM = 16
+#: In place of these two for cells that hold lines, of which both ends are found: a chain of 16
+#: diodes is done in a quarter of the time, a problem without structure takes at most 1.2 times it.
+CUT_OFF_LINES = 4**7, 48
 #: Most options of a block that the search branches on.
 MANY_OPTIONS = 64
 #: Most linear programs solved at once: more programs would gain little and cost memory.

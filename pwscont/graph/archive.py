@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from io import BytesIO
 from math import isfinite, isnan
@@ -99,24 +99,19 @@ class Fields:
 
     def integer(self, key: str, least: int) -> int:
         """Return a whole number that is not below ``least``."""
-        value = self.entry(key)
-        if type(value) is not int or value < least:
-            raise self._unfit(key, f"a whole number from {least} on")
+        value: int = self._fitting(
+            key, lambda v: type(v) is int and v >= least, f"a whole number from {least} on"
+        )
         return value
 
     def number(self, key: str) -> float:
         """Return a number, which may be infinite."""
-        value = _number(self.entry(key))
-        if value is None or isnan(value):
-            raise self._unfit(key, "a number")
-        return value
+        return float(self._fitting(key, lambda v: is_number(v) and not isnan(v), "a number"))
 
     def finite(self, key: str) -> float:
         """Return a finite number."""
-        value = self.number(key)
-        if not isfinite(value):
-            raise self._unfit(key, "finite")
-        return value
+        self.number(key)
+        return float(self._fitting(key, isfinite, "finite"))
 
     def finite_or_text(self, key: str) -> float | str:
         """Return a finite number, or a text."""
@@ -124,10 +119,7 @@ class Fields:
 
     def text(self, key: str) -> str:
         """Return a text."""
-        value = self.entry(key)
-        if not isinstance(value, str):
-            raise self._unfit(key, "a text")
-        return value
+        return str(self._fitting(key, lambda v: isinstance(v, str), "a text"))
 
     def word(self, key: str) -> str:
         """Return a text that is not empty."""
@@ -138,33 +130,33 @@ class Fields:
 
     def items(self, key: str, length: int | None = None) -> list[Any]:
         """Return a list."""
-        value = self.entry(key)
-        if not isinstance(value, list) or (length is not None and len(value) != length):
-            raise self._unfit(key, "a list" if length is None else f"a list of {length}")
-        return value
+        what = "a list" if length is None else f"a list of {length}"
+        found: list[Any] = self._fitting(
+            key, lambda v: isinstance(v, list) and length in (None, len(v)), what
+        )
+        return found
 
     def numbers(self, key: str) -> Array:
         """Return a list of numbers."""
-        values = self.items(key)
-        if set(map(type, values)) - {float}:
-            values = [_number(value) for value in values]
-        if None in values:
-            raise self._unfit(key, "a list of numbers")
+        self._fitting(key, lambda v: isinstance(v, list), "a list")
+        values = self._fitting(key, lambda v: all(map(is_number, v)), "a list of numbers")
         return np.array(values, dtype=float)
 
     def objects(self, key: str) -> list[Fields]:
         """Return a list of JSON objects, each named by the place in the list."""
         return [Fields(f"entry {i} of {key}", item) for i, item in enumerate(self.items(key))]
 
-    def _unfit(self, key: str, what: str) -> DamagedError:
-        return DamagedError(f"{key} of {self.name} must be {what}, got {str(self.data[key])[:40]}")
+    def _fitting(self, key: str, fits: Callable[[Any], bool], what: str) -> Any:
+        """Return an entry that fits; the words ``what`` say what would fit."""
+        value = self.entry(key)
+        if not fits(value):
+            raise DamagedError(f"{key} of {self.name} must be {what}, got {str(value)[:40]}")
+        return value
 
 
-def _number(value: Any) -> float | None:
-    """Return a JSON number as a float, None for another value or a number too large for a float."""
-    if type(value) not in (int, float):
-        return None
+def is_number(value: Any) -> bool:
+    """Tell whether a JSON value is a number that a float can hold."""
     try:
-        return float(value)
+        return type(value) is float or (type(value) is int and isfinite(float(value)))
     except OverflowError:
-        return None
+        return False

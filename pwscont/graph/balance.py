@@ -40,21 +40,20 @@ from pwscont.graph.queries import (
     solutions_at,
 )
 from pwscont.graph.records import Solution, SpecialPoint
-from pwscont.graph.structure import Structure, connected
+from pwscont.graph.structure import ConnectedPieces, connected
 
 #: Kinds of points at which a branch may end, the kind first that explains the end best.
 EXPLAINING = (Kind.END, Kind.EVENT, Kind.STOPPED)
 
 
-def loose_ends(graph: Structure) -> dict[SpecialPoint, int]:
+def loose_ends(graph: ConnectedPieces) -> dict[SpecialPoint, int]:
     """Return the points within the interval at which the sum of signs jumps, and the jumps.
 
     Of points that vertical pieces join, the point counts that explains the jump best.
     """
     jumps: dict[int, int] = defaultdict(int)
     for piece in graph.pieces:
-        first, last = piece.track.start.alpha, piece.track.end.alpha
-        sign = piece.det_sign if first < last else -piece.det_sign
+        sign = piece.det_sign if piece.alpha[0] < piece.alpha[-1] else -piece.det_sign
         jumps[piece.start] += sign
         jumps[piece.end] -= sign
     verticals = ((piece.start, piece.end) for piece in graph.verticals)
@@ -68,7 +67,7 @@ def loose_ends(graph: Structure) -> dict[SpecialPoint, int]:
     return found
 
 
-def is_on_purpose(graph: Structure, point: SpecialPoint) -> bool:
+def is_on_purpose(graph: ConnectedPieces, point: SpecialPoint) -> bool:
     """Tell whether the system or the user ends branches at a point."""
     ends = point.kind == Kind.EVENT and len(graph.pieces_at(point.id)) == 1
     return point.kind == Kind.END or ends or ON_BOUND in point.message
@@ -78,13 +77,13 @@ def is_on_purpose(graph: Structure, point: SpecialPoint) -> bool:
 TO_INFINITY = (FailureReason.UNBOUNDED, FailureReason.ENDLESS, FailureReason.FLAT)
 
 
-def leaves_upright(graph: Structure, point: SpecialPoint) -> bool:
+def leaves_upright(graph: ConnectedPieces, point: SpecialPoint) -> bool:
     """Tell whether a branch runs to infinity at an alpha with infinitely many solutions."""
     runs = any(reason.value in point.message for reason in TO_INFINITY)
     return runs and is_beside_infinite(graph, point.alpha)
 
 
-def balance_at(graph: Structure, alpha: float) -> int:
+def balance_at(graph: ConnectedPieces, alpha: float) -> int:
     """Return the sum of the signs of det(dH/dz) over all solutions at ``alpha``.
 
     Where solutions stay bounded the sum is the same at every regular alpha; if not, a
@@ -95,13 +94,13 @@ def balance_at(graph: Structure, alpha: float) -> int:
     return nodes + sum(piece.det_sign for piece in pieces_through(graph, alpha))
 
 
-def balances(graph: Structure) -> list[int]:
+def balances(graph: ConnectedPieces) -> list[int]:
     """Return the balance within each interval between successive special points."""
     middles = [0.5 * (a + b) for a, b in pairwise(graph.breaks())]
     return [sum(piece.det_sign for piece in pieces_over(graph, alpha)) for alpha in middles]
 
 
-def balance_values(graph: Structure) -> list[int]:
+def balance_values(graph: ConnectedPieces) -> list[int]:
     """Return the different values of the balance, ascending: one value if nothing is missing.
 
     A stretch of alpha that is no longer than the uncertainty of the special points around it
@@ -110,7 +109,7 @@ def balance_values(graph: Structure) -> list[int]:
     return sorted({value for value, _ in _judged(graph)})
 
 
-def _judged(graph: Structure) -> list[tuple[int, tuple[float, float]]]:
+def _judged(graph: ConnectedPieces) -> list[tuple[int, tuple[float, float]]]:
     """Return balance and ends of stretches that are longer than uncertain, with finite numbers."""
     pairs = zip(balances(graph), pairwise(graph.breaks()), strict=True)
     # where solutions are infinitely many, the signs of the pieces around say nothing
@@ -118,7 +117,7 @@ def _judged(graph: Structure) -> list[tuple[int, tuple[float, float]]]:
     return [row for row in everything if not _is_blurred(graph, *row[1])] or everything
 
 
-def _is_blurred(graph: Structure, lo: float, hi: float) -> bool:
+def _is_blurred(graph: ConnectedPieces, lo: float, hi: float) -> bool:
     """Tell whether the errors of the special points around a stretch overlap within it."""
     left = graph.alphas < 0.5 * (lo + hi)
     blur = CONFIDENCE * graph.alpha_errors
@@ -127,7 +126,7 @@ def _is_blurred(graph: Structure, lo: float, hi: float) -> bool:
     return bool(first >= last)
 
 
-def is_balanced(graph: Structure) -> bool:
+def is_balanced(graph: ConnectedPieces) -> bool:
     """Tell whether the balance is the same at every regular alpha of the interval.
 
     Where the system knows the degree (+1 for Coulomb friction), the balance must equal the
@@ -136,7 +135,7 @@ def is_balanced(graph: Structure) -> bool:
     return not unbalanced(graph)
 
 
-def unbalanced(graph: Structure) -> list[tuple[float, float]]:
+def unbalanced(graph: ConnectedPieces) -> list[tuple[float, float]]:
     """Return the stretches in which the balance is not what the balance must be.
 
     Without a known degree: the stretches whose balance differs from the most frequent one, each
@@ -183,7 +182,7 @@ WORDS = {
 Gap = tuple[float, float]
 
 
-def verdict(graph: Structure) -> str:
+def verdict(graph: ConnectedPieces) -> str:
     """Return what is known of a graph, for :attr:`pwscont.BranchGraph.guarantee`."""
     if graph.searched.spent:
         return _unfinished(graph)
@@ -201,7 +200,7 @@ def verdict(graph: Structure) -> str:
 # -- why the sum of signs is wrong ----------------------------------------------------------------
 
 
-def _causes(graph: Structure, gaps: list[Gap]) -> Iterator[str]:
+def _causes(graph: ConnectedPieces, gaps: list[Gap]) -> Iterator[str]:
     """Yield why the sum is wrong on some stretches of alpha, each kind of cause once."""
     ends = list(loose_ends(graph))
     stopped = [point for point in ends if point.kind == Kind.STOPPED or point.lost]
@@ -224,7 +223,7 @@ def _listed(gaps: Iterable[Gap]) -> str:
     return ", ".join(f"({', '.join(apart(lo, hi))})" for lo, hi in gaps)
 
 
-def _stands_twice(graph: Structure, gap: Gap) -> bool:
+def _stands_twice(graph: ConnectedPieces, gap: Gap) -> bool:
     """Tell whether two solutions in the middle of a stretch agree within the estimated errors."""
     try:
         found = solutions_at(graph, 0.5 * (gap[0] + gap[1]))
@@ -242,7 +241,7 @@ def _is_one(a: Solution, b: Solution) -> bool:
 # -- doubts, and where doubts arise ----------------------------------------------------------------
 
 
-def _doubts(graph: Structure) -> Iterator[str]:
+def _doubts(graph: ConnectedPieces) -> Iterator[str]:
     """Yield what was found at special points and prevents a search from keeping a promise."""
     of_many = {point for point in graph.nodes if is_beside_infinite(graph, point.alpha)}
     lost = [point for point in graph.nodes if point.kind == Kind.STOPPED or point.lost]
@@ -261,7 +260,7 @@ def _doubts(graph: Structure) -> Iterator[str]:
     yield from _places("hardly a digit is known", graph, vague)
 
 
-def _stops(graph: Structure, points: list[SpecialPoint]) -> Iterator[str]:
+def _stops(graph: ConnectedPieces, points: list[SpecialPoint]) -> Iterator[str]:
     """Yield where pieces were stopped, and why: in the numbers, or at the end of the model."""
     groups: dict[str, list[SpecialPoint]] = {}
     for point in points:
@@ -270,7 +269,7 @@ def _stops(graph: Structure, points: list[SpecialPoint]) -> Iterator[str]:
         yield from _places(what, graph, some, _reason)
 
 
-def _what_happened(graph: Structure, point: SpecialPoint) -> str:
+def _what_happened(graph: ConnectedPieces, point: SpecialPoint) -> str:
     """Return the words for a stopped piece: the model ends there, seems to end, or does not."""
     if FailureReason.NOT_FINITE.value in point.message:
         return "the model ends"
@@ -290,7 +289,7 @@ def _reason(point: SpecialPoint) -> str:
     words = (known or point.message.split("; ")[-1:])[0]
     near = _accumulation(point)
     words = words.split(";")[0].split(": ")[0]
-    return f" ({'; '.join(filter(None, ['' if words == near else words, near]))})"
+    return "; ".join(filter(None, ["" if words == near else words, near]))
 
 
 def _accumulation(point: SpecialPoint) -> str:
@@ -301,7 +300,7 @@ def _accumulation(point: SpecialPoint) -> str:
 
 def _places(
     what: str,
-    graph: Structure,
+    graph: ConnectedPieces,
     points: Iterable[SpecialPoint],
     why: Callable[[SpecialPoint], str] = lambda _: "",
 ) -> Iterator[str]:
@@ -312,16 +311,13 @@ def _places(
     for reason, found in alphas.items():
         shown, rest = list(found)[:MOST_PLACES_LISTED], len(found) - MOST_PLACES_LISTED
         more = f" and {rest} more" if rest > 0 else ""
-        yield f"{what} at {graph.parameter} = {', '.join(shown)}{more}{reason}"
+        because = f" ({reason})" if reason else ""
+        yield f"{what} at {graph.parameter} = {', '.join(shown)}{more}{because}"
 
 
-def _unfinished(graph: Structure) -> str:
+def _unfinished(graph: ConnectedPieces) -> str:
     """Say what ended the run, and where there is more."""
     spent = graph.searched.spent
     points = [point for point in graph.special_points(Kind.STOPPED) if spent in point.message]
-    return "; ".join([f"{spent}: there may be more", *_places("open ends", graph, points, _beyond)])
-
-
-def _beyond(point: SpecialPoint) -> str:
-    near = _accumulation(point)
-    return f" ({near})" if near else ""
+    places = _places("open ends", graph, points, _accumulation)
+    return "; ".join([f"{spent}: there may be more", *places])

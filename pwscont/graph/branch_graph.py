@@ -13,12 +13,12 @@ from pwscont.graph import balance as signs
 from pwscont.graph import exports, queries, storage
 from pwscont.graph.balance import WORDS, verdict
 from pwscont.graph.proved import BoxProof
-from pwscont.graph.structure import Structure
+from pwscont.graph.structure import ConnectedPieces
 from pwscont.system.system import PiecewiseSystem
 
 
 @final
-class BranchGraph(Structure):
+class BranchGraph(ConnectedPieces):
     """All that was found of the solutions of a system in an interval of the parameter.
 
     Made by :func:`pwscont.trace` and :func:`pwscont.explore`; not changed afterwards.

@@ -8,7 +8,7 @@ such attribute; neither changes the branch graph.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 from importlib import import_module
 from math import isinf
@@ -20,9 +20,9 @@ from pwscont.basics.arrays import Array
 from pwscont.basics.errors import InvalidInputError, MissingPackageError
 from pwscont.basics.printing import apart, counted
 from pwscont.graph.balance import balance_values
-from pwscont.graph.queries import count_at, multiplicity
+from pwscont.graph.queries import multiplicity, runs
 from pwscont.graph.records import Piece, SpecialPoint, Stretch, attempted
-from pwscont.graph.structure import Structure
+from pwscont.graph.structure import ConnectedPieces
 
 if TYPE_CHECKING:
     import networkx as nx
@@ -35,7 +35,7 @@ FIXED = frozenset(
 # -- networkx ------------------------------------------------------------------------------------
 
 
-def networkx_graph(graph: Structure) -> nx.MultiGraph:
+def networkx_graph(graph: ConnectedPieces) -> nx.MultiGraph:
     """Return the branch graph as a new networkx graph with plain attributes.
 
     All attributes are numbers and texts, which :func:`networkx.write_graphml` and the like can
@@ -82,7 +82,7 @@ def _of_edge(piece: Piece, scale: Array) -> dict[str, Any]:
     }
 
 
-def magnitudes(graph: Structure) -> Array:
+def magnitudes(graph: ConnectedPieces) -> Array:
     """Return the largest magnitude of each unknown, 1 for zero, and the interval's length."""
     each = [np.abs(piece.z).max(axis=0) for piece in graph.pieces]
     largest = np.max(each, axis=0) if each else np.zeros(0)
@@ -98,7 +98,7 @@ def length(piece: Piece, scale: Array) -> float:
 # -- pandas --------------------------------------------------------------------------------------
 
 
-def data_frame(graph: Structure, rows: str) -> Any:
+def data_frame(graph: ConnectedPieces, rows: str) -> Any:
     """Return a pandas data frame.
 
     Parameters
@@ -139,22 +139,23 @@ def _pandas() -> Any:
         raise MissingPackageError("to_dataframe needs pandas: pip install pandas") from error
 
 
-def _component(graph: Structure) -> dict[int, int]:
+def _component(graph: ConnectedPieces) -> dict[int, int]:
     """Return the number of the component of each piece."""
     return {piece.id: i for i, some in enumerate(graph.components()) for piece in some}
 
 
-def _pieces(graph: Structure, pandas: Any) -> Any:
+def _pieces(graph: ConnectedPieces, pandas: Any) -> Any:
     component, scale = _component(graph), magnitudes(graph)
-    ends = [(p.id, component[p.id], p.start, p.end, p.label) for p in graph.pieces]
-    kinds = [(str(p.character), p.det_sign, *p.interval) for p in graph.pieces]
-    sizes = [(len(p.track.inner) + 2, length(p, scale)) for p in graph.pieces]
-    rows = [sum(parts, ()) for parts in zip(ends, kinds, sizes, strict=True)]
+    rows = [
+        {"id": p.id, "component": component[p.id], "start": p.start, "end": p.end}
+        | {"points": len(p.points), **_of_edge(p, scale)}
+        for p in graph.pieces
+    ]
     names = "id component start end label character det_sign alpha_lo alpha_hi points length"
     return pandas.DataFrame(rows, columns=names.split())
 
 
-def _points(graph: Structure, pandas: Any) -> Any:
+def _points(graph: ConnectedPieces, pandas: Any) -> Any:
     component = _component(graph)
     parts = [piece.points for piece in graph.pieces]
     points = np.vstack(parts) if parts else np.zeros((0, len(graph.names) + 1))
@@ -170,7 +171,7 @@ def _points(graph: Structure, pandas: Any) -> Any:
     return _joined(pandas, [head, _states(graph, pandas, points[:, :-1]), (recorded, names)])
 
 
-def _special(graph: Structure, pandas: Any) -> Any:
+def _special(graph: ConnectedPieces, pandas: Any) -> Any:
     points = graph.special_points()
     rows = [(p.id, str(p.kind), p.name, p.alpha, p.message) for p in points]
     head = pandas.DataFrame(rows, columns=["id", "kind", "name", "alpha", "message"])
@@ -182,7 +183,7 @@ def _special(graph: Structure, pandas: Any) -> Any:
     return _joined(pandas, [head, _states(graph, pandas, states), (recorded, names), tail])
 
 
-def _states(graph: Structure, pandas: Any, states: Array) -> Any:
+def _states(graph: ConnectedPieces, pandas: Any, states: Array) -> Any:
     return pandas.DataFrame(states, columns=columns(graph.names))
 
 
@@ -216,7 +217,7 @@ def number(value: float) -> str:
     return f"{value:.8g}"
 
 
-def as_text(graph: Structure, guarantee: str) -> str:
+def as_text(graph: ConnectedPieces, guarantee: str) -> str:
     """Return a short summary."""
     name = graph.parameter
     lines = [
@@ -232,7 +233,7 @@ def as_text(graph: Structure, guarantee: str) -> str:
     return "\n".join(lines)
 
 
-def as_html(graph: Structure, guarantee: str) -> str:
+def as_html(graph: ConnectedPieces, guarantee: str) -> str:
     """Return the summary and the pieces as an HTML table."""
     rows = "".join(
         f"<tr><td>{piece.id}</td><td>{escape(piece.label)}</td>"
@@ -244,14 +245,14 @@ def as_html(graph: Structure, guarantee: str) -> str:
     return f"<pre>{escape(as_text(graph, guarantee))}</pre><table>{head}{rows}</table>"
 
 
-def as_dict(graph: Structure, guarantee: str) -> dict[str, Any]:
+def as_dict(graph: ConnectedPieces, guarantee: str) -> dict[str, Any]:
     """Return nodes, pieces, multiplicity and balance as lists and numbers.
 
     ``between`` has the single values of alpha with another number of solutions than the
     ``stretches`` around. Infinitely many, and a ``recorded`` quantity that failed, are None.
     """
-    sums = balance_values(graph)
-    rows = [row for row in multiplicity(graph) if row[0] < row[1]]
+    sums, found = balance_values(graph), runs(graph)
+    rows = [run for run in found if run[0] < run[1]]
     component = _component(graph)
     attempts = [attempted(point) for point in graph.nodes]
     lo, hi = graph.interval
@@ -275,7 +276,7 @@ def as_dict(graph: Structure, guarantee: str) -> dict[str, Any]:
         ],
         "multiplicity": [[*row[:2], finite(row[2])] for row in rows],
         "stretches": [_stretch(row) for row in rows],
-        "between": list(_between(graph, rows)),
+        "between": [[lo, finite(count)] for lo, hi, count in found if lo == hi],
         "balance": {
             "value": sums[0] if len(sums) == 1 else None,
             "constant": len(sums) <= 1,
@@ -316,13 +317,6 @@ def _stretch(row: Stretch) -> dict[str, Any]:
     lo, hi, count = row
     ends = {"lo_closed": row.lo_closed, "hi_closed": row.hi_closed}
     return {"lo": lo, "hi": hi, "count": finite(count)} | ends
-
-
-def _between(graph: Structure, rows: Sequence[Stretch]) -> Iterator[list[float | int | None]]:
-    for alpha in graph.breaks():
-        count = count_at(graph, alpha)
-        if count not in [row[2] for row in rows if row[0] <= alpha <= row[1]]:
-            yield [alpha, finite(count)]
 
 
 def finite(count: int | float) -> int | None:

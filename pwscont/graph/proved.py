@@ -18,7 +18,7 @@ from pwscont.basics.errors import InvalidInputError, SystemNeededError
 from pwscont.basics.printing import counted
 from pwscont.basics.rounding import CONFIDENCE
 from pwscont.graph.queries import solutions_at
-from pwscont.graph.structure import Structure
+from pwscont.graph.structure import ConnectedPieces
 from pwscont.system.box import Box
 
 #: A solution of the graph is a proved solution if closer than this part of a typical magnitude, or
@@ -31,7 +31,7 @@ Corners = tuple[Array, Array]
 class Proof(Protocol):
     """What is proved of the solutions of a graph, see ``graph.proof``."""
 
-    def judged(self, graph: Structure, words: str) -> str:
+    def judged(self, graph: ConnectedPieces, words: str) -> str:
         """Return the guarantee of a graph with what is proved, from the guarantee without."""
 
 
@@ -154,8 +154,8 @@ class BoxProof:
         """What is proved, in a few words."""
         if not self.holds:
             vague = [each for each in self.stretches if each.count is None]
-            parts = [several(len(self.open), "box")] if self.open else []
-            parts += [several(len(vague), "stretch")] if vague else []
+            parts = [counted(len(self.open), "box", "es")] if self.open else []
+            parts += [counted(len(vague), "stretch", "es")] if vague else []
             return f"not proved in {' and in '.join(parts)}"
         if not self.windows:
             return "complete in the box, proved"
@@ -177,7 +177,7 @@ class BoxProof:
         )
         return (self.words, folds, where, self.assumed)
 
-    def judged(self, graph: Structure, words: str) -> str:
+    def judged(self, graph: ConnectedPieces, words: str) -> str:
         """Return the guarantee of a graph with what is proved, from the guarantee without."""
         if graph.searched.spent:  # branches are missing because the run ended early
             return words
@@ -202,11 +202,11 @@ class BoxProof:
         return ", ".join(f"[{lo:.8g}, {hi:.8g}]" for lo, hi in zip(*self.box, strict=True))
 
     def __repr__(self) -> str:
-        return f"BoxProof({self.words}; {several(self.boxes, 'box')})"
+        return f"BoxProof({self.words}; {counted(self.boxes, 'box', 'es')})"
 
     # -- comparison with a graph ---------------------------------------------------------------
 
-    def disagreements(self, graph: Structure) -> Iterator[tuple[float, int, int]]:
+    def disagreements(self, graph: ConnectedPieces) -> Iterator[tuple[float, int, int]]:
         """Yield where a graph has not the proved solutions: alpha, and how many are proved, found.
 
         Solutions are compared where the solutions were counted, and numbers between special points.
@@ -225,7 +225,7 @@ class BoxProof:
                 if len(found) != count or not all(_is_found(each, found) for each in proved):
                     yield alpha, count, len(found)
 
-    def _inside(self, graph: Structure, alpha: float) -> Iterator[Corners]:
+    def _inside(self, graph: ConnectedPieces, alpha: float) -> Iterator[Corners]:
         """Yield the solutions of a graph in the box, with their errors."""
         lower, upper = self.box
         own = Box.of(graph.system) if graph.system is not None else None
@@ -267,11 +267,6 @@ class BoxProof:
             int(plain["boxes"]),
             str(plain["assumed"]),
         )
-
-
-def several(number: int, noun: str) -> str:
-    """Return a number with a noun whose plural ends with es."""
-    return f"{number} {noun}{'' if number == 1 else 'es'}"
 
 
 def _widest(ranges: list[Range]) -> float:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
-from itertools import pairwise
+from collections.abc import Iterable, Sequence
+from itertools import groupby, pairwise
 from numbers import Real
+from operator import itemgetter
 
 import numpy as np
 
@@ -21,7 +22,7 @@ from pwscont.curve.pseudo_arclength import SLOWEST
 from pwscont.curve.stepper import CurvedSegment
 from pwscont.enumeration.continua import Continuum
 from pwscont.graph.records import Piece, Solution, SpecialPoint, Stretch, significant
-from pwscont.graph.structure import Structure
+from pwscont.graph.structure import ConnectedPieces
 from pwscont.linear.factorise import bordered, last_unit
 from pwscont.system.abilities import completed, completed_point, shown_points
 from pwscont.system.selection import Selection
@@ -32,7 +33,7 @@ from pwscont.transitions.detector import locate_zero
 MOST_HALVINGS_OF_STEP = 8
 
 
-def _refined(graph: Structure, piece: Piece, alpha: float) -> Solution:
+def _refined(graph: ConnectedPieces, piece: Piece, alpha: float) -> Solution:
     """Return the solution of a piece at an alpha strictly inside it, to full accuracy."""
     system, interval = graph.system, graph.interval
     if system is None:
@@ -66,9 +67,14 @@ def solve_between(
             return found
         middle = _middle(segment)
         if middle is None:
-            return _unrefined(segment, s, alpha)
+            found = None
+            break
         a, b = _around(np.array([a, middle, b]), alpha)
-    return found or _unrefined(segment, s, alpha)
+    if found is None:
+        x = segment.near(s)
+        x[-1] = alpha
+        found = x, np.abs(segment.end.x - segment.start.x)
+    return found
 
 
 def _located(
@@ -140,33 +146,45 @@ def fine_points(
     curve = Curve(Selection(system, piece.character), Metric.of(system, interval))
     found = [points[0]]
     for a, b in pairwise(points):
-        segment = _cubics(curve, a, b)[0]
+        segment = cubic_between(curve, a, b)
         inner = np.linspace(0.0, segment.length, parts + 1)[1:-1]
         found += [*(segment.near(s) for s in inner), b]
     return shown_points(system, np.array(found))
 
 
-def _cubics(curve: Curve, a: Array, b: Array) -> list[CurvedSegment]:
+def cubic_between(
+    curve: Curve, a: Array, b: Array, errors: Sequence[Array] | None = None
+) -> CurvedSegment:
+    """Return the cubic between two points of a curve that is closest to the curve.
+
+    ``errors``, each of shape (n + 1,): the errors of the two points, default zero.
+    """
+    return _cubics(curve, a, b, errors)[0]
+
+
+def _cubics(
+    curve: Curve, a: Array, b: Array, errors: Sequence[Array] | None = None
+) -> list[CurvedSegment]:
     """Return cubics between two points of a curve, the one closest to the curve first.
 
     Where two curves cross, the Jacobian gives no direction: guesses are the parabola with the known
     direction at the other point, and the chord.
     """
     chord = curve.metric.normalised(b - a)
-    if curve.selection.is_straight:
-        return [_cubic(curve, (a, chord), (b, chord))]
-    start, end = _tangent(curve, a, chord), _tangent(curve, b, chord)
-    other = 2.0 * chord - start, 2.0 * chord - end
-    ways = (start, end), (start, other[0]), (other[1], end), (chord, chord)
-    return sorted(
-        (_cubic(curve, (a, first), (b, last)) for first, last in ways),
-        key=_residual_in_the_middle,
-    )
+    ways = [(chord, chord)]
+    if not curve.selection.is_straight:
+        start, end = _tangent(curve, a, chord), _tangent(curve, b, chord)
+        ways = [(start, end), (start, 2.0 * chord - start), (2.0 * chord - end, end), *ways]
+    known = errors or (np.zeros_like(a), np.zeros_like(b))
 
+    def cubic(*tangents: Array) -> CurvedSegment:
+        first, last = (
+            State(x, way, error[np.newaxis], 1)
+            for x, way, error in zip((a, b), tangents, known, strict=True)
+        )
+        return CurvedSegment.between(curve, first, last, suggestion=0.0)
 
-def _cubic(curve: Curve, start: tuple[Array, Array], end: tuple[Array, Array]) -> CurvedSegment:
-    first, last = (State(x, way, np.zeros_like(x), 0) for x, way in (start, end))
-    return CurvedSegment.between(curve, first, last, suggestion=0.0)
+    return sorted((cubic(*way) for way in ways), key=_residual_in_the_middle)
 
 
 def _residual_in_the_middle(segment: CurvedSegment) -> float:
@@ -179,13 +197,6 @@ def _tangent(curve: Curve, x: Array, chord: Array) -> Array:
     metric = curve.metric
     factor = bordered(curve.selection.jacobian(x), metric.covector(chord), metric.binary)
     return chord if factor.is_singular() else metric.normalised(factor.solve(last_unit(len(x))))
-
-
-def _unrefined(segment: CurvedSegment, s: float, alpha: float) -> tuple[Array, Array]:
-    """Return the point of the cubic at this alpha, with an error as large as the chord."""
-    x = segment.near(s)
-    x[-1] = alpha
-    return x, np.abs(segment.end.x - segment.start.x)
 
 
 def _where(segment: CurvedSegment, alpha: float) -> float:
@@ -225,7 +236,7 @@ def joined(parts: Iterable[Continuum], known: Sequence[float]) -> tuple[Stretch,
     rows: list[Stretch] = []
     found: list[Stretch] = []
     for part in parts:
-        lo, hi = (_settled(end, part.blur, ends) for end in (part.lo, part.hi))
+        lo, hi = (_known_end(end, part.blur, ends) for end in (part.lo, part.hi))
         rows.append(Stretch(lo, hi, math.inf, part.lo_closed, part.hi_closed))
     for new in sorted(rows, key=lambda stretch: (stretch[0], not stretch.lo_closed)):
         last = found[-1] if found else None
@@ -238,7 +249,7 @@ def joined(parts: Iterable[Continuum], known: Sequence[float]) -> tuple[Stretch,
     return tuple(found)
 
 
-def _settled(alpha: float, blur: float, ends: list[float]) -> float:
+def _known_end(alpha: float, blur: float, ends: list[float]) -> float:
     """Return the known end that alpha is within rounding, or alpha, which is known from now on."""
     nearest = min(ends, key=lambda end: abs(end - alpha), default=math.inf)
     if abs(nearest - alpha) <= blur:
@@ -247,7 +258,7 @@ def _settled(alpha: float, blur: float, ends: list[float]) -> float:
     return alpha
 
 
-def count_at(graph: Structure, alpha: float) -> int | float:
+def count_at(graph: ConnectedPieces, alpha: float) -> int | float:
     """Return the number of solutions at ``alpha``; infinite where they fill a segment or more.
 
     A solution at which two pieces meet counts once.
@@ -258,7 +269,7 @@ def count_at(graph: Structure, alpha: float) -> int | float:
     return len(pieces_through(graph, alpha)) + len(nodes_at(graph, alpha))
 
 
-def solutions_at(graph: Structure, alpha: float) -> list[Solution]:
+def solutions_at(graph: ConnectedPieces, alpha: float) -> list[Solution]:
     """Return all solutions at ``alpha`` that the graph holds, corrected to full accuracy.
 
     Where solutions are infinitely many, as on a vertical piece, the ends of the segments are
@@ -277,31 +288,28 @@ def solutions_at(graph: Structure, alpha: float) -> list[Solution]:
     return sorted(at_nodes + between, key=lambda solution: solution.piece)
 
 
-def solution_at(graph: Structure, node: int) -> Solution:
+def solution_at(graph: ConnectedPieces, node: int) -> Solution:
     """Return a special point as a solution at the alpha of the point."""
     point, pieces = graph.point(node), graph.pieces_at(node)
-    if not pieces:
-        return _isolated(graph, point)
-    piece = pieces[0]
-    return _at(point, piece.character, piece.label, index_at(graph, node), piece.id)
+    if pieces:
+        piece = pieces[0]
+        where = piece.character, piece.label, index_at(graph, node), piece.id
+    else:  # no piece leaves from the solution: its cell is that of the point itself
+        where = (*_cell_of(graph, point), 0, -1)
+    known = point.kind, point.error, point.digits, point.quantities
+    return Solution(point.z, point.alpha, *where, *known)
 
 
-def _at(point: SpecialPoint, character: Character, label: str, index: int, piece: int) -> Solution:
-    """Return a special point as a solution."""
-    known = (point.kind, point.error, point.digits, point.quantities)
-    return Solution(point.z, point.alpha, character, label, index, piece, *known)
-
-
-def _isolated(graph: Structure, point: SpecialPoint) -> Solution:
-    """Return a solution from which no piece leaves, in the cell of the point itself."""
+def _cell_of(graph: ConnectedPieces, point: SpecialPoint) -> tuple[Character, str]:
+    """Return character and label of the cell in which a point lies."""
     if graph.system is None:
-        return _at(point, Character(()), "unknown", 0, -1)
+        return Character(()), "unknown"
     z = completed(graph.system, point.z, point.alpha)
     character = graph.system.character(z, point.alpha)
-    return _at(point, character, graph.system.label(character), 0, -1)
+    return character, graph.system.label(character)
 
 
-def multiplicity(graph: Structure) -> list[Stretch]:
+def multiplicity(graph: ConnectedPieces) -> list[Stretch]:
     """Return ``(lo, hi, count)`` for successive stretches with the same number of solutions.
 
     ``lo_closed`` and ``hi_closed`` say whether the number holds at the ends as well. A single
@@ -309,33 +317,48 @@ def multiplicity(graph: Structure) -> list[Stretch]:
     numbers on both sides agree and another number holds between, as at a branch point. A fold
     lies in no stretch: :meth:`with_count` and :meth:`count` tell the number there.
     """
-    breaks = graph.breaks()
-    counts = [count_at(graph, alpha) for alpha in breaks]
-    return list(_merged([*_between(graph, breaks, counts)], counts))
+    found = runs(graph)
+    around = [None, *found, None]
+    return [
+        run
+        for before, run, after in zip(around, found, around[2:], strict=False)
+        if run[0] < run[1] or run[2] == math.inf or (before and after and before[2] == after[2])
+    ]
 
 
-def _between(graph: Structure, breaks: list[float], counts: list[int | float]) -> Iterator[Stretch]:
-    """Yield the stretches between successive breaks; ``counts`` holds at the breaks."""
-    for (lo, at_lo), (hi, at_hi) in pairwise(zip(breaks, counts, strict=True)):
+def runs(graph: ConnectedPieces) -> list[Stretch]:
+    """Return the stretches of alpha with one number of solutions, from end to end, each maximal.
+
+    A value of alpha with another number than the stretches around is a run of its own.
+    """
+    first, *breaks = graph.breaks()
+    parts = [Stretch(first, first, count_at(graph, first), True, True)]
+    for lo, hi in pairwise([first, *breaks]):
         middle = 0.5 * (lo + hi)
         count = math.inf if is_infinite(graph, middle) else len(pieces_over(graph, middle))
-        yield Stretch(lo, hi, count, at_lo == count, at_hi == count)
+        parts.append(Stretch(lo, hi, count, False, False))
+        parts.append(Stretch(hi, hi, count_at(graph, hi), True, True))
+    groups = (list(group) for _, group in groupby(parts, key=itemgetter(2)))
+    return [
+        Stretch(group[0][0], group[-1][1], group[0][2], group[0].lo_closed, group[-1].hi_closed)
+        for group in groups
+    ]
 
 
-def is_infinite(graph: Structure, alpha: float) -> bool:
+def is_infinite(graph: ConnectedPieces, alpha: float) -> bool:
     """Tell whether there are infinitely many solutions at ``alpha``."""
     if any(graph.same(piece.interval[0], alpha) for piece in graph.verticals):
         return True
     return any(_has(graph, stretch, alpha) for stretch in graph.infinite)
 
 
-def is_beside_infinite(graph: Structure, alpha: float) -> bool:
+def is_beside_infinite(graph: ConnectedPieces, alpha: float) -> bool:
     """Tell whether there are infinitely many solutions at ``alpha`` or next to ``alpha``."""
     ends = (end for stretch in graph.infinite for end in stretch[:2])
     return is_infinite(graph, alpha) or any(bool(graph.same(end, alpha)) for end in ends)
 
 
-def _has(graph: Structure, stretch: Stretch, alpha: float) -> bool:
+def _has(graph: ConnectedPieces, stretch: Stretch, alpha: float) -> bool:
     """Tell whether alpha lies in a stretch, whose ends are known to rounding."""
     lo, hi = stretch[:2]
     at_lo, at_hi = bool(graph.same(lo, alpha)), bool(graph.same(hi, alpha))
@@ -344,21 +367,12 @@ def _has(graph: Structure, stretch: Stretch, alpha: float) -> bool:
     return lo < alpha < hi
 
 
-def with_count(graph: Structure, count: int | float) -> list[Stretch]:
+def with_count(graph: ConnectedPieces, count: int | float) -> list[Stretch]:
     """Return all stretches and single values of alpha with exactly ``count`` solutions."""
-    stretches = [stretch for stretch in multiplicity(graph) if stretch[2] == count]
-    covered = [end for lo, hi, _ in stretches for end in (lo, hi)]
-    single = [
-        Stretch(alpha, alpha, count, True, True)
-        for alpha in graph.breaks()
-        if count_at(graph, alpha) == count
-        and alpha not in covered
-        and not any(lo < alpha < hi for lo, hi, _ in stretches)
-    ]
-    return sorted([*stretches, *single])
+    return [run for run in runs(graph) if run[2] == count]
 
 
-def index_at(graph: Structure, node: int) -> int:
+def index_at(graph: ConnectedPieces, node: int) -> int:
     """Return the sum of the signs of the pieces to the right of a node; at the last alpha, left."""
     alpha = graph.point(node).alpha
     side = 1 if graph.same(alpha, graph.interval[1]) else 0
@@ -366,7 +380,7 @@ def index_at(graph: Structure, node: int) -> int:
     return sum(piece.det_sign for piece in beside if not piece.is_vertical)
 
 
-def check_inside(graph: Structure, alpha: float) -> None:
+def check_inside(graph: ConnectedPieces, alpha: float) -> None:
     """Refuse an alpha that is no number or lies outside the interval of the graph."""
     lo, hi = graph.interval
     if np.ndim(alpha) or not isinstance(np.asarray(alpha).item(), Real):
@@ -375,45 +389,19 @@ def check_inside(graph: Structure, alpha: float) -> None:
         raise InvalidInputError(f"alpha = {alpha} lies outside the interval [{lo}, {hi}]")
 
 
-def pieces_over(graph: Structure, alpha: float) -> list[Piece]:
+def pieces_over(graph: ConnectedPieces, alpha: float) -> list[Piece]:
     """Return the pieces that pass over an alpha at which there is no node."""
     lo, hi = graph.extent.T
     return [graph.pieces[i] for i in np.flatnonzero((lo < alpha) & (alpha < hi))]
 
 
-def pieces_through(graph: Structure, alpha: float) -> list[Piece]:
+def pieces_through(graph: ConnectedPieces, alpha: float) -> list[Piece]:
     """Return the pieces that have ``alpha`` strictly inside."""
     lo, hi = graph.extent.T
     inside = (lo < alpha) & (alpha < hi) & ~graph.same(lo, alpha) & ~graph.same(hi, alpha)
     return [graph.pieces[i] for i in np.flatnonzero(inside)]
 
 
-def nodes_at(graph: Structure, alpha: float) -> list[int]:
+def nodes_at(graph: ConnectedPieces, alpha: float) -> list[int]:
     """Return the ids of the special points at an alpha."""
     return [graph.nodes[i].id for i in np.flatnonzero(graph.same(graph.alphas, alpha))]
-
-
-def _merged(rows: list[Stretch], counts: list[int | float]) -> Iterator[Stretch]:
-    """Yield stretches, joined where the number goes on; ``counts`` has the numbers at the breaks.
-
-    A break with another number stands alone where the numbers on both sides agree, and where the
-    number is infinite; a fold, with the mean of both, lies in no stretch.
-    """
-    whole = rows[0]
-    if counts[0] == math.inf != whole[2]:
-        yield _single(whole[0])
-    for row, count in zip(rows[1:], counts[1:], strict=False):
-        if whole[2] == row[2] == count:
-            whole = Stretch(whole[0], row[1], row[2], whole.lo_closed, row.hi_closed)
-            continue
-        yield whole
-        if whole[2] == row[2] or (count == math.inf and math.inf not in (whole[2], row[2])):
-            yield _single(row[0], count)
-        whole = row
-    yield whole
-    if counts[-1] == math.inf != whole[2]:
-        yield _single(whole[1])
-
-
-def _single(alpha: float, count: float = math.inf) -> Stretch:
-    return Stretch(alpha, alpha, count, True, True)

@@ -1,9 +1,7 @@
 """The records of a branch graph: places, special points, pieces, solutions.
 
-A place is a point (z, alpha) with the estimate of its error, and a track holds the points of a
-piece. A piece begins and ends at special points, and the piece and its special points share the
-same places. Only the first digits of an estimated error mean anything, and a place keeps only these
-digits.
+A place is a point (z, alpha) with the estimate of its error. Only the first digits of an estimated
+error mean anything, and a place keeps only these digits.
 """
 
 from __future__ import annotations
@@ -11,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any, final
+from typing import final
 
 import numpy as np
 import numpy.typing as npt
@@ -60,36 +58,6 @@ def first_digits(error: Array) -> Digits:
 def from_first_digits(digits: Digits) -> Array:
     """Return the estimated errors that :func:`first_digits` stored."""
     return (digits.astype(np.uint64) << DROPPED_BITS).view(np.float64)
-
-
-@final
-@dataclass(slots=True, eq=False)  # not frozen: to make thousands of frozen records takes long
-class Track:
-    """The points of a piece: the two ends, shared with special points, and the points between."""
-
-    start: Place
-    inner: Array
-    end: Place
-
-    @classmethod
-    def of(cls, points: Array) -> Track:
-        """Return the track through points of shape (k, n + 1), with errors of zero."""
-        zero = np.zeros(points.shape[1])
-        return cls(Place(points[0], zero), points[1:-1], Place(points[-1], zero))
-
-    @property
-    def points(self) -> Array:
-        """All points, shape (k, n + 1), a new array."""
-        return np.vstack([self.start.x, self.inner, self.end.x])
-
-    @property
-    def alpha(self) -> Array:
-        """The parameter at all points, shape (k,)."""
-        return np.concatenate([[self.start.alpha], self.inner[:, -1], [self.end.alpha]])
-
-    def reversed(self) -> Track:
-        """Return the same points in opposite order."""
-        return Track(self.end, self.inner[::-1], self.start)
 
 
 #: Significant digits where the error is rounding.
@@ -207,7 +175,7 @@ class Piece:
         The frozen character of the selection that the piece solves.
     naming : callable
         Returns the system's name for a character; names are long where there are many parts.
-    track : Track
+    points : ndarray, shape (k, n + 1)
         Points (z, alpha) from start to end; two where the piece is straight.
     det_sign : int
         Sign of det(dH/dz) inside the piece, 0 on a vertical piece. Along interfaces the index: the
@@ -220,18 +188,13 @@ class Piece:
     end: int
     character: Character
     naming: Callable[[Character], str]
-    track: Track
+    points: Array
     det_sign: int
 
     @property
     def label(self) -> str:
         """The system's name for the character."""
         return self.naming(self.character)
-
-    @property
-    def points(self) -> Array:
-        """Points (z, alpha) from start to end, shape (k, n + 1)."""
-        return self.track.points
 
     @property
     def z(self) -> Array:
@@ -241,12 +204,12 @@ class Piece:
     @property
     def alpha(self) -> Array:
         """The parameter along the piece, shape (k,)."""
-        return self.track.alpha
+        return self.points[:, -1]
 
     @property
     def interval(self) -> tuple[float, float]:
         """The smallest and the largest alpha of the piece."""
-        first, last = self.track.start.alpha, self.track.end.alpha
+        first, last = self.alpha[[0, -1]].tolist()
         return min(first, last), max(first, last)
 
     @property
@@ -257,16 +220,15 @@ class Piece:
 
     @property
     def _course(self) -> str:
-        return f"{self.track.start.alpha:.8g} → {self.track.end.alpha:.8g}"
+        return f"{self.alpha[0]:.8g} → {self.alpha[-1]:.8g}"
 
     def __repr__(self) -> str:
-        count = len(self.track.inner) + 2
         where = f"{short(self.label)}, alpha {self._course}"
-        return f"Piece({self.id}: {where}, det {self.det_sign:+d}, {count} points)"
+        return f"Piece({self.id}: {where}, det {self.det_sign:+d}, {len(self.points)} points)"
 
     def _repr_html_(self) -> str:
         rows = [("mode", short(self.label)), ("alpha", self._course)]
-        more = [("det", f"{self.det_sign:+d}"), ("points", str(len(self.track.inner) + 2))]
+        more = [("det", f"{self.det_sign:+d}"), ("points", str(len(self.points)))]
         return card(f"Piece {self.id}", [*rows, *more])
 
 
@@ -322,11 +284,6 @@ class Solution:
         more = [("det", f"{self.det_sign:+d}"), ("digits", f"{self.digits:.3g}")]
         title = f"Solution at alpha = {self.alpha:.10g}{f', {self.kind}' if self.kind else ''}"
         return card(title, [*rows, *more])
-
-
-def attributes(record: Any, *names: str) -> dict[str, Any]:
-    """Return some attributes of a record by name."""
-    return {name: getattr(record, name) for name in names}
 
 
 def attempted(state: SpecialPoint | Solution) -> dict[str, float | str]:

@@ -36,13 +36,11 @@ from pwscont.graph.records import (
     Place,
     SpecialPoint,
     Stretch,
-    Track,
     attempted,
-    attributes,
     first_digits,
     from_first_digits,
 )
-from pwscont.graph.structure import Structure
+from pwscont.graph.structure import ConnectedPieces
 from pwscont.system.abilities import completed, shown_size
 from pwscont.system.selection import unexplained
 from pwscont.system.system import PiecewiseSystem
@@ -60,7 +58,7 @@ ARRAYS = ("nodes", "starts", "errors", "points")
 Contents: TypeAlias = dict[str, Any]
 
 
-def write(path: str | Path, graph: Structure, proof: BoxProof | None) -> None:
+def write(path: str | Path, graph: ConnectedPieces, proof: BoxProof | None) -> None:
     """Write a graph; the file appears whole or not at all."""
     arrays = {
         "nodes": stacked([point.z for point in graph.nodes]),
@@ -71,7 +69,7 @@ def write(path: str | Path, graph: Structure, proof: BoxProof | None) -> None:
     write_archive(path, _header(graph, proof), arrays)
 
 
-def _header(graph: Structure, proof: BoxProof | None) -> dict[str, Any]:
+def _header(graph: ConnectedPieces, proof: BoxProof | None) -> dict[str, Any]:
     """Return the header: all of a graph that is not an array of numbers."""
     searched = graph.searched
     header: dict[str, Any] = {
@@ -98,12 +96,13 @@ def _node_header(point: SpecialPoint) -> dict[str, Any]:
     """Return the header of a special point; for a recorded value that fails, a text says why."""
     names = "id", "message", "backward", "piece", "digits", "lost", "events"
     values = {"kind": str(point.kind), "alpha": float(point.alpha), "recorded": attempted(point)}
-    return attributes(point, *names) | values
+    return {name: getattr(point, name) for name in names} | values
 
 
 def _piece_header(piece: Piece) -> dict[str, Any]:
-    values = {"signs": str(piece.character), "count": len(piece.track.inner) + 2}
-    return attributes(piece, "id", "start", "end", "label", "det_sign") | values
+    names = "id", "start", "end", "label", "det_sign"
+    values = {"signs": str(piece.character), "count": len(piece.points)}
+    return {name: getattr(piece, name) for name in names} | values
 
 
 def read(path: str | Path) -> tuple[Contents, BoxProof | None]:
@@ -258,7 +257,7 @@ def _piece(header: Fields, points: Array) -> Piece:
         end=header.integer("end", 0),
         character=Character.read(signs),
         naming=partial(_name, header.text("label")),
-        track=Track.of(points),
+        points=points,
         det_sign=header.integer("det_sign", -MOST_STORED),  # any number along an interface
     )
 
@@ -346,8 +345,8 @@ def _check_solution(
     path: str | Path, system: PiecewiseSystem, piece: Piece, interval: tuple[float, float]
 ) -> None:
     """Refuse a system whose equations do not hold where a piece begins."""
-    alpha = piece.track.start.alpha
-    z = completed(system, piece.track.start.x[:-1], alpha)
+    alpha = float(piece.alpha[0])
+    z = completed(system, piece.z[0], alpha)
     scale = np.append(system.scale(*interval), np.ptp(interval))
     if unexplained(system, piece.character, np.append(z, alpha), scale):
         raise InvalidInputError(

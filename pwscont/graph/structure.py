@@ -46,7 +46,7 @@ MISSPELT = 0.7
 NOT_SEARCHED = SearchScope("nothing but the component through the start", Guarantee.NOTHING)
 
 
-class Structure:
+class ConnectedPieces:
     """Pieces, special points, and how pieces are connected; see :class:`pwscont.BranchGraph`."""
 
     def __init__(
@@ -69,26 +69,22 @@ class Structure:
         self.searched = searched
         self.system = system
         self.parameter = parameter
-        self._points, within = list(points), list(starts)
+        #: All pieces by id.
+        self.pieces = tuple(sorted(pieces, key=lambda piece: piece.id))
+        self._points, within = sorted(points, key=lambda point: point.id), list(starts)
         #: The unknowns and recorded quantities of the states, by name.
         self.quantities = _quantities([*self._points, *within], system, record, names)
         self.starts = tuple(_asked(point, self.quantities) for point in within)
-        self._by_id = {piece.id: piece for piece in sorted(pieces, key=lambda piece: piece.id)}
-
-    @cached_property
-    def pieces(self) -> tuple[Piece, ...]:
-        """All pieces by id."""
-        return tuple(self._by_id.values())
-
-    @cached_property
-    def _nodes(self) -> dict[int, SpecialPoint]:
-        """The special points by id, whose states are asked by the names of the graph."""
-        return {point.id: _asked(point, self.quantities) for point in self._points}
+        self._by_id = {piece.id: piece for piece in self.pieces}
 
     @cached_property
     def nodes(self) -> tuple[SpecialPoint, ...]:
         """The special points by id, without the starts within pieces."""
-        return tuple(self._nodes[i] for i in sorted(self._nodes))
+        return tuple(_asked(point, self.quantities) for point in self._points)
+
+    @cached_property
+    def _nodes(self) -> dict[int, SpecialPoint]:
+        return {point.id: point for point in self.nodes}
 
     @cached_property
     def _touching(self) -> dict[int, list[Piece]]:

@@ -29,7 +29,7 @@ from pwscont.enumeration.choices import SLACK, Choices, inequalities_of
 from pwscont.enumeration.options import Problem, problem_with_alpha
 from pwscont.enumeration.polyhedron import Face, face_of
 from pwscont.enumeration.slices import FEW_CELLS, Points
-from pwscont.enumeration.tree import leaves
+from pwscont.enumeration.tree import CUT_OFF_LINES, leaves
 from pwscont.graph.records import FEW_DIGITS, significant
 from pwscont.linear.factorise import factor, power_of_two
 from pwscont.search.enumeration import starts_at
@@ -144,7 +144,7 @@ class Lines:
         if problem is None:
             return
         lower_end = int(np.isfinite(Box.of(system).lower).sum())
-        for choices in leaves(problem):
+        for choices in leaves(problem, *CUT_OFF_LINES):
             if choices.directions.shape[-1] == 1:
                 self._add_ends(problem, choices, lower_end)
             else:

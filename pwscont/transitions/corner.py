@@ -34,8 +34,9 @@ from pwscont.basics.printing import at
 from pwscont.basics.rounding import EPS
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.metric import Metric
-from pwscont.enumeration.by_parts import Cells, is_regular, most_cells, parts_of_table
+from pwscont.enumeration.by_parts import is_regular, most_cells, parts_of_table
 from pwscont.enumeration.options import Table
+from pwscont.enumeration.polyhedron import Cells
 from pwscont.enumeration.slices import FEW_CELLS, solve_slice
 from pwscont.linear.factorise import last_unit
 from pwscont.linear.jacobian import StructuredJacobian

@@ -106,14 +106,14 @@ class Numbers:
 
 def is_curved(piece: Piece) -> bool:
     """Tell whether a piece has points between the ends."""
-    return len(piece.track.inner) > 0
+    return len(piece.points) > 2
 
 
 def _finer(graph: BranchGraph) -> int:
     """Return the number of parts into which steps of pieces are cut, ``FINER`` if room allows."""
     record = graph.quantities.record
     cut = [piece for piece in graph.pieces if is_curved(piece) or record]
-    rows = sum(len(piece.track.inner) + 2 for piece in cut)
+    rows = sum(len(piece.points) for piece in cut)
     columns = 1 + len(graph.names) + len(record)
     return int(np.clip(MOST_NUMBERS // max(rows * columns, 1), 1, FINER))
 
