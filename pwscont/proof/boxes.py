@@ -20,9 +20,12 @@ from typing import Any
 import numpy as np
 
 from pwscont.basics.arrays import Array, Indices, Signs
-from pwscont.proof.interval import Interval, together
+from pwscont.proof.interval import Interval, together, upper
 from pwscont.proof.operations import OPERATIONS, Rule
 from pwscont.proof.tape import Tape
+
+#: The least radius of an enclosure of solutions, far above all numbers that underflow.
+LEAST = 1e-290
 
 
 def values_of(tape: Tape, box: Interval, rules: Mapping[str, Rule] = OPERATIONS) -> list[Interval]:
@@ -154,3 +157,24 @@ def inverses(matrices: Array) -> Array:
         found[regular] = np.linalg.inv(matrices[regular])
     inverse: Array = found
     return inverse
+
+
+def solved(matrix: Interval, right: Interval) -> Interval:
+    """Return x with matrix x + right = 0 for B systems, shapes (B, n, n) and (B, n, m).
+
+    With R about the inverse, the error e of x solves e = (I - R K) e - R (K x + k): a radius v with
+    |R (K x + k)| + |I - R K| v < v bounds the error, and K is regular (Rump 2010, section 10). Else
+    nothing is said.
+    """
+    middle, n = matrix.middle(), matrix.lo.shape[-1]
+    if matrix.lo.shape[-2] != n:
+        return Interval(np.full((len(middle), n, right.lo.shape[-1]), np.nan))
+    inverse = inverses(middle)
+    x = -(inverse @ right.middle())
+    x = x - inverse @ (middle @ x + right.middle())
+    start = (Interval(inverse) @ (matrix @ Interval(x) + right)).reach()
+    off = (Interval(inverse) @ matrix - np.eye(n)).reach()
+    radius = 2.0 * (start + off @ (2.0 * start)) + LEAST
+    image = upper(start + off @ radius, n + 1)
+    holds: Signs = np.all(image < radius, axis=(-2, -1), keepdims=True)
+    return Interval.rounded(x - image, x + image).where(holds)

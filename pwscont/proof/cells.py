@@ -1,10 +1,8 @@
 """Systems of linear pieces, cell by cell: where in an interval of alpha a cell has solutions.
 
 A cell is one choice of a mode for every part of the system; its solutions lie on a line, along
-which every inequality is affine in alpha. With R about the inverse of the matrix K of a cell, the
-error e of a solution x solves e = (I - R K) e - R (K x + k): a radius v with
-|R (K x + k)| + |I - R K| v < v bounds the error, and K is regular (Rump 2010, section 10). The rows
-that all cells have in common are solved once for some of the unknowns.
+which every inequality is affine in alpha. The rows that all cells have in common are solved once
+for some of the unknowns.
 
 What bounds of rounding do not decide stays undecided: singular cells, inequalities that vanish,
 data so large or small that bounds are no numbers. Rational numbers decide these cells.
@@ -23,61 +21,16 @@ from scipy.linalg import qr
 
 from pwscont.basics.arrays import Array, Indices, Signs
 from pwscont.enumeration.echelon import Echelon, independent, integers
-from pwscont.proof.boxes import inverses
-from pwscont.proof.interval import INF, SMALLEST, Interval, together, upper
+from pwscont.proof.boxes import solved
+from pwscont.proof.interval import INF, Interval, together
 from pwscont.system.abilities import ExactMode
 
 #: Most cells that are tried.
 MOST_CELLS = 4**8
 #: Numbers of the matrices of cells that are worked on at once: they fit into a processor's cache.
 TOGETHER = 2**16
-#: The least radius of an enclosure, far above all numbers that underflow.
-LEAST = 1e-290
 Choice = tuple[int, ...]
 Point = tuple[Fraction, ...]
-
-
-def solved(matrix: Interval, right: Interval) -> Interval:
-    """Return x with matrix x + right = 0 for B systems, shapes (B, n, n) and (B, n, m).
-
-    Where no solution is known, nothing is said.
-    """
-    middle, n = matrix.middle(), matrix.lo.shape[-1]
-    if matrix.lo.shape[-2] != n:
-        return Interval(np.full((len(middle), n, right.lo.shape[-1]), np.nan))
-    inverse = inverses(middle)
-    x = -(inverse @ right.middle())
-    x = x - inverse @ (middle @ x + right.middle())
-    start = (Interval(inverse) @ residual(matrix, x, right)).reach()
-    off = (Interval(inverse) @ matrix - np.eye(n)).reach()
-    radius = 2.0 * (start + off @ (2.0 * start)) + LEAST
-    image = upper(start + off @ radius, n + 1)
-    holds: Signs = np.all(image < radius, axis=(-2, -1), keepdims=True)
-    return Interval.rounded(x - image, x + image).where(holds)
-
-
-def residual(matrix: Interval, x: Array, right: Interval) -> Interval:
-    """Return matrix x + right; of exact numbers, to about twice the digits (Ozaki et al. 2012).
-
-    The product of the leading bits has no rounding, whatever the order of sums.
-    """
-    if matrix.lo is not matrix.hi:
-        return matrix @ Interval(x) + right
-    terms = x.shape[-2]
-    bits = (53 - int(np.ceil(np.log2(terms + 1)))) // 2
-    one, other = _leading(matrix.lo, -1, bits), _leading(x, -2, bits)
-    exact, lost = Interval(one @ other) + right, terms * SMALLEST
-    exact = Interval.rounded(exact.lo - lost, exact.hi + lost)
-    rest = Interval(matrix.lo - one) @ Interval(x)
-    return exact + (Interval(one) @ Interval(x - other) + rest)
-
-
-def _leading(x: Array, axis: int, bits: int) -> Array:
-    """Return the leading bits of numbers, counted from the largest along an axis."""
-    largest = np.abs(x).max(axis=axis, keepdims=True, initial=0.0)
-    shift = 2.0 ** (np.ceil(np.log2(largest + LEAST)) + 53 - bits)
-    leading: Array = (x + shift) - shift
-    return leading
 
 
 @final
