@@ -26,7 +26,7 @@ from pwscont import (
     prove,
     trace,
 )
-from pwscont.extending import ExactMode
+from pwscont.extending import ExactMode, Kind
 from pwscont.graph.records import Track
 from pwscont.proof.cells import ExactCells, Ranges, segment_of
 from pwscont.proof.interval import Interval
@@ -410,10 +410,48 @@ def test_a_corner_with_a_way_dropped_is_not_complete():
         assert not proof.is_complete
 
 
-def test_a_piece_without_end_is_not_proved():
-    flat = Switched(1, lambda z, t, sw: sw.relu(z) - t, linear=True)
-    proof = prove(explore(flat, (-1.0, 1.0)))
-    assert proof.open == ["special point 0"]
+RAYS = {
+    "of a formula": Switched(1, lambda z, t, sw: sw.relu(z) - t, linear=True),
+    "of an LCP": LCP([[0.0]], q=[0.0], d=[1.0]),
+}
+
+
+@pytest.mark.parametrize("name", RAYS)
+def test_rays_without_end_are_proved_where_the_graph_has_infinitely_many_solutions(name):
+    graph = explore(RAYS[name], (-1.0, 1.0))
+    proof = prove(graph)
+    assert proof.is_complete
+    assert proof.statements[0] == (
+        "complete, proved: 1 piece and 0 transitions; solutions without end at alpha = 0"
+    )
+    nodes = [
+        replace(node, kind=Kind.TRANSITION) if node.kind == Kind.STOPPED else node
+        for node in graph.nodes
+    ]
+    finite = BranchGraph(nodes, graph.pieces, graph.interval, system=graph.system)
+    assert finite.count(0.0) != math.inf
+    assert prove(finite).open[0].startswith("special point")
+    assert not prove(finite).is_complete
+
+
+def test_a_piece_that_ends_where_no_ray_begins_is_not_proved():
+    graph = explore(CORNERS["vertical pieces"][0], (-1.5, 1.5))
+    for piece in graph.pieces:
+        part = BranchGraph(graph.nodes, [piece], graph.interval, system=graph.system)
+        assert not prove(part).holds
+
+
+def test_an_area_of_solutions_stays_undecided():
+    proof = prove(explore(LCP(np.zeros((2, 2)), q=[0.0, 0.0], d=[1.0, 1.0]), (-1.0, 1.0)))
+    assert not proof.is_complete
+    assert proof.open == ["cell (1, 1)"]
+
+
+def test_a_system_without_a_switch_is_proved():
+    line = Switched(2, lambda z, t, sw: np.array([z[0] - t, z[1] + z[0]]), linear=True)
+    graph = explore(line, (-1.0, 1.0))
+    assert prove(graph).is_complete
+    assert prove(graph, 0.5).count == 1
 
 
 def test_transitions_that_only_look_alike_are_not_joined(monkeypatch):

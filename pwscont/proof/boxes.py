@@ -61,7 +61,7 @@ def with_slopes(
     found, by = evaluated(tape, box, rules), tape.size + 1
     count = len(tape.outputs) // (by + 1)
     shape = (count, by, *box.lo.shape[1:])
-    return found[:count], together(lambda ends: ends[0].reshape(shape), found[count:])
+    return found[:count], found[count:].arranged(lambda end: end.reshape(shape))
 
 
 # -- contraction ----------------------------------------------------------------------------------

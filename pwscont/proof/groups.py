@@ -151,9 +151,6 @@ def _solved(slopes: Interval, along: Array, right: Interval) -> Interval:
     nothing is said.
     """
     square = together(np.concatenate, slopes, Interval(along[np.newaxis]))
-    found = solved(_first(square), -_first(right[:, np.newaxis]))
-    return Interval(found.lo[..., 0].T, found.hi[..., 0].T)
-
-
-def _first(x: Interval) -> Interval:
-    return together(lambda ends: np.moveaxis(ends[0], -1, 0), x)
+    parts = [each.arranged(lambda end: np.moveaxis(end, -1, 0)) for each in (square, -right)]
+    found = solved(parts[0], parts[1][..., np.newaxis])
+    return found[..., 0].arranged(np.transpose)

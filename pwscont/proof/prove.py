@@ -123,47 +123,34 @@ def _certified_count(
     return Certificate(holds, (words, ASSUMED.format("the data")), undecided, count)
 
 
+@np.errstate(all="ignore")
 def proved_solutions(
     cells: ExactCells, alpha: float
 ) -> tuple[dict[Choice, Interval], set[Point], list[Choice]]:
     """Return enclosures of solutions by cells, all other solutions, and cells that are undecided.
 
-    A cell off all its inequalities has one solution in floating point; if that may be the solution
-    of another cell, or if floating point does not decide a cell, rational numbers decide.
+    A cell off all its inequalities has one solution in floating point. Rational numbers decide all
+    other cells that may have solutions, and cells whose solution may be that of another cell.
     """
-    boxes, points, undecided = dict[Choice, Interval](), set[Point](), list[Choice]()
-    rest: list[Choice] = []
+    found: list[tuple[Choice, Interval, bool]] = []
     for choices in cells.choices():
         x, sides = cells.lines(choices)
         ranges = Ranges.of((x, sides), (alpha, alpha))
         for i in np.flatnonzero(~ranges.empty):
-            choice = tuple(choices[i].tolist())
-            if ranges.decided[i]:
-                boxes[choice] = cells.unknowns(x[i], np.array([alpha]))[:, 0]
-            else:
-                rest.append(choice)
-    while True:
-        for choice in rest:
-            ends = segment_of(*cells.of(choice), (alpha, alpha))
-            if ends is not None and len(set(ends)) == 1:
-                points.add(ends[0][:-1])
-            elif ends is not None:
-                undecided.append(choice)
-        rest = _meeting(boxes, points)
-        if not rest:
-            return boxes, points, undecided
-        boxes = {choice: box for choice, box in boxes.items() if choice not in rest}
-
-
-def _meeting(boxes: dict[Choice, Interval], points: set[Point]) -> list[Choice]:
-    """Return the cells with solutions that may be the solution of another cell, or a point."""
-    exact = (np.array(point, dtype=float) for point in points)
-    known = [*boxes.values(), *(Interval.rounded(x, x) for x in exact)]
-    return [
-        choice
-        for choice, x in boxes.items()
-        if any(y is not x and ((x.lo <= y.hi) & (y.lo <= x.hi)).all() for y in known)
-    ]
+            box = cells.unknowns(x[i], np.array([alpha]))[:, 0]
+            found.append((tuple(choices[i].tolist()), box, bool(ranges.decided[i])))
+    lo, hi = (np.array([getattr(box, end) for _, box, _ in found]) for end in ("lo", "hi"))
+    boxes, points, undecided = dict[Choice, Interval](), set[Point](), list[Choice]()
+    for choice, box, is_decided in found:
+        if is_decided and ((lo > box.hi) | (hi < box.lo)).any(axis=1).sum() == len(found) - 1:
+            boxes[choice] = box
+            continue
+        ends = segment_of(*cells.of(choice), (alpha, alpha))
+        if ends is not None and len(ends) == 2 and ends[0] == ends[1]:
+            points.add(ends[0][:-1])
+        elif ends is not None:
+            undecided.append(choice)
+    return boxes, points, undecided
 
 
 def _are_matched(centres: Sequence[Array], known: Sequence[Solution]) -> bool:
