@@ -142,8 +142,6 @@ class BoxProof:
             return None
         return next((each.count for each in self.stretches if each.lo <= alpha <= each.hi), None)
 
-    # -- words ---------------------------------------------------------------------------------
-
     @property
     def holds(self) -> bool:
         """Whether the number of solutions is proved at every alpha but at folds and in windows."""
@@ -168,14 +166,12 @@ class BoxProof:
     def statements(self) -> tuple[str, ...]:
         """What is proved, of which box, and what is assumed, a sentence each."""
         where = f"the box: {self._ranges}; nothing is said of solutions outside"
-        if not self.folds:
-            return (self.words, where, self.assumed)
         folds = (
             f"folds in {counted(len(self.folds), 'range')} of alpha of width up to "
             f"{_widest(self.folds):.1g}: there the number of solutions goes from the number before "
             "to the number after without turning"
         )
-        return (self.words, folds, where, self.assumed)
+        return (self.words, *([folds] if self.folds else ()), where, self.assumed)
 
     def judged(self, graph: Structure, words: str) -> str:
         """Return the guarantee of a graph with what is proved, from the guarantee without."""
@@ -203,8 +199,6 @@ class BoxProof:
 
     def __repr__(self) -> str:
         return f"BoxProof({self.words}; {several(self.boxes, 'box')})"
-
-    # -- comparison with a graph ---------------------------------------------------------------
 
     def disagreements(self, graph: Structure) -> Iterator[tuple[float, int, int]]:
         """Yield where a graph has not the proved solutions: alpha, and how many are proved, found.
@@ -236,8 +230,6 @@ class BoxProof:
             if ((z >= lower) & (z <= upper)).all():
                 yield z, error if len(error) else np.zeros_like(z)
 
-    # -- file ----------------------------------------------------------------------------------
-
     def plain(self) -> dict[str, Any]:
         """Return the proof as lists and numbers, for a file."""
         return {each.name: _plain(getattr(self, each.name)) for each in fields(self)}
@@ -251,22 +243,15 @@ class BoxProof:
         KeyError, TypeError, ValueError
             If the entries make no sense.
         """
+        box, *opened = _corners([plain["box"], *plain["open"]])
         lo, hi = (float(end) for end in plain["interval"])
-        return cls(
-            _corners([plain["box"]])[0],
-            (lo, hi),
-            [
-                CountedStretch(float(a), float(b), float(at), None if s is None else _corners(s))
-                for a, b, at, s in plain["stretches"]
-            ],
-            [
-                (float(a), float(b), np.nan if turn is None else float(turn))
-                for a, b, turn in plain["turns"]
-            ],
-            _corners(plain["open"]),
-            int(plain["boxes"]),
-            str(plain["assumed"]),
-        )
+        stretches = [
+            CountedStretch(float(a), float(b), float(at), None if s is None else _corners(s))
+            for a, b, at, s in plain["stretches"]
+        ]
+        turns: Any = map(tuple, np.array(plain["turns"], dtype=float).reshape(-1, 3).tolist())
+        boxes, assumed = int(plain["boxes"]), str(plain["assumed"])
+        return cls(box, (lo, hi), stretches, list(turns), opened, boxes, assumed)
 
 
 def several(number: int, noun: str) -> str:
@@ -275,7 +260,7 @@ def several(number: int, noun: str) -> str:
 
 
 def _widest(ranges: list[Range]) -> float:
-    return max(hi - lo for lo, hi in ranges)
+    return max((hi - lo for lo, hi in ranges), default=0.0)
 
 
 def _is_found(proved: Corners, found: list[Corners]) -> bool:

@@ -1,15 +1,10 @@
 """A tape on boxes: values, derivatives, and contraction of boxes that loses no solution.
 
 Where a switch may be in either mode, a derivative is the hull of the derivatives of both branches,
-so that the mean value form holds across kinks (docs/theory, F20).
-
-Hull consistency is HC4: Benhamou, Goualard, Granvilliers and Puget, *Revising hull and box
-consistency* (1999). Interval Newton: with J the derivatives on a box X and c a point of X, every
-solution x in X satisfies 0 = H(c) + J' (x - c) for some J' in J. Multiplied by any matrix, the
-equations still hold; a matrix that nearly makes unit columns of the middle of J, for the n most
-important of n + 1 coordinates, lets every row bound one coordinate by the others (Neumaier,
-*Interval Methods for Systems of Equations*, 1990, chapter 5; Kearfott, *Rigorous Global Search*,
-1996, chapter 3).
+so that the mean value form holds across kinks (docs/theory, F20). Hull consistency is HC4; interval
+Newton multiplies the mean value form by a matrix that nearly makes unit columns of the n most
+important of n + 1 coordinates, so that every row bounds one coordinate by the others (references on
+the page "Proofs" of the manual).
 """
 
 from __future__ import annotations
@@ -64,9 +59,6 @@ def with_slopes(
     return found[:count], found[count:].arranged(lambda end: end.reshape(shape))
 
 
-# -- contraction ----------------------------------------------------------------------------------
-
-
 def consistent(tape: Tape, box: Interval) -> tuple[Interval, Signs]:
     """Return the parts of boxes in which the outputs may be zero, and which boxes are empty.
 
@@ -105,9 +97,6 @@ def newton(tape: Tape, box: Interval, slopes: Interval) -> tuple[Interval, Signs
         lo[own, each] = np.fmax(lo[own, each], found.lo)
         hi[own, each] = np.fmin(hi[own, each], found.hi)
     return Interval(lo, hi), empty | (lo > hi).any(axis=0)
-
-
-# -- matrices -------------------------------------------------------------------------------------
 
 
 def times(matrix: Array, right: Interval) -> Interval:

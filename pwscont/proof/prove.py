@@ -99,9 +99,6 @@ def _given(given: Any, alpha: float | None) -> tuple[Any, float | None, Sequence
     return given.system, given.alpha, given
 
 
-# -- solutions at one alpha -----------------------------------------------------------------------
-
-
 def _certified_count(
     cells: ExactCells, alpha: float, known: Sequence[Solution], size: int
 ) -> Certificate:
