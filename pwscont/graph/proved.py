@@ -5,7 +5,7 @@ The theorem stands on the page "Proofs" of the manual; the room ``proof`` makes 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
 from functools import cached_property
 from itertools import pairwise
@@ -18,11 +18,12 @@ from pwscont.basics.errors import InvalidInputError, SystemNeededError
 from pwscont.basics.printing import counted
 from pwscont.basics.rounding import CONFIDENCE
 from pwscont.graph.queries import solutions_at
+from pwscont.graph.records import Solution
 from pwscont.graph.structure import Structure
 from pwscont.system.box import Box
 
 #: A solution of the graph is a proved solution if closer than this part of a typical magnitude, or
-#: of the solution, or closer than the errors.
+#: of the largest unknown, or closer than the errors.
 NEAR_A_PROVED_SOLUTION = 1e-6
 Range = tuple[float, float]
 Corners = tuple[Array, Array]
@@ -215,8 +216,8 @@ class BoxProof:
             count = self.count(alpha)
             if count is not None:
                 found = list(self._inside(graph, alpha))
-                proved = known.get(alpha) or ()
-                if len(found) != count or not all(_is_found(each, found) for each in proved):
+                proved = known.get(alpha)
+                if len(found) != count or (proved and not are_matched(proved, found, 1.0)):
                     yield alpha, count, len(found)
 
     def _inside(self, graph: Structure, alpha: float) -> Iterator[Corners]:
@@ -224,11 +225,11 @@ class BoxProof:
         lower, upper = self.box
         own = Box.of(graph.system) if graph.system is not None else None
         for solution in solutions_at(graph, alpha):
-            z, error = solution.z, solution.error[: len(solution.z)]
+            z, error = with_error(solution)
             if own is not None and own.is_periodic:
                 z = own.wrapped(np.append(z, np.zeros(len(own.period) - len(z))))[: len(z)]
             if ((z >= lower) & (z <= upper)).all():
-                yield z, error if len(error) else np.zeros_like(z)
+                yield z, error
 
     def plain(self) -> dict[str, Any]:
         """Return the proof as lists and numbers, for a file."""
@@ -263,16 +264,24 @@ def _widest(ranges: list[Range]) -> float:
     return max((hi - lo for lo, hi in ranges), default=0.0)
 
 
-def _is_found(proved: Corners, found: list[Corners]) -> bool:
-    """Tell whether a solution between two corners may be one of the solutions found."""
-    lo, hi = proved
-    return any(
-        (
-            np.abs(z - 0.5 * (lo + hi))
-            <= (hi - lo) + CONFIDENCE * error + NEAR_A_PROVED_SOLUTION * (1.0 + np.abs(z))
-        ).all()
-        for z, error in found
-    )
+def with_error(solution: Solution) -> Corners:
+    """Return the unknowns of a solution of a graph, and their errors."""
+    error = solution.error[: len(solution.z)]
+    return solution.z, error if len(error) else np.zeros_like(solution.z)
+
+
+def are_matched(proved: Sequence[Corners], found: Sequence[Corners], typical: float) -> bool:
+    """Tell whether every proved solution is near one that was found with an error, and the reverse.
+
+    Proved solutions lie between two corners; ``typical`` is a magnitude of unknowns.
+    """
+    close = np.zeros((len(proved), len(found)), dtype=bool)
+    for i, (lo, hi) in enumerate(proved):
+        for j, (z, error) in enumerate(found):
+            near = NEAR_A_PROVED_SOLUTION * np.abs(z).max(initial=typical)
+            slack = hi - lo + CONFIDENCE * error + near
+            close[i, j] = (np.abs(z - 0.5 * (lo + hi)) <= slack).all()
+    return bool(close.any(axis=1).all() and close.any(axis=0).all())
 
 
 def _plain(thing: Any) -> Any:

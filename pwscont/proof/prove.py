@@ -7,11 +7,11 @@ from typing import Any, cast
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, finite_array
+from pwscont.basics.arrays import finite_array
 from pwscont.basics.errors import InvalidInputError
 from pwscont.basics.printing import counted
-from pwscont.basics.rounding import CONFIDENCE
 from pwscont.graph.branch_graph import BranchGraph
+from pwscont.graph.proved import are_matched, with_error
 from pwscont.graph.records import Solution
 from pwscont.proof.cells import MOST_CELLS, Choice, ExactCells, Point, Ranges, segment_of
 from pwscont.proof.certificate import ASSUMED, Certificate
@@ -21,10 +21,6 @@ from pwscont.proof.rates import certified_rates
 from pwscont.search.enumeration import Solutions
 from pwscont.system.abilities import ExactData, ExactRates, shown_size
 from pwscont.system.system import PiecewiseSystem
-
-#: A solution is the proved solution if closer than this part of the largest unknown, or than
-#: errors.
-CLOSE = 1e-6
 
 
 def prove(given: Any, alpha: float | None = None) -> Certificate:
@@ -111,7 +107,8 @@ def _certified_count(
     centres = [each.middle()[:size] for each in boxes.values()]
     centres += [np.array(point[:size], dtype=float) for point in points]
     count = None if undecided else len(centres)
-    holds = count == len(known) and _are_matched(centres, known)
+    found = [with_error(solution) for solution in known]
+    holds = count == len(known) and are_matched([(x, x) for x in centres], found, 0.0)
     words = f"exactly {counted(len(centres), 'solution')} at alpha = {alpha:.8g}, proved"
     if not holds:
         words += f"; the {len(known)} given are not these"
@@ -148,14 +145,3 @@ def proved_solutions(
         elif ends is not None:
             undecided.append(choice)
     return boxes, points, undecided
-
-
-def _are_matched(centres: Sequence[Array], known: Sequence[Solution]) -> bool:
-    """Tell whether every proved solution is one of the given solutions, and the reverse."""
-    close = np.zeros((len(centres), len(known)), dtype=bool)
-    for i, x in enumerate(centres):
-        for j, solution in enumerate(known):
-            error = solution.error[: len(x)] if len(solution.error) else 0.0
-            slack = CONFIDENCE * error + CLOSE * np.abs(x).max(initial=0.0)
-            close[i, j] = (np.abs(x - solution.z) <= slack).all()
-    return bool(close.any(axis=1).all() and close.any(axis=0).all())
