@@ -185,9 +185,10 @@ class BoxProof:
             wrong = None
         if wrong is not None:
             alpha, count, found = wrong
+            which = "others" if found == count else f"{found} of them"
             return (
                 f"not complete: {counted(count, 'solution')} proved in the box at "
-                f"{graph.parameter} = {alpha:.8g}, but {found} of them found; {words}"
+                f"{graph.parameter} = {alpha:.8g}, but {which} found; {words}"
             )
         if not self.holds:
             return f"{words}; {self.words}"
@@ -217,19 +218,21 @@ class BoxProof:
             if count is not None:
                 found = list(self._inside(graph, alpha))
                 proved = known.get(alpha)
-                if len(found) != count or (proved and not are_matched(proved, found, 1.0)):
+                if len(found) != count or (proved and not are_matched(proved, found)):
                     yield alpha, count, len(found)
 
     def _inside(self, graph: Structure, alpha: float) -> Iterator[Corners]:
-        """Yield the solutions of a graph in the box, with their errors."""
+        """Yield the solutions of a graph in the box, with their slack."""
         lower, upper = self.box
+        corners = [z for each in self.stretches for pair in each.solutions or () for z in pair]
+        typical = np.abs([0.0 * lower, *corners]).max(axis=0)
         own = Box.of(graph.system) if graph.system is not None else None
         for solution in solutions_at(graph, alpha):
-            z, error = with_error(solution)
+            z, slack = with_slack(solution, typical)
             if own is not None and own.is_periodic:
                 z = own.wrapped(np.append(z, np.zeros(len(own.period) - len(z))))[: len(z)]
             if ((z >= lower) & (z <= upper)).all():
-                yield z, error
+                yield z, slack
 
     def plain(self) -> dict[str, Any]:
         """Return the proof as lists and numbers, for a file."""
@@ -264,23 +267,22 @@ def _widest(ranges: list[Range]) -> float:
     return max((hi - lo for lo, hi in ranges), default=0.0)
 
 
-def with_error(solution: Solution) -> Corners:
-    """Return the unknowns of a solution of a graph, and their errors."""
-    error = solution.error[: len(solution.z)]
-    return solution.z, error if len(error) else np.zeros_like(solution.z)
+def with_slack(solution: Solution, typical: Any) -> Corners:
+    """Return the unknowns of a solution of a graph, and how far the unknowns may be off.
 
-
-def are_matched(proved: Sequence[Corners], found: Sequence[Corners], typical: float) -> bool:
-    """Tell whether every proved solution is near one that was found with an error, and the reverse.
-
-    Proved solutions lie between two corners; ``typical`` is a magnitude of unknowns.
+    ``typical``: magnitudes of the unknowns.
     """
+    z, error = solution.z, solution.error[: len(solution.z)]
+    near = NEAR_A_PROVED_SOLUTION * np.maximum(typical, np.abs(z))
+    return z, near + CONFIDENCE * error if len(error) else near
+
+
+def are_matched(proved: Sequence[Corners], found: Sequence[Corners]) -> bool:
+    """Tell whether every solution proved, between corners, is one found with slack; and reverse."""
     close = np.zeros((len(proved), len(found)), dtype=bool)
     for i, (lo, hi) in enumerate(proved):
-        for j, (z, error) in enumerate(found):
-            near = NEAR_A_PROVED_SOLUTION * np.abs(z).max(initial=typical)
-            slack = hi - lo + CONFIDENCE * error + near
-            close[i, j] = (np.abs(z - 0.5 * (lo + hi)) <= slack).all()
+        for j, (z, slack) in enumerate(found):
+            close[i, j] = (np.abs(z - 0.5 * (lo + hi)) <= hi - lo + slack).all()
     return bool(close.any(axis=1).all() and close.any(axis=0).all())
 
 

@@ -11,7 +11,7 @@ from pwscont.basics.arrays import finite_array
 from pwscont.basics.errors import InvalidInputError
 from pwscont.basics.printing import counted
 from pwscont.graph.branch_graph import BranchGraph
-from pwscont.graph.proved import are_matched, with_error
+from pwscont.graph.proved import are_matched, with_slack
 from pwscont.graph.records import Solution
 from pwscont.proof.cells import MOST_CELLS, Choice, ExactCells, Point, Ranges, segment_of
 from pwscont.proof.certificate import ASSUMED, Certificate
@@ -107,8 +107,8 @@ def _certified_count(
     centres = [each.middle()[:size] for each in boxes.values()]
     centres += [np.array(point[:size], dtype=float) for point in points]
     count = None if undecided else len(centres)
-    found = [with_error(solution) for solution in known]
-    holds = count == len(known) and are_matched([(x, x) for x in centres], found, 0.0)
+    found = [with_slack(each, np.abs(each.z).max(initial=0.0)) for each in known]
+    holds = count == len(known) and are_matched([(x, x) for x in centres], found)
     words = f"exactly {counted(len(centres), 'solution')} at alpha = {alpha:.8g}, proved"
     if not holds:
         words += f"; the {len(known)} given are not these"
