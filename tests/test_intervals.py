@@ -11,6 +11,7 @@ from pwscont.proof.boxes import evaluated
 from pwscont.proof.formulas import traced
 from pwscont.proof.interval import FUNCTION_ULPS, Interval, above, below, together
 from pwscont.proof.operations import ELEMENTARY, OPERATIONS
+from pwscont.proof.rates import is_positive_definite
 
 QUICK, WHOLE = 2_000, 200_000
 SIZES = swept([QUICK], [WHOLE])
@@ -269,3 +270,21 @@ BAD_INVERSES = {
 @pytest.mark.parametrize("name", OF_TWO)
 def test_mutants_of_inverse_rules_are_caught(name):
     assert lost(name, BAD_INVERSES[name]) > 0
+
+
+def test_positive_definite_matrices_are_told_to_rounding():
+    """A matrix with an eigenvalue of 1e-9, -1e-9 or zero: only the first is proved."""
+    rng = np.random.default_rng(3)
+    for _ in range(50):
+        q = np.linalg.qr(rng.normal(size=(6, 6)))[0]
+        for least in (1e-9, -1e-9, 0.0):
+            values = np.array([least, *rng.uniform(0.5, 2.0, 5)])
+            matrix = (q * values) @ q.T
+            error = 1e-14 * np.ones((6, 6))
+            assert is_positive_definite(0.5 * (matrix + matrix.T), error) == (least > 0.0)
+
+
+def test_an_error_of_the_matrix_counts():
+    error = np.full((3, 3), 0.4)
+    assert is_positive_definite(np.eye(3), 0.1 * error)
+    assert not is_positive_definite(np.eye(3), error)  # ones of 0.4 off the diagonal, -0.4 on it

@@ -26,12 +26,11 @@ from pwscont import (
     prove,
     trace,
 )
-from pwscont.extending import ExactMode
-from pwscont.proof.cells import ExactCells, Ranges, residual, segment_of
+from pwscont.extending import ExactMode, Kind
+from pwscont.proof.cells import ExactCells, Ranges, segment_of
 from pwscont.proof.interval import Interval
 from pwscont.proof.pieces import certified_pieces
 from pwscont.proof.prove import proved_solutions
-from pwscont.proof.rates import is_positive_definite
 from pwscont.search.enumeration import Solutions
 
 GAME = LCP([[1, 2], [2, 1]], q=[-1, -1], d=[1, 0])
@@ -189,7 +188,7 @@ def test_products_of_matrices_hold_exact_products(is_exact):
         far = 1.1e-12 * np.abs(matrix)
         known = Interval(matrix) if is_exact else Interval(near - far, near + far)
         truth = exact_rows(matrix, x, right)
-        found = residual(known, x, Interval(right))
+        found = known @ Interval(x) + right
         assert escaped(found, truth) == 0
         lost += escaped(narrowed(found, 1e-3), truth)
     assert lost > 0
@@ -266,13 +265,6 @@ def test_ranges_that_pass_over_ties_are_caught(monkeypatch):
     thin = lambda x, y: Interval(division(x, y).middle())  # noqa: E731
     monkeypatch.setattr(Interval, "__truediv__", thin)
     assert wrong_ranges(range(60)) > 0
-
-
-def test_exact_residuals_have_twice_the_digits():
-    rng = np.random.default_rng(2)
-    matrix, x = rng.normal(size=(30, 30)), rng.normal(size=(30, 2))
-    found = residual(Interval(matrix), x, Interval(-(matrix @ x)))
-    assert found.width().max() < 2e-19
 
 
 # -- pieces and transitions ------------------------------------------------------------------------
@@ -416,10 +408,40 @@ def test_a_corner_with_a_way_dropped_is_not_complete():
         assert not proof.is_complete
 
 
-def test_a_piece_without_end_is_not_proved():
-    flat = Switched(1, lambda z, t, sw: sw.relu(z) - t, linear=True)
-    proof = prove(explore(flat, (-1.0, 1.0)))
-    assert proof.open == ["special point 0"]
+RAYS = {
+    "of a formula": Switched(1, lambda z, t, sw: sw.relu(z) - t, linear=True),
+    "of an LCP": LCP([[0.0]], q=[0.0], d=[1.0]),
+}
+
+
+@pytest.mark.parametrize("name", RAYS)
+def test_rays_without_end_are_proved_where_the_graph_has_infinitely_many_solutions(name):
+    graph = explore(RAYS[name], (-1.0, 1.0))
+    words = "complete, proved: 1 piece and 0 transitions; solutions without end at alpha = 0"
+    assert prove(graph).statements[0] == words
+    nodes = [replace(node, kind=Kind.TRANSITION) for node in graph.nodes]
+    finite = BranchGraph(nodes, graph.pieces, graph.interval, system=graph.system)
+    assert finite.count(0.0) != math.inf
+    assert prove(finite).open[0].startswith("special point")
+
+
+def test_a_piece_that_ends_where_no_ray_begins_is_not_proved():
+    graph = explore(CORNERS["vertical pieces"][0], (-1.5, 1.5))
+    for piece in graph.pieces:
+        part = BranchGraph(graph.nodes, [piece], graph.interval, system=graph.system)
+        assert not prove(part).holds
+
+
+def test_an_area_of_solutions_stays_undecided():
+    area = LCP(np.zeros((2, 2)), q=[0.0, 0.0], d=[1.0, 1.0])
+    assert prove(explore(area, (-1.0, 1.0))).open == ["cell (1, 1)"]
+
+
+def test_a_system_without_a_switch_is_proved():
+    line = Switched(2, lambda z, t, sw: np.array([z[0] - t, z[1] + z[0]]), linear=True)
+    graph = explore(line, (-1.0, 1.0))
+    assert prove(graph).is_complete
+    assert prove(graph, 0.5).count == 1
 
 
 def test_transitions_that_only_look_alike_are_not_joined(monkeypatch):
@@ -469,21 +491,3 @@ def test_one_evolution_is_proved_where_forms_are_positive_definite(F):
     proof = prove(found)
     assert proof.holds == (least_eigenvalue(F) > 0.0 and len(found.paths()) == 1)
     assert proof.statements[0].startswith("exactly one evolution" if proof.holds else "not proved")
-
-
-def test_positive_definite_matrices_are_told_to_rounding():
-    """A matrix with an eigenvalue of 1e-9, -1e-9 or zero: only the first is proved."""
-    rng = np.random.default_rng(3)
-    for _ in range(50):
-        q = np.linalg.qr(rng.normal(size=(6, 6)))[0]
-        for least in (1e-9, -1e-9, 0.0):
-            values = np.array([least, *rng.uniform(0.5, 2.0, 5)])
-            matrix = (q * values) @ q.T
-            error = 1e-14 * np.ones((6, 6))
-            assert is_positive_definite(0.5 * (matrix + matrix.T), error) == (least > 0.0)
-
-
-def test_an_error_of_the_matrix_counts():
-    error = np.full((3, 3), 0.4)
-    assert is_positive_definite(np.eye(3), 0.1 * error)
-    assert not is_positive_definite(np.eye(3), error)  # ones of 0.4 off the diagonal, -0.4 on it

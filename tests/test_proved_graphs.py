@@ -165,6 +165,30 @@ def test_a_graph_on_another_curve_says_so():
     assert "1 solution proved in the box at alpha = 0" in wrong.guarantee
 
 
+def test_a_graph_with_one_of_two_close_solutions_and_a_wrong_one_says_so():
+    """Both proved solutions are near the right one that was found, and the numbers agree."""
+    close, wrong = (
+        Switched(1, lambda z, t, sw, far=far: z * (z - far) + 0 * t) for far in (5e-7, 1.0)
+    )
+    graph = explore(wrong, (-1.0, 1.0))
+    box = Everywhere(box=(-2.0, 2.0))
+    graph.proof = box.prove(close, Metric(np.array([1.0, 2.0]), (-1.0, 1.0)), (-1.0, 1.0))
+    assert graph.proof.count(0.0) == graph.count(0.0) == 2
+    assert graph.guarantee.startswith("not complete: 2 solutions proved in the box")
+
+
+@pytest.mark.parametrize("unit", [1.0, 1e-9, 1e9])
+def test_units_do_not_hide_a_curve_that_jumped(unit):
+    one, other = (
+        Switched(1, lambda z, t, sw, c=c: z - unit * (2 + t + c), scale=unit) for c in (0.0, 1e-3)
+    )
+    graph = explore(one, (-1.0, 1.0), search=Everywhere())
+    wrong = explore(other, (-1.0, 1.0))
+    wrong.proof = graph.proof
+    assert graph.guarantee.startswith("complete in the box, proved; ")
+    assert "1 solution proved in the box at alpha = 0, but others found" in wrong.guarantee
+
+
 def test_everywhere_finds_a_loop_that_other_searches_miss():
     loop = Switched(1, lambda z, t, sw: sw.abs(z - 300) + 100 * (t - 0.123) ** 2 - 1e-4)
     graph = explore(loop, (-1.0, 1.0), search=Everywhere())

@@ -5,7 +5,7 @@ The theorem stands on the page "Proofs" of the manual; the room ``proof`` makes 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
 from functools import cached_property
 from itertools import pairwise
@@ -18,11 +18,12 @@ from pwscont.basics.errors import InvalidInputError, SystemNeededError
 from pwscont.basics.printing import counted
 from pwscont.basics.rounding import CONFIDENCE
 from pwscont.graph.queries import solutions_at
+from pwscont.graph.records import Solution
 from pwscont.graph.structure import ConnectedPieces
 from pwscont.system.box import Box
 
 #: A solution of the graph is a proved solution if closer than this part of a typical magnitude, or
-#: of the solution, or closer than the errors.
+#: of the largest unknown, or closer than the errors.
 NEAR_A_PROVED_SOLUTION = 1e-6
 Range = tuple[float, float]
 Corners = tuple[Array, Array]
@@ -142,8 +143,6 @@ class BoxProof:
             return None
         return next((each.count for each in self.stretches if each.lo <= alpha <= each.hi), None)
 
-    # -- words ---------------------------------------------------------------------------------
-
     @property
     def holds(self) -> bool:
         """Whether the number of solutions is proved at every alpha but at folds and in windows."""
@@ -168,14 +167,12 @@ class BoxProof:
     def statements(self) -> tuple[str, ...]:
         """What is proved, of which box, and what is assumed, a sentence each."""
         where = f"the box: {self._ranges}; nothing is said of solutions outside"
-        if not self.folds:
-            return (self.words, where, self.assumed)
         folds = (
             f"folds in {counted(len(self.folds), 'range')} of alpha of width up to "
             f"{_widest(self.folds):.1g}: there the number of solutions goes from the number before "
             "to the number after without turning"
         )
-        return (self.words, folds, where, self.assumed)
+        return (self.words, *([folds] if self.folds else ()), where, self.assumed)
 
     def judged(self, graph: ConnectedPieces, words: str) -> str:
         """Return the guarantee of a graph with what is proved, from the guarantee without."""
@@ -188,9 +185,10 @@ class BoxProof:
             wrong = None
         if wrong is not None:
             alpha, count, found = wrong
+            which = "others" if found == count else f"{found} of them"
             return (
                 f"not complete: {counted(count, 'solution')} proved in the box at "
-                f"{graph.parameter} = {alpha:.8g}, but {found} of them found; {words}"
+                f"{graph.parameter} = {alpha:.8g}, but {which} found; {words}"
             )
         if not self.holds:
             return f"{words}; {self.words}"
@@ -203,8 +201,6 @@ class BoxProof:
 
     def __repr__(self) -> str:
         return f"BoxProof({self.words}; {counted(self.boxes, 'box', 'es')})"
-
-    # -- comparison with a graph ---------------------------------------------------------------
 
     def disagreements(self, graph: ConnectedPieces) -> Iterator[tuple[float, int, int]]:
         """Yield where a graph has not the proved solutions: alpha, and how many are proved, found.
@@ -221,22 +217,22 @@ class BoxProof:
             count = self.count(alpha)
             if count is not None:
                 found = list(self._inside(graph, alpha))
-                proved = known.get(alpha) or ()
-                if len(found) != count or not all(_is_found(each, found) for each in proved):
+                proved = known.get(alpha)
+                if len(found) != count or (proved and not are_matched(proved, found)):
                     yield alpha, count, len(found)
 
     def _inside(self, graph: ConnectedPieces, alpha: float) -> Iterator[Corners]:
-        """Yield the solutions of a graph in the box, with their errors."""
+        """Yield the solutions of a graph in the box, with their slack."""
         lower, upper = self.box
+        corners = [z for each in self.stretches for pair in each.solutions or () for z in pair]
+        typical = np.abs([0.0 * lower, *corners]).max(axis=0)
         own = Box.of(graph.system) if graph.system is not None else None
         for solution in solutions_at(graph, alpha):
-            z, error = solution.z, solution.error[: len(solution.z)]
+            z, slack = with_slack(solution, typical)
             if own is not None and own.is_periodic:
                 z = own.wrapped(np.append(z, np.zeros(len(own.period) - len(z))))[: len(z)]
             if ((z >= lower) & (z <= upper)).all():
-                yield z, error if len(error) else np.zeros_like(z)
-
-    # -- file ----------------------------------------------------------------------------------
+                yield z, slack
 
     def plain(self) -> dict[str, Any]:
         """Return the proof as lists and numbers, for a file."""
@@ -251,38 +247,38 @@ class BoxProof:
         KeyError, TypeError, ValueError
             If the entries make no sense.
         """
+        box, *opened = _corners([plain["box"], *plain["open"]])
         lo, hi = (float(end) for end in plain["interval"])
-        return cls(
-            _corners([plain["box"]])[0],
-            (lo, hi),
-            [
-                CountedStretch(float(a), float(b), float(at), None if s is None else _corners(s))
-                for a, b, at, s in plain["stretches"]
-            ],
-            [
-                (float(a), float(b), np.nan if turn is None else float(turn))
-                for a, b, turn in plain["turns"]
-            ],
-            _corners(plain["open"]),
-            int(plain["boxes"]),
-            str(plain["assumed"]),
-        )
+        stretches = [
+            CountedStretch(float(a), float(b), float(at), None if s is None else _corners(s))
+            for a, b, at, s in plain["stretches"]
+        ]
+        turns: Any = map(tuple, np.array(plain["turns"], dtype=float).reshape(-1, 3).tolist())
+        boxes, assumed = int(plain["boxes"]), str(plain["assumed"])
+        return cls(box, (lo, hi), stretches, list(turns), opened, boxes, assumed)
 
 
 def _widest(ranges: list[Range]) -> float:
-    return max(hi - lo for lo, hi in ranges)
+    return max((hi - lo for lo, hi in ranges), default=0.0)
 
 
-def _is_found(proved: Corners, found: list[Corners]) -> bool:
-    """Tell whether a solution between two corners may be one of the solutions found."""
-    lo, hi = proved
-    return any(
-        (
-            np.abs(z - 0.5 * (lo + hi))
-            <= (hi - lo) + CONFIDENCE * error + NEAR_A_PROVED_SOLUTION * (1.0 + np.abs(z))
-        ).all()
-        for z, error in found
-    )
+def with_slack(solution: Solution, typical: Any) -> Corners:
+    """Return the unknowns of a solution of a graph, and how far the unknowns may be off.
+
+    ``typical``: magnitudes of the unknowns.
+    """
+    z, error = solution.z, solution.error[: len(solution.z)]
+    near = NEAR_A_PROVED_SOLUTION * np.maximum(typical, np.abs(z))
+    return z, near + CONFIDENCE * error if len(error) else near
+
+
+def are_matched(proved: Sequence[Corners], found: Sequence[Corners]) -> bool:
+    """Tell whether every solution proved, between corners, is one found with slack; and reverse."""
+    close = np.zeros((len(proved), len(found)), dtype=bool)
+    for i, (lo, hi) in enumerate(proved):
+        for j, (z, slack) in enumerate(found):
+            close[i, j] = (np.abs(z - 0.5 * (lo + hi)) <= hi - lo + slack).all()
+    return bool(close.any(axis=1).all() and close.any(axis=0).all())
 
 
 def _plain(thing: Any) -> Any:

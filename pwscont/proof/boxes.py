@@ -1,15 +1,10 @@
 """A tape on boxes: values, derivatives, and contraction of boxes that loses no solution.
 
 Where a switch may be in either mode, a derivative is the hull of the derivatives of both branches,
-so that the mean value form holds across kinks (docs/theory, F20).
-
-Hull consistency is HC4: Benhamou, Goualard, Granvilliers and Puget, *Revising hull and box
-consistency* (1999). Interval Newton: with J the derivatives on a box X and c a point of X, every
-solution x in X satisfies 0 = H(c) + J' (x - c) for some J' in J. Multiplied by any matrix, the
-equations still hold; a matrix that nearly makes unit columns of the middle of J, for the n most
-important of n + 1 coordinates, lets every row bound one coordinate by the others (Neumaier,
-*Interval Methods for Systems of Equations*, 1990, chapter 5; Kearfott, *Rigorous Global Search*,
-1996, chapter 3).
+so that the mean value form holds across kinks (docs/theory, F20). Hull consistency is HC4; interval
+Newton multiplies the mean value form by a matrix that nearly makes unit columns of the n most
+important of n + 1 coordinates, so that every row bounds one coordinate by the others (references on
+the page "Proofs" of the manual).
 """
 
 from __future__ import annotations
@@ -20,9 +15,12 @@ from typing import Any
 import numpy as np
 
 from pwscont.basics.arrays import Array, Indices, Signs
-from pwscont.proof.interval import Interval, together
+from pwscont.proof.interval import Interval, together, upper
 from pwscont.proof.operations import OPERATIONS, Rule
 from pwscont.proof.tape import Tape
+
+#: The least radius of an enclosure of solutions, far above all numbers that underflow.
+LEAST = 1e-290
 
 
 def values_of(tape: Tape, box: Interval, rules: Mapping[str, Rule] = OPERATIONS) -> list[Interval]:
@@ -58,10 +56,7 @@ def with_slopes(
     found, by = evaluated(tape, box, rules), tape.size + 1
     count = len(tape.outputs) // (by + 1)
     shape = (count, by, *box.lo.shape[1:])
-    return found[:count], together(lambda ends: ends[0].reshape(shape), found[count:])
-
-
-# -- contraction ----------------------------------------------------------------------------------
+    return found[:count], found[count:].arranged(lambda end: end.reshape(shape))
 
 
 def consistent(tape: Tape, box: Interval) -> tuple[Interval, Signs]:
@@ -102,9 +97,6 @@ def newton(tape: Tape, box: Interval, slopes: Interval) -> tuple[Interval, Signs
         lo[own, each] = np.fmax(lo[own, each], found.lo)
         hi[own, each] = np.fmin(hi[own, each], found.hi)
     return Interval(lo, hi), empty | (lo > hi).any(axis=0)
-
-
-# -- matrices -------------------------------------------------------------------------------------
 
 
 def times(matrix: Array, right: Interval) -> Interval:
@@ -154,3 +146,24 @@ def inverses(matrices: Array) -> Array:
         found[regular] = np.linalg.inv(matrices[regular])
     inverse: Array = found
     return inverse
+
+
+def solved(matrix: Interval, right: Interval) -> Interval:
+    """Return x with matrix x + right = 0 for B systems, shapes (B, n, n) and (B, n, m).
+
+    With R about the inverse, the error e of x solves e = (I - R K) e - R (K x + k): a radius v with
+    |R (K x + k)| + |I - R K| v < v bounds the error, and K is regular (Rump 2010, section 10). Else
+    nothing is said.
+    """
+    middle, n = matrix.middle(), matrix.lo.shape[-1]
+    if matrix.lo.shape[-2] != n:
+        return Interval(np.full((len(middle), n, right.lo.shape[-1]), np.nan))
+    inverse = inverses(middle)
+    x = -(inverse @ right.middle())
+    x = x - inverse @ (middle @ x + right.middle())
+    start = (Interval(inverse) @ (matrix @ Interval(x) + right)).reach()
+    off = (Interval(inverse) @ matrix - np.eye(n)).reach()
+    radius = 2.0 * (start + off @ (2.0 * start)) + LEAST
+    image = upper(start + off @ radius, n + 1)
+    holds: Signs = np.all(image < radius, axis=(-2, -1), keepdims=True)
+    return Interval.rounded(x - image, x + image).where(holds)

@@ -1,13 +1,8 @@
 """Systems of linear pieces, cell by cell: where in an interval of alpha a cell has solutions.
 
 A cell is one choice of a mode for every part of the system; its solutions lie on a line, along
-which every inequality is affine in alpha. With R about the inverse of the matrix K of a cell, the
-error e of a solution x solves e = (I - R K) e - R (K x + k): a radius v with
-|R (K x + k)| + |I - R K| v < v bounds the error, and K is regular (Rump 2010, section 10). The rows
-that all cells have in common are solved once for some of the unknowns.
-
-What bounds of rounding do not decide stays undecided: singular cells, inequalities that vanish,
-data so large or small that bounds are no numbers. Rational numbers decide these cells.
+which every inequality is affine in alpha. Rational numbers decide what bounds of rounding do not:
+singular cells, inequalities that vanish, data so large that bounds are no numbers.
 """
 
 from __future__ import annotations
@@ -22,62 +17,17 @@ import numpy as np
 from scipy.linalg import qr
 
 from pwscont.basics.arrays import Array, Indices, Signs
-from pwscont.enumeration.echelon import Echelon, independent, integers
-from pwscont.proof.boxes import inverses
-from pwscont.proof.interval import INF, SMALLEST, Interval, together, upper
+from pwscont.enumeration.echelon import Echelon, integers
+from pwscont.proof.boxes import solved
+from pwscont.proof.interval import INF, Interval, together
 from pwscont.system.abilities import ExactMode
 
 #: Most cells that are tried.
 MOST_CELLS = 4**8
 #: Numbers of the matrices of cells that are worked on at once: they fit into a processor's cache.
 TOGETHER = 2**16
-#: The least radius of an enclosure, far above all numbers that underflow.
-LEAST = 1e-290
 Choice = tuple[int, ...]
 Point = tuple[Fraction, ...]
-
-
-def solved(matrix: Interval, right: Interval) -> Interval:
-    """Return x with matrix x + right = 0 for B systems, shapes (B, n, n) and (B, n, m).
-
-    Where no solution is known, nothing is said.
-    """
-    middle, n = matrix.middle(), matrix.lo.shape[-1]
-    if matrix.lo.shape[-2] != n:
-        return Interval(np.full((len(middle), n, right.lo.shape[-1]), np.nan))
-    inverse = inverses(middle)
-    x = -(inverse @ right.middle())
-    x = x - inverse @ (middle @ x + right.middle())
-    start = (Interval(inverse) @ residual(matrix, x, right)).reach()
-    off = (Interval(inverse) @ matrix - np.eye(n)).reach()
-    radius = 2.0 * (start + off @ (2.0 * start)) + LEAST
-    image = upper(start + off @ radius, n + 1)
-    holds: Signs = np.all(image < radius, axis=(-2, -1), keepdims=True)
-    return Interval.rounded(x - image, x + image).where(holds)
-
-
-def residual(matrix: Interval, x: Array, right: Interval) -> Interval:
-    """Return matrix x + right; of exact numbers, to about twice the digits (Ozaki et al. 2012).
-
-    The product of the leading bits has no rounding, whatever the order of sums.
-    """
-    if matrix.lo is not matrix.hi:
-        return matrix @ Interval(x) + right
-    terms = x.shape[-2]
-    bits = (53 - int(np.ceil(np.log2(terms + 1)))) // 2
-    one, other = _leading(matrix.lo, -1, bits), _leading(x, -2, bits)
-    exact, lost = Interval(one @ other) + right, terms * SMALLEST
-    exact = Interval.rounded(exact.lo - lost, exact.hi + lost)
-    rest = Interval(matrix.lo - one) @ Interval(x)
-    return exact + (Interval(one) @ Interval(x - other) + rest)
-
-
-def _leading(x: Array, axis: int, bits: int) -> Array:
-    """Return the leading bits of numbers, counted from the largest along an axis."""
-    largest = np.abs(x).max(axis=axis, keepdims=True, initial=0.0)
-    shift = 2.0 ** (np.ceil(np.log2(largest + LEAST)) + 53 - bits)
-    leading: Array = (x + shift) - shift
-    return leading
 
 
 @final
@@ -138,28 +88,21 @@ class ExactCells:
 
     def __init__(self, common: Array, parts: Sequence[Sequence[ExactMode]]) -> None:
         self.size, self._common = common.shape[1] - 2, len(common)
-        self._sizes = np.array([len(modes) for modes in parts], dtype=np.intp)
-        self.number = prod(self._sizes.tolist())
-        blocks, self.modes = [common, np.eye(1, self.size + 2, self.size + 1)], []
-        place = len(common) + 1
-        for modes in parts:
-            own = []
-            for mode in modes:
-                first, last = np.cumsum([place + len(mode.equations), len(mode.sides)]).tolist()
-                own.append((np.arange(place, first), np.arange(first, last)))
-                blocks += [mode.equations, mode.sides]
-                place = last
-            self.modes.append(own)
+        parts = parts or [[ExactMode(common[:0], common[:0])]]
+        self._sizes = tuple(map(len, parts))
+        self.number = prod(self._sizes)
+        own = [rows for modes in parts for mode in modes for rows in (mode.equations, mode.sides)]
+        blocks = [common, np.eye(1, self.size + 2, self.size + 1), *own]
         self.rows = np.concatenate(blocks)
+        ends = np.cumsum([len(block) for block in blocks])[1:-1]
+        places = iter(np.split(np.arange(len(self.rows)), ends)[1:])
+        self.modes = [[(next(places), next(places)) for _ in modes] for modes in parts]
         self._equations, self._sides = ([self._table(m, k) for m in self.modes] for k in (0, 1))
         with np.errstate(all="ignore"):
             self._order, self._others, self._reduced = self._condensed()
 
     def _table(self, modes: list[Any], which: int) -> Indices:
-        """Return the rows of the modes of a part; the row 1 >= 0 fills the table.
-
-        Where that row fills equations, the cell is singular, and stays undecided.
-        """
+        """Return the rows of the modes of a part, filled by 1 >= 0: as an equation, singular."""
         table = np.full((len(modes), max(len(mode[which]) for mode in modes)), self._common)
         for row, mode in zip(table, modes, strict=True):
             row[: len(mode[which])] = mode[which]
@@ -181,17 +124,13 @@ class ExactCells:
 
     def choices(self) -> Iterator[Indices]:
         """Yield all cells, some at once, shape (B, parts)."""
-        strides = np.append(np.cumprod(self._sizes[:0:-1])[::-1], 1)[: len(self._sizes)]
         for some in self.portions(self.number):
-            yield np.arange(some.start, some.stop)[:, np.newaxis] // strides % self._sizes
+            yield np.array(np.unravel_index(np.arange(some.start, some.stop), self._sizes)).T
 
     def of(self, choice: Any) -> tuple[Array, Array]:
         """Return the equations and the inequalities of a cell."""
         pairs = [modes[k] for modes, k in zip(self.modes, choice, strict=True)]
-        equations, sides = (
-            self.rows[np.concatenate([np.zeros(0, dtype=np.intp), *each])]
-            for each in zip(*pairs, strict=True)
-        )
+        equations, sides = (self.rows[np.concatenate(each)] for each in zip(*pairs, strict=True))
         return np.concatenate([self.rows[: self._common], equations]), sides
 
     def side(self, choice: Any, number: int) -> Array:
@@ -223,19 +162,18 @@ def _chosen(tables: list[Indices], choices: Indices) -> Indices:
     return np.concatenate([table[k] for table, k in pairs], axis=1)
 
 
-# -- rational numbers -----------------------------------------------------------------------------
-
-
 def value(row: Array, x: Sequence[Fraction]) -> Fraction:
     """Return the value of a row of doubles (x, constant) at a point."""
     terms = zip(row.tolist(), (*x, Fraction(1)), strict=True)
     return sum((Fraction(a) * b for a, b in terms if a and b), Fraction(0))
 
 
-def segment_of(equations: Array, sides: Array, interval: tuple[float, float]) -> Any:
-    """Return both ends (z, alpha) of all solutions of a cell over an interval of alpha.
+def segment_of(
+    equations: Array, sides: Array, interval: tuple[float, float]
+) -> tuple[Point, ...] | None:
+    """Return both ends (z, alpha) of all solutions of a cell over an interval of alpha, exactly.
 
-    None where there are no solutions, () where they are not a segment or a point.
+    Of a ray without end, one end; () where solutions may be more, None where there are none.
     """
     size = equations.shape[1] - 1
     echelon = Echelon(size)
@@ -254,20 +192,12 @@ def segment_of(equations: Array, sides: Array, interval: tuple[float, float]) ->
     ends[:, -2], ends[:, -1] = (1.0, -1.0), (-interval[0], interval[1])
     first, last = ([] if any(free) else [Fraction(0)] for _ in range(2))
     for row in np.vstack([sides, ends]):
-        start = value(row, base)
-        slope = value(np.append(row[:-1], 0.0), along)
+        start, slope = value(row, base), value(np.append(row[:-1], 0.0), along)
         if slope:
             (first if slope > 0 else last).append(-start / slope)
         elif start < 0:
             return None
-    if not first or not last:
-        return ()
-    if max(first) > min(last):
+    places = [largest(some) for largest, some in ((max, first), (min, last)) if some]
+    if len(places) == 2 and places[0] > places[1]:
         return None
-    places = max(first), min(last)
     return tuple(tuple(a + b * s for a, b in zip(base, along, strict=True)) for s in places)
-
-
-def spans(rows: Array, others: Array) -> bool:
-    """Tell whether other rows are sums of multiples of rows."""
-    return not any(independent(np.vstack([rows, others]))[len(rows) :])

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import partial
+from types import SimpleNamespace
 from typing import Any, final
 
 import numpy as np
@@ -87,9 +88,7 @@ class Everywhere(Search):
         if not 0.0 < finite_array("seconds", self.seconds, ()) < np.inf:
             raise InvalidInputError(f"seconds must be positive, got {self.seconds}")
         if self.box is not None:
-            ends = [end.tolist() for end in _checked_box(self.box)]  # numbers or lists
-            box = tuple(tuple(end) if isinstance(end, list) else end for end in ends)
-            object.__setattr__(self, "box", box)
+            object.__setattr__(self, "box", _checked_box(self.box))
 
     def starts(
         self, system: PiecewiseSystem, metric: Metric, interval: tuple[float, float]
@@ -105,34 +104,24 @@ class Everywhere(Search):
         known: KnownBranches,
     ) -> Iterator[Found]:
         """Yield the proved solutions, then what the default search finds if something is open."""
-        proof = self.prove(system, metric, interval, known=known)
+        proof = self.prove(system, metric, interval, known)
         yield from _proved_starts(proof, system, metric, known)
         if not proof.holds:
             search = default_search(system, interval)
             yield from starts_of(search, system, metric, interval, known)
-
-    def prove_again(
-        self,
-        system: PiecewiseSystem,
-        metric: Metric,
-        interval: tuple[float, float],
-        known: KnownBranches,
-    ) -> BoxProof | None:
-        """Return what the search proves."""
-        return self.prove(system, metric, interval, known=known)
 
     def prove(
         self,
         system: PiecewiseSystem,
         metric: Metric,
         interval: tuple[float, float],
-        most: int | None = None,
         known: KnownBranches | None = None,
+        most: int | None = None,
     ) -> BoxProof:
         """Return the proof for a system, made once for the same formula, interval and box.
 
-        At most ``most`` boxes are looked at; default a number that grows with the unknowns. The
-        default box reaches as far around ``known`` branches as around zero.
+        The default box reaches as far around ``known`` branches as around zero. At most ``most``
+        boxes are looked at; default a number that grows with the unknowns.
         """
         tape = tape_of(system)
         scale = np.append(metric.scale[: tape.size], interval[1] - interval[0])
@@ -149,15 +138,17 @@ class Everywhere(Search):
             return last
         check_tape(tape, system, box)
         with np.errstate(all="ignore"):
-            cover = covered(tape, box, scale, self.seconds, most)
-            proof = counted_proof(tape, box, scale, *cover)
-        self._last.update(formula=_formula(system), interval=interval, key=key, proof=proof)
+            proof = counted_proof(tape, box, scale, *covered(tape, box, scale, self.seconds, most))
+        formula = formula_of(system) or system
+        self._last.update(formula=formula, interval=interval, key=key, proof=proof)
         return proof
+
+    prove_again = prove
 
     def proved(self, system: PiecewiseSystem, interval: tuple[float, float]) -> BoxProof | None:
         """Return the proof of the last run, if the run was of this formula and interval."""
-        last = self._last
-        is_last = last.get("formula") is _formula(system) and last.get("interval") == interval
+        last, formula = self._last, formula_of(system) or system
+        is_last = last.get("formula") is formula and last.get("interval") == interval
         return last["proof"] if is_last else None
 
     def searched(self, system: PiecewiseSystem) -> SearchScope:
@@ -171,12 +162,8 @@ class Everywhere(Search):
         )
 
 
-def _formula(system: PiecewiseSystem) -> Any:
-    return formula_of(system) or system
-
-
-def _checked_box(box: Any) -> tuple[Array, Array]:
-    """Return the ends of a box as arrays."""
+def _checked_box(box: Any) -> tuple[Any, Any]:
+    """Return the ends of a box as numbers or tuples, or refuse what is no box."""
     if not isinstance(box, tuple | list) or len(box) != 2:
         raise InvalidInputError(f"box must be a pair (least, largest), got {box!r}")
     lower, upper = (finite_array("box", end) for end in box)
@@ -186,7 +173,8 @@ def _checked_box(box: Any) -> tuple[Array, Array]:
         raise InvalidInputError(f"the two ends of box do not fit: {error}") from error
     if not is_ordered:
         raise InvalidInputError(f"box needs least < largest, got {box!r}")
-    return lower, upper
+    plain = [tuple(end.tolist()) if end.ndim else float(end) for end in (lower, upper)]
+    return plain[0], plain[1]
 
 
 def _default_box(
@@ -233,33 +221,13 @@ def _are_known(proof: BoxProof, alpha: float, solutions: list[Array], known: Kno
 
 
 @final
-class _Provable(KnownBranches):
-    """Known branches, and the proof of all branches for a search that asks for the proof."""
-
-    def __init__(self, known: KnownBranches, prove: Callable[[], BoxProof | None]) -> None:
-        self._known, self._prove = known, prove
-
-    def at(self, alpha: float) -> list[Array]:
-        return self._known.at(alpha)
-
-    def near(self, x: Array, metric: Metric) -> Array | None:
-        return self._known.near(x, metric)
-
-    def extremes(self) -> list[Array]:
-        return self._known.extremes()
-
-    def are_all(self) -> bool:
-        return self._prove() is not None
-
-
-@final
 @dataclass(frozen=True, slots=True)
 class AlsoProved(Search):
     """What another search finds, then the proved solutions, if all are proved quickly.
 
-    A search that asks whether all branches are proved need not look any further.
-    Nothing is proved in a run with limits. If anything stays open, the answer is that of the other
-    search, and mentions no proof.
+    A search that asks whether all branches are proved need not look any further. Nothing is proved
+    in a run with limits. If anything stays open, the answer is that of the other search, and
+    mentions no proof.
     """
 
     search: Search
@@ -280,7 +248,13 @@ class AlsoProved(Search):
     ) -> Iterator[Found]:
         """Yield what the search finds, then what is proved."""
         prove = partial(self.prove_again, system, metric, interval, known)
-        yield from starts_of(self.search, system, metric, interval, _Provable(known, prove))
+        beside: Any = SimpleNamespace(
+            at=known.at,
+            near=known.near,
+            extremes=known.extremes,
+            are_all=lambda: prove() is not None,
+        )
+        yield from starts_of(self.search, system, metric, interval, beside)
         if proof := prove():
             yield from _proved_starts(proof, system, metric, known)
 
@@ -297,7 +271,7 @@ class AlsoProved(Search):
         with suppress(InvalidInputError):  # no formula that can be traced
             tape = tape_of(system)
             most = MOST_WORK // ((len(tape.steps) + BESIDES) * (tape.size + 2))
-            self._everywhere.prove(system, metric, interval, most, known)
+            self._everywhere.prove(system, metric, interval, known, most)
         return self.proved(system, interval)
 
     def searched(self, system: PiecewiseSystem) -> SearchScope:

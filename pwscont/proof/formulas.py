@@ -133,19 +133,19 @@ def _selected(system: PiecewiseSystem, z: Any, alpha: Any, sw: TracedSwitches) -
     return chosen(())
 
 
+@np.errstate(all="ignore")
 def check_tape(tape: Tape, system: Any, box: Interval) -> None:
     """Refuse a tape that says something else than the system at some point of a box."""
-    for x in _points(box, COMPARED).T:
-        with np.errstate(all="ignore"):
-            value = _value(system, x[:-1], float(x[-1]))
-            known = evaluated(tape, Interval(x[:, np.newaxis]))[:, 0]
-            slack = ALIKE * np.abs(value) + ROUNDINGS * known.width()
-            differs = (value < known.lo - slack) | (value > known.hi + slack)
-        if differs.any():
-            raise InvalidInputError(
-                f"the formula is not what its operations say, at {x}: it decides by something that "
-                "cannot be traced, so that nothing can be proved"
-            )
+    points = _points(box, COMPARED)
+    value = np.array([_value(system, x[:-1], float(x[-1])) for x in points.T]).T
+    known = evaluated(tape, Interval(points))
+    slack = ALIKE * np.abs(value) + ROUNDINGS * known.width()
+    differs = ((value < known.lo - slack) | (value > known.hi + slack)).any(axis=0)
+    if differs.any():
+        raise InvalidInputError(
+            f"the formula is not what its operations say, at {points[:, differs.argmax()]}: it "
+            "decides by something that cannot be traced, so that nothing can be proved"
+        )
     for step in tape.steps:
         if step.name == "select":
             _check_interface(tape, step.args, box)

@@ -15,8 +15,8 @@ import numpy as np
 from scipy.sparse.csgraph import connected_components
 
 from pwscont.basics.arrays import Array, Signs
-from pwscont.proof.boxes import evaluated, inverse_of, times, with_slopes
-from pwscont.proof.interval import Interval, above, below, chosen, together
+from pwscont.proof.boxes import evaluated, solved, with_slopes
+from pwscont.proof.interval import Interval, chosen, together
 from pwscont.proof.operations import OPERATIONS, Rule, branch
 from pwscont.proof.tape import Tape
 
@@ -89,7 +89,9 @@ class _Passage:
         for k in range(WEIGHTS):
             weight = Interval(np.full(1, k / WEIGHTS), np.full(1, (k + 1) / WEIGHTS))
             mixed = chosen(self._undecided == 1, other + weight * (one - other), one)
-            passed &= _contraction(mixed, self._along)[1].max(axis=0) < 1.0
+            passed &= np.isfinite(_solved(mixed, self._along, Interval(0.0 * self._along)).lo).all(
+                axis=0
+            )
         return passed
 
     def turns(self, whole: Interval) -> Array:
@@ -142,21 +144,13 @@ def _tangent(slopes: Array) -> Array:
     return oriented
 
 
-def _contraction(slopes: Interval, along: Array) -> tuple[Array, Array]:
-    """Return R, about the inverse of K, and the row sums of |I - R K|.
+def _solved(slopes: Interval, along: Array, right: Interval) -> Interval:
+    """Return what holds all x, shape (n + 1, k), with K x = right.
 
-    K are the derivatives with the row ``along``, shape (n + 1, n + 1, k).
+    K are the derivatives with the row ``along``, shape (n + 1, n + 1, k); where K may be singular,
+    nothing is said.
     """
     square = together(np.concatenate, slopes, Interval(along[np.newaxis]))
-    about = inverse_of(square.middle())
-    off = (np.eye(len(along))[:, :, np.newaxis] - times(about, square)).reach()
-    return about, above(off.sum(axis=1), 2.0 * len(off))
-
-
-def _solved(slopes: Interval, along: Array, right: Interval) -> Interval:
-    """Return what holds all x with K x = right: with R about the inverse, x = R b + (I - R K) x."""
-    about, rows = _contraction(slopes, along)
-    start, left = times(about, right), below(1.0 - rows.max(axis=0))
-    largest = above(start.reach().max(axis=0) / np.where(left > 0.0, left, np.nan))
-    far = above(rows * largest)
-    return start + Interval(-far, far)
+    parts = [each.arranged(lambda end: np.moveaxis(end, -1, 0)) for each in (square, -right)]
+    found = solved(parts[0], parts[1][..., np.newaxis])
+    return found[..., 0].arranged(np.transpose)

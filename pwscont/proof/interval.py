@@ -82,8 +82,6 @@ class Interval:
     def __getitem__(self, key: Any) -> Interval:
         return Interval(self.lo[key], None if self.lo is self.hi else self.hi[key])
 
-    # -- arithmetic ----------------------------------------------------------------------------
-
     def __neg__(self) -> Interval:
         return Interval(-self.hi, -self.lo)
 
@@ -96,22 +94,20 @@ class Interval:
         return Interval.rounded(self.lo - other.hi, self.hi - other.lo)
 
     def __mul__(self, other: Any) -> Interval:
-        one, other = self, _interval(other)
-        if one.lo is one.hi:
-            one, other = other, one
-        a, b = one.lo * other.lo, one.hi * other.lo
-        lo, hi = np.minimum(a, b), np.maximum(a, b)
-        if other.lo is not other.hi:  # else these are all products
-            a, b = one.lo * other.hi, one.hi * other.hi
-            lo, hi = np.minimum(lo, np.minimum(a, b)), np.maximum(hi, np.maximum(a, b))
-        return Interval.rounded(lo, hi)
+        return self._over(_interval(other), np.multiply)
 
     def __truediv__(self, other: Any) -> Interval:
         """Divide; where the divisor may be zero, the quotient says nothing."""
         other = _interval(other)
-        ends = [x / y for x in _ends(self) for y in _ends(other)]
-        found = Interval.rounded(reduce(np.minimum, ends), reduce(np.maximum, ends))
-        return found.where(other.excludes_zero())
+        return self._over(other, np.divide).where(other.excludes_zero())
+
+    def _over(self, other: Interval, operation: Ends) -> Interval:
+        """Return the hull of an operation on all pairs of ends."""
+        found = [operation(x, y) for x in self._ends() for y in other._ends()]
+        return Interval.rounded(reduce(np.minimum, found), reduce(np.maximum, found))
+
+    def _ends(self) -> list[Array]:
+        return [self.lo] if self.lo is self.hi else [self.lo, self.hi]
 
     __radd__, __rmul__ = __add__, __mul__
 
@@ -127,9 +123,8 @@ class Interval:
         if k < 0:
             return 1.0 / self**-k
         x = self if k % 2 else abs(self)  # what is left increases
-        ends = [_powers(end, k) for end in (x.lo, x.hi)]
-        lo = ends[0].lo if k % 2 else np.maximum(ends[0].lo, 0.0)
-        return Interval(lo, ends[1].hi)
+        lo = _powers(x.lo, k).lo
+        return Interval(lo if k % 2 else np.maximum(lo, 0.0), _powers(x.hi, k).hi)
 
     def __matmul__(self, other: Interval) -> Interval:
         """Return products of matrices, as products of midpoints with bounds of all errors."""
@@ -148,10 +143,7 @@ class Interval:
         if self.lo is self.hi:
             return self.lo, 0.0
         mid = self.middle()
-        far = self.hi - mid
-        return mid, above(np.maximum(far, mid - self.lo, out=far))
-
-    # -- order ---------------------------------------------------------------------------------
+        return mid, above(np.maximum(self.hi - mid, mid - self.lo))
 
     def __abs__(self) -> Interval:
         lo = np.maximum(np.maximum(self.lo, -self.hi), 0.0)
@@ -191,16 +183,16 @@ class Interval:
 
     def total(self, axis: int = 0) -> Interval:
         """Return the sums along an axis."""
-        ends = (np.moveaxis(end, axis, 0) for end in (self.lo, self.hi))
-        return reduce(add, (Interval(lo, hi) for lo, hi in zip(*ends, strict=True)))
+        parts = self.arranged(lambda end: np.moveaxis(end, axis, 0))
+        return reduce(add, (parts[i] for i in range(len(parts.lo))))
+
+    def arranged(self, arrange: Callable[[Array], Array]) -> Interval:
+        """Return the same intervals in another shape or order."""
+        return Interval(arrange(self.lo), arrange(self.hi))
 
 
 def _interval(thing: Any) -> Interval:
     return thing if isinstance(thing, Interval) else Interval(thing)
-
-
-def _ends(x: Interval) -> list[Array]:
-    return [x.lo] if x.lo is x.hi else [x.lo, x.hi]
 
 
 def _powers(x: Array, k: int) -> Interval:

@@ -34,11 +34,8 @@ class Rule(NamedTuple):
     inverse: Callable[..., Known] | None = None
 
 
-# -- values, which say nothing where the argument may leave a domain ------------------------------
-
-
 def _increasing(name: str, least: float, most: float, first: float, last: float) -> Map:
-    """Return an increasing function with values from least to most for numbers first to last."""
+    """Return an increasing function; where arguments may leave the domain, it says nothing."""
     function, ulps = getattr(np, name), 1.0 if name == "sqrt" else FUNCTION_ULPS
 
     def values(x: Interval) -> Interval:
@@ -104,9 +101,6 @@ def branch(test: Interval, a: Interval, b: Interval, either: Interval | None = N
     return chosen(test.lo >= 0.0, a, chosen(test.hi < 0.0, b, either or a.hull(b)))
 
 
-# -- inverses -------------------------------------------------------------------------------------
-
-
 def _of_increasing(name: str) -> Callable[[Interval, Interval], Known] | None:
     least, most, *_, inverse = INCREASING[name]
     return (lambda y, x: [VALUES[inverse](_within(y, least, most))]) if inverse else None
@@ -135,8 +129,6 @@ def _of_abs(y: Interval, x: Interval) -> Known:
 def _of_power(y: Interval, x: Interval, k: float) -> Known:
     return _of_abs(VALUES["sqrt"](_within(y, 0.0, INF)), x) if k == 2.0 else []
 
-
-# -- the table ------------------------------------------------------------------------------------
 
 #: Smooth functions of one argument, by the names of numpy.
 ELEMENTARY = {

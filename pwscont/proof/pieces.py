@@ -3,21 +3,22 @@
 A piece is proved if it is the range of alpha in which all inequalities of its cell hold. Two pieces
 end in one point if the rows that vanish there have the same span. What doubles do not decide,
 corners and vertical pieces among it, is decided in rational numbers, as long as unknowns are few.
-If the system has few cells, the other cells are proved to be empty, or to have no solutions off the
-pieces: then nothing is missing on the interval. A singular cell with an area of solutions, or a
-line without end, stays undecided.
+If the system has few cells, all other cells are proved to hold no solutions off the pieces but
+rays without end where the graph has infinitely many solutions: then nothing is missing.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from functools import cache
+from math import inf
 from typing import Any, final
 
 import numpy as np
 
 from pwscont.basics.arrays import Array, Indices
 from pwscont.basics.printing import counted
+from pwscont.enumeration.echelon import independent
 from pwscont.graph.branch_graph import BranchGraph
 from pwscont.proof.cells import (
     MOST_CELLS,
@@ -26,7 +27,6 @@ from pwscont.proof.cells import (
     Point,
     Ranges,
     segment_of,
-    spans,
     value,
 )
 from pwscont.proof.certificate import ASSUMED, Certificate
@@ -49,25 +49,19 @@ def certified_pieces(
     graph: BranchGraph, rows: tuple[Array, Sequence[Sequence[ExactMode]]]
 ) -> Certificate:
     """Return what is proved of the pieces and transitions of a graph from the exact rows."""
-    met: dict[int, list[int]] = {}
-    for k, piece in enumerate(graph.pieces):
-        for node in (piece.start, piece.end):
-            met.setdefault(node, []).append(k)
-    inner = {
-        node: pieces
-        for node, pieces in met.items()
-        if len(pieces) > 1 or graph.point(node).alpha not in graph.interval
-    }
-    proof = _Pieces(graph, ExactCells(*rows), set(inner))
+    proof = _Pieces(graph, ExactCells(*rows))
     undecided = [f"piece {graph.pieces[k].id}" for k in proof.left_pieces()]
-    undecided += [f"special point {n}" for n in inner if not proof.is_joined(n, inner[n])]
     is_few = proof.cells.number <= MOST_CELLS
     cells = list(proof.left_cells()) if is_few and not undecided else None
-    number = f"{counted(len(graph.pieces), 'piece')} and {counted(len(inner), 'transition')}"
+    undecided += [f"special point {node}" for node in proof.inner if not proof.is_joined(node)]
+    number = f"{counted(len(graph.pieces), 'piece')} and {counted(proof.transitions, 'transition')}"
     others = "too many cells" if cells is None else f"{counted(len(cells), 'cell')} undecided"
     words = f"{number}, proved; of other solutions nothing is proved: {others}"
     if cells == []:
         words = f"complete, proved: {number}"
+    if proof.rays:
+        places = ", ".join(f"{float(x[-1]):.8g}" for x in sorted(proof.rays, key=lambda x: x[-1]))
+        words += f"; solutions without end at alpha = {places}"
     if undecided:
         more = f" and {len(undecided) - 3} more" if len(undecided) > 3 else ""
         words = f"not proved: {', '.join(undecided[:3])}{more} undecided"
@@ -75,7 +69,7 @@ def certified_pieces(
         not undecided,
         (words, ASSUMED.format("the data, loads affine in alpha included,")),
         [*undecided, *(f"cell {choice}" for choice in cells or ())],
-        is_complete=cells == [],
+        is_complete=cells == [] and not undecided,
     )
 
 
@@ -83,11 +77,23 @@ def certified_pieces(
 class _Pieces:
     """The pieces of a graph beside the cells in which the pieces lie.
 
-    Pieces end at ``inner`` nodes, or exactly at an end of the interval.
+    ``inner`` are the pieces at every special point but those where one piece ends exactly at an end
+    of the interval; ``rays`` are the places where rays without end begin.
     """
 
-    def __init__(self, graph: BranchGraph, cells: ExactCells, inner: set[int]) -> None:
-        self._graph, self.cells, self._inner = graph, cells, inner
+    def __init__(self, graph: BranchGraph, cells: ExactCells) -> None:
+        self._graph, self.cells = graph, cells
+        met: dict[int, list[int]] = {}
+        for k, piece in enumerate(graph.pieces):
+            for node in (piece.start, piece.end):
+                met.setdefault(node, []).append(k)
+        self.inner = {
+            node: pieces
+            for node, pieces in met.items()
+            if len(pieces) > 1 or graph.point(node).alpha not in graph.interval
+        }
+        self.transitions = sum(len(pieces) > 1 for pieces in self.inner.values())
+        self.rays: set[Point] = set()
         self._rational_ends = cache(self._ends_of)
         self._points, self._magnitudes = self._full_points()
         lo, hi = graph.interval
@@ -147,18 +153,19 @@ class _Pieces:
             return False
         for end, node in zip(order, (piece.start, piece.end), strict=True):
             number = int(ranges.sides[end, i])
-            if node not in self._inner and number != -1:
+            if node not in self.inner and number != -1:
                 return False
             if number >= 0:
                 self._vanishing[k, node] = self.cells.side(self._choices[k], number)
         return True
 
-    def is_joined(self, node: int, pieces: list[int]) -> bool:
-        """Tell whether proved pieces certainly end in one point.
+    def is_joined(self, node: int) -> bool:
+        """Tell whether proved pieces certainly end in one point, or one piece where rays begin.
 
         At the end of the first of two pieces one more row vanishes. If the rows of the second piece
         and its vanishing row are sums of multiples of these rows, both pieces end there.
         """
+        pieces = self.inner[node]
         if len(pieces) == 2 and all((k, node) in self._vanishing for k in pieces):
             choices = self._choices[pieces]
             differ = np.flatnonzero(choices[0] != choices[1])
@@ -166,30 +173,30 @@ class _Pieces:
                 [*(self.cells.rows[self.cells.modes[i][c[i]][0]] for i in differ), [row]]
                 for c, row in zip(choices, (self._vanishing[k, node] for k in pieces), strict=True)
             ]
-            return spans(*map(np.vstack, rows))
+            one, other = map(np.vstack, rows)
+            return not any(independent(np.vstack([one, other]))[len(one) :])
         ends = [self._rational_ends(k) for k in pieces]
         starts = [self._graph.pieces[k].start == node for k in pieces]
         places = {pair[not first] for pair, first in zip(ends, starts, strict=True) if pair}
-        return len(pieces) > 1 and all(ends) and len(places) == 1
+        is_end = len(pieces) > 1 or places <= self.rays
+        return is_end and all(ends) and len(places) == 1
 
     def _ends_of(self, k: int) -> tuple[Point, ...]:
         """Return both ends of a piece in rational numbers; nothing if not decided, or elsewhere."""
         if self.cells.size > MOST_RATIONAL:
             return ()
         cell, piece = self.cells.of(self._choices[k]), self._graph.pieces[k]
-        ends: tuple[Point, ...] = segment_of(*cell, self._graph.interval) or ()
+        ends = segment_of(*cell, self._graph.interval) or ()
         for pair in (ends, ends[::-1]) if len(set(ends)) == 2 else ():
             near = np.abs(np.array(pair, dtype=float) - self._points[k]) <= self._near
             nodes = zip((piece.start, piece.end), pair, strict=True)
-            outer = [x[-1] in self._graph.interval for node, x in nodes if node not in self._inner]
+            outer = [x[-1] in self._graph.interval for node, x in nodes if node not in self.inner]
             if near.all() and all(outer):
                 return pair
         return ()
 
-    # -- all other cells -----------------------------------------------------------------------
-
     def left_cells(self) -> Iterator[Choice]:
-        """Yield the cells that may hold solutions that are on no piece."""
+        """Yield the cells that may hold solutions that are on no piece, and on no ray."""
         proved = set(map(tuple, self._choices.tolist()))
         for choices in self.cells.choices():
             empty = Ranges.of(self.cells.lines(choices), self._graph.interval).empty
@@ -198,11 +205,18 @@ class _Pieces:
                     yield choice
 
     def _is_on_pieces(self, choice: Choice) -> bool:
-        """Tell in rational numbers whether a cell is empty, or has solutions on pieces only."""
+        """Tell in rational numbers whether a cell is empty, or has solutions on pieces only.
+
+        Or on a ray from a piece, at an alpha where the graph has infinitely many solutions.
+        """
         ends = segment_of(*self.cells.of(choice), self._graph.interval)
         if not ends:
             return ends is None
-        return any(all(self._holds(k, x) for x in ends) for k in range(len(self._choices)))
+        is_on = any(all(self._holds(k, x) for x in ends) for k in range(len(self._choices)))
+        if len(ends) == 1 and is_on:
+            is_on = self._graph.count(float(ends[0][-1])) == inf
+            self.rays |= {ends[0]} if is_on else set()
+        return is_on
 
     def _holds(self, k: int, x: Point) -> bool:
         """Tell whether a solution of the common rows is a solution of the cell of a piece."""

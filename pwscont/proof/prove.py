@@ -7,11 +7,11 @@ from typing import Any, cast
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, finite_array
+from pwscont.basics.arrays import finite_array
 from pwscont.basics.errors import InvalidInputError
 from pwscont.basics.printing import counted
-from pwscont.basics.rounding import CONFIDENCE
 from pwscont.graph.branch_graph import BranchGraph
+from pwscont.graph.proved import are_matched, with_slack
 from pwscont.graph.records import Solution
 from pwscont.proof.cells import MOST_CELLS, Choice, ExactCells, Point, Ranges, segment_of
 from pwscont.proof.certificate import ASSUMED, Certificate
@@ -21,10 +21,6 @@ from pwscont.proof.rates import certified_rates
 from pwscont.search.enumeration import Solutions
 from pwscont.system.abilities import ExactData, ExactRates, shown_size
 from pwscont.system.system import PiecewiseSystem
-
-#: A solution is the proved solution if closer than this part of the largest unknown, or than
-#: errors.
-CLOSE = 1e-6
 
 
 def prove(given: Any, alpha: float | None = None) -> Certificate:
@@ -99,9 +95,6 @@ def _given(given: Any, alpha: float | None) -> tuple[Any, float | None, Sequence
     return given.system, given.alpha, given
 
 
-# -- solutions at one alpha -----------------------------------------------------------------------
-
-
 def _certified_count(
     cells: ExactCells, alpha: float, known: Sequence[Solution], size: int
 ) -> Certificate:
@@ -114,7 +107,8 @@ def _certified_count(
     centres = [each.middle()[:size] for each in boxes.values()]
     centres += [np.array(point[:size], dtype=float) for point in points]
     count = None if undecided else len(centres)
-    holds = count == len(known) and _are_matched(centres, known)
+    found = [with_slack(each, np.abs(each.z).max(initial=0.0)) for each in known]
+    holds = count == len(known) and are_matched([(x, x) for x in centres], found)
     words = f"exactly {counted(len(centres), 'solution')} at alpha = {alpha:.8g}, proved"
     if not holds:
         words += f"; the {len(known)} given are not these"
@@ -123,55 +117,31 @@ def _certified_count(
     return Certificate(holds, (words, ASSUMED.format("the data")), undecided, count)
 
 
+@np.errstate(all="ignore")
 def proved_solutions(
     cells: ExactCells, alpha: float
 ) -> tuple[dict[Choice, Interval], set[Point], list[Choice]]:
     """Return enclosures of solutions by cells, all other solutions, and cells that are undecided.
 
-    A cell off all its inequalities has one solution in floating point; if that may be the solution
-    of another cell, or if floating point does not decide a cell, rational numbers decide.
+    A cell off all its inequalities has one solution in floating point. Rational numbers decide all
+    other cells that may have solutions, and cells whose solution may be that of another cell.
     """
-    boxes, points, undecided = dict[Choice, Interval](), set[Point](), list[Choice]()
-    rest: list[Choice] = []
+    found: list[tuple[Choice, Interval, bool]] = []
     for choices in cells.choices():
         x, sides = cells.lines(choices)
         ranges = Ranges.of((x, sides), (alpha, alpha))
         for i in np.flatnonzero(~ranges.empty):
-            choice = tuple(choices[i].tolist())
-            if ranges.decided[i]:
-                boxes[choice] = cells.unknowns(x[i], np.array([alpha]))[:, 0]
-            else:
-                rest.append(choice)
-    while True:
-        for choice in rest:
-            ends = segment_of(*cells.of(choice), (alpha, alpha))
-            if ends is not None and len(set(ends)) == 1:
-                points.add(ends[0][:-1])
-            elif ends is not None:
-                undecided.append(choice)
-        rest = _meeting(boxes, points)
-        if not rest:
-            return boxes, points, undecided
-        boxes = {choice: box for choice, box in boxes.items() if choice not in rest}
-
-
-def _meeting(boxes: dict[Choice, Interval], points: set[Point]) -> list[Choice]:
-    """Return the cells with solutions that may be the solution of another cell, or a point."""
-    exact = (np.array(point, dtype=float) for point in points)
-    known = [*boxes.values(), *(Interval.rounded(x, x) for x in exact)]
-    return [
-        choice
-        for choice, x in boxes.items()
-        if any(y is not x and ((x.lo <= y.hi) & (y.lo <= x.hi)).all() for y in known)
-    ]
-
-
-def _are_matched(centres: Sequence[Array], known: Sequence[Solution]) -> bool:
-    """Tell whether every proved solution is one of the given solutions, and the reverse."""
-    close = np.zeros((len(centres), len(known)), dtype=bool)
-    for i, x in enumerate(centres):
-        for j, solution in enumerate(known):
-            error = solution.error[: len(x)] if len(solution.error) else 0.0
-            slack = CONFIDENCE * error + CLOSE * np.abs(x).max(initial=0.0)
-            close[i, j] = (np.abs(x - solution.z) <= slack).all()
-    return bool(close.any(axis=1).all() and close.any(axis=0).all())
+            box = cells.unknowns(x[i], np.array([alpha]))[:, 0]
+            found.append((tuple(choices[i].tolist()), box, bool(ranges.decided[i])))
+    lo, hi = (np.array([getattr(box, end) for _, box, _ in found]) for end in ("lo", "hi"))
+    boxes, points, undecided = dict[Choice, Interval](), set[Point](), list[Choice]()
+    for choice, box, is_decided in found:
+        if is_decided and ((lo > box.hi) | (hi < box.lo)).any(axis=1).sum() == len(found) - 1:
+            boxes[choice] = box
+            continue
+        ends = segment_of(*cells.of(choice), (alpha, alpha))
+        if ends is not None and len(ends) == 2 and ends[0] == ends[1]:
+            points.add(ends[0][:-1])
+        elif ends is not None:
+            undecided.append(choice)
+    return boxes, points, undecided

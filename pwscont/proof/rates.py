@@ -1,14 +1,8 @@
 """Evolutions of contact with friction: at most one rate and one state, proved from exact data.
 
-For the differences w of displacement rates and dr of force rates of two solutions,
-A w = N' dr_nu + T' dr_t. Normal rates give dr_nu . w_nu <= 0, and friction gives
-dr_t,i w_t,i <= F_i |dr_nu,i w_t,i|.
-If the rows of N and T are unit vectors, then dr_nu = N A w, and w = 0 if the form
-
-    w . A w - sum over i of s_i F_i (N A w)_i (T w)_i
-
-is positive definite for all signs s_i: then rates and states are unique, at every state and under
-every load (docs/theory, F17). The form is affine in s: the signs are enough.
+The theorem stands on the page "Proofs" of the manual: rates and states are unique, at every state
+and under every load, if the form w . A w - sum over i of s_i F_i (N A w)_i (T w)_i is positive
+definite for all signs s_i. The form is affine in s: the signs are enough.
 """
 
 from __future__ import annotations

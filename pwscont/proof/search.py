@@ -3,12 +3,8 @@
 A tube is the set of all (z, alpha) with alpha in [first, last] and z within ``radius`` of the line
 centre + slope (alpha - middle). Krawczyk's operator, for the equations at fixed alpha, maps the
 tube at every alpha into the inside of the tube: so H(., alpha) has exactly one zero there, and the
-zero lies in the image (Krawczyk 1969; Neumaier 1990, theorem 5.1.8). Across kinks the derivatives
-are hulls of the derivatives of all branches (docs/theory, F20), and continuity of H is all that is
-needed besides.
-
-A double root, a flat set, an area of solutions: the number of boxes is bounded, and boxes that
-remain are open. A box that touches the boundary of the whole box is not accepted.
+zero lies in the image (Krawczyk 1969; Neumaier 1990, theorem 5.1.8), across kinks as well
+(docs/theory, F20). A box that touches the boundary of the whole box is not accepted.
 """
 
 from __future__ import annotations
@@ -166,9 +162,6 @@ def _halved(boxes: Interval, slopes: Interval, scale: Array) -> list[Interval]:
     return [Interval(boxes.lo, lower), Interval(upper, boxes.hi)]
 
 
-# -- tubes ----------------------------------------------------------------------------------------
-
-
 def _around(tape: Tape, box: Interval, slopes: Interval, least: Array) -> tuple[Tubes, Signs]:
     """Return tubes that hold boxes (n + 1, B), and which of the tubes are proved.
 
@@ -180,8 +173,10 @@ def _around(tape: Tape, box: Interval, slopes: Interval, least: Array) -> tuple[
     slope = -np.einsum("ijb,jb->ib", matrix, guess[:, -1])
     centre = polished(tape, middle, matrix)
     tubes = Tubes(alpha.lo, middle[-1], alpha.hi, centre, slope, centre, centre)
-    ends = [np.vstack([tubes.at(Interval(end)).middle(), end]) for end in (alpha.lo, alpha.hi)]
-    rough = np.maximum(*(np.abs(_newton_step(tape, x, matrix)) for x in ends))
+    rough = np.zeros_like(centre)
+    for end in (alpha.lo, alpha.hi):  # about how far solutions are from the line
+        x = np.vstack([tubes.at(Interval(end)).middle(), end])
+        rough = np.maximum(rough, np.abs(polished(tape, x, matrix, 1) - x[:-1]))
     radius = WIDER * tubes.far(box[:-1], alpha) + ROOM * rough + slack(centre)
     tubes, is_proved = proved(tape, tubes, radius + least[:, np.newaxis], matrix)
     return tubes, is_proved & tubes.hold(box[:-1], alpha)
@@ -192,17 +187,11 @@ def slack(centre: Array) -> Array:
     return SLACK * ULP * np.abs(centre)
 
 
-def _newton_step(tape: Tape, x: Array, matrix: Array) -> Array:
-    """Return Newton's step at points (n + 1, B): about how far solutions are."""
-    step: Array = np.einsum("ijb,jb->ib", matrix, evaluated(tape, Interval(x)).middle())
-    return step
-
-
-def polished(tape: Tape, middle: Array, matrix: Array) -> Array:
-    """Return the centres of boxes, moved towards solutions."""
-    x = middle.copy()
-    for _ in range(POLISHED):
-        step = _newton_step(tape, x, matrix)
+def polished(tape: Tape, x: Array, matrix: Array, steps: int = POLISHED) -> Array:
+    """Return the z of points (n + 1, B), moved towards solutions by steps of Newton."""
+    x = x.copy()
+    for _ in range(steps):
+        step = np.einsum("ijb,jb->ib", matrix, evaluated(tape, Interval(x)).middle())
         x[:-1] -= np.where(np.isfinite(step), step, 0.0)
     centre: Array = x[:-1]
     return centre

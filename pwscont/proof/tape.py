@@ -105,8 +105,6 @@ class Tape:
                 fixed[place] = OPERATIONS[step.name].values(*args, *step.numbers)
         return fixed
 
-    # -- derivatives ---------------------------------------------------------------------------
-
     @cached_property
     def slopes(self) -> Tape:
         """The tape of the formula, n outputs, and its derivatives by (z, alpha), n (n + 1)."""
@@ -183,9 +181,6 @@ def _factors(step: Step, x: list[Traced], y: Traced) -> list[Any]:
         return [k * x[0] ** (k - 1.0)]
     rules: Any = OF_TWO.get(step.name) or (SMOOTH[step.name],)
     return [rule(*x, y) for rule in rules]
-
-
-# -- nodes ----------------------------------------------------------------------------------------
 
 
 def _exact(thing: Any) -> float:
