@@ -147,3 +147,11 @@ def test_folds_of_a_narrow_bump_are_found_with_columns(mixes):
     graph = trace(Switched(1, bump), ([-1.0], -1.0), (-1.0, 1.0))
     assert len(graph.special_points("fold")) == 2
     assert graph.count(0.308) == 3
+
+
+def test_a_switch_that_is_called_twice_takes_columns():
+    system = Switched(1, lambda z, a, sw: sw.relu(z) / (1 + sw.relu(z)) - a)
+    points = np.array([[2.0, 0.1], [2.1, 0.2], [2.2, 0.3], [2.5, 0.4]])
+    character = system.character(points[0, :1], 0.1)
+    found = by_columns(lambda z, a: system.residual(z, a, character), points)
+    np.testing.assert_allclose(found[:, 0], points[:, 0] / (1 + points[:, 0]) - points[:, 1])

@@ -10,7 +10,15 @@ from exact_counts import count_of
 from pwscont_optimisation import Lasso
 from sweeps import swept
 
-from pwscont import LCP, BranchGraph, Complementarity, Switched, enumerate_solutions, explore
+from pwscont import (
+    LCP,
+    BranchGraph,
+    Complementarity,
+    PiecewiseSystem,
+    Switched,
+    enumerate_solutions,
+    explore,
+)
 
 pytestmark = pytest.mark.sweep(2)  # the others take too long for the README's command
 
@@ -184,3 +192,43 @@ def test_a_vertical_ray_is_no_imbalance(others):
     assert [graph.count(alpha) for alpha in (-2.0, -1.0, 0.0)] == [1, math.inf, 0]
     assert graph.is_balanced()
     assert "infinitely many solutions at alpha = -1 (the branch runs to infinity" in graph.guarantee
+
+
+class LevelsOff(PiecewiseSystem):
+    """A function of z, alpha and relu as a class without derivatives."""
+
+    def __init__(self, size, function):
+        self.size, self._function = size, function
+
+    def test_functions(self, z, alpha):
+        return z
+
+    def residual(self, z, alpha, character):
+        return self._function(z, alpha, _Relu(character.signs[0]))
+
+
+class _Relu:
+    def __init__(self, is_on):
+        self._is_on = is_on
+
+    def relu(self, z):
+        return z if self._is_on else 0.0 * z
+
+
+@pytest.mark.parametrize("kind", [Switched, LevelsOff])
+def test_a_function_that_levels_off_has_magnitudes_where_it_bends(kind):
+    """relu(z) / (1 + relu(z)) = alpha: half of the interval is reached by rounding alone.
+
+    A magnitude of 1e16 would make z = -1/3, a zero of the other side, a point of the interface.
+    """
+    graph = explore(kind(1, lambda z, a, sw: sw.relu(z) / (1 + sw.relu(z)) - a), (-0.5, 1.5))
+    assert [graph.count(alpha) for alpha in (-0.4, -0.1, 0.0, 0.2, 0.9)] == [0, 0, math.inf, 1, 1]
+    np.testing.assert_allclose(graph.solutions(0.5)[0].z, [1.0], rtol=1e-9)
+
+
+def test_a_step_that_goes_nowhere_is_no_step():
+    """(1 + z^2)^-0.05 = alpha begins at |z| = 1e10."""
+    system = LevelsOff(1, lambda z, a, sw: (1 + z**2) ** -0.05 - a)
+    graph = explore(system, (0.1, 1.1))
+    assert "a piece was stopped" in graph.guarantee
+    assert graph.count(0.5) == 2

@@ -194,9 +194,9 @@ def accepted(
     """
     end = corrected.state
     cosine = dot(curve.metric.covector(state.tangent), end.tangent)
-    if not cosine >= step_size.least_cosine:  # also where the cosine is not a number
-        return Failure(FailureReason.JUMP)
     segment = CurvedSegment.between(curve, state, end, length)
+    if not (cosine >= step_size.least_cosine and segment.length > 0.0):  # also where not a number
+        return Failure(FailureReason.JUMP)
     correction = curve.metric.norm(end.x - predicted)
     measured = correction, _off_cubic(segment, corrected, is_sure=correction <= SURE * length)
     strain = _strain(*measured, corrected.contraction, length, NEGLIGIBLE)

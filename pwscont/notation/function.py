@@ -263,7 +263,9 @@ def _differ(a: Any, b: Any) -> bool:
     """Tell whether arguments of two calls differ by more than rounding."""
     if is_traced(a) or is_traced(b):
         return False
-    one, other = value_of(a), value_of(b)
+    one, other = numbers_in(value_of(a)), numbers_in(value_of(b))
+    if one is None or other is None:
+        return True  # not numbers at all
     sizes = np.abs(one) + np.abs(other)
     with np.errstate(invalid="ignore"):
         return bool((np.abs(one - other) > ALIKE * (sizes + sizes.max(initial=0.0))).any())
