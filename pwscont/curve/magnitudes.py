@@ -136,8 +136,8 @@ BASE, POWERS = 2.0**0.25, 512
 #: What part of its terms a row is seen to change by: by all of them sin(z) would hardly ever do.
 PART = 0.5
 #: A little of the terms; and so many powers less than what PART of them needs, by 10,000, not even
-#: a little would do if H were straight. Where H levels off, rounding may reach PART: LEVEL will do.
-LITTLE, FAR_BELOW, LEVEL = 0.001, 53, 0.1
+#: a little would do if H were straight. If LEVEL does, H levels off, and rounding may reach PART.
+LITTLE, FAR_BELOW, LEVEL = 0.001, 53, 0.99 * PART
 #: Where in the interval H is asked: at both ends, and where no function vanishes by design.
 PLACES = (0.0, 0.381966, 1.0)
 #: Most unknowns whose sizes are told by more than a single Newton step.
@@ -214,10 +214,11 @@ def _reach(
     high = _first(is_enough, -POWERS, POWERS) if rows.size else POWERS
     if high == POWERS:
         return 0.0
-    if is_enough(high - FAR_BELOW, LITTLE):
+    if is_enough(high - FAR_BELOW, LEVEL):
+        high = _first(lambda power: is_enough(power, 0.5 * PART), -POWERS, high)
+    elif is_enough(high - FAR_BELOW, LITTLE):
         small = _first(lambda power: is_enough(power, LITTLE), -POWERS, high)
-        level = _first(lambda power: is_enough(power, LEVEL), small, high)
-        high = next(filter(is_enough, range(small, min(small + FAR_BELOW, high), 2)), level)
+        high = next(filter(is_enough, range(small, min(small + FAR_BELOW, high), 2)), high)
     return float(BASE**high / PART)
 
 
