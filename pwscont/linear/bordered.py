@@ -94,6 +94,8 @@ class BorderedFactor(Factor):
         The divisors of the rows of M, and the multipliers of the columns of M.
     """
 
+    is_whole = True
+
     def __init__(self, interior: Interior, row: Array, rows: Array, columns: Array) -> None:
         self._interior, self._core, self._column = interior, interior.core, interior.column
         self._row, self._corner = row[:-1], float(row[-1])
