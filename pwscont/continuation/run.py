@@ -116,6 +116,10 @@ def check_stepper_fits(system: PiecewiseSystem, stepper: Any) -> None:
         )
 
 
+#: The default steppers of straight and of curved pieces.
+STRAIGHT, CURVED = ExactLinear(), PseudoArclength()
+
+
 @final
 @dataclass(frozen=True)
 class Plan:
@@ -148,7 +152,7 @@ class Plan:
         """Choose the parts for a system on an interval that was checked; options are fields."""
         if stepper is None:
             is_straight = isinstance(system, PiecewiseLinearSystem)
-            stepper = ExactLinear() if is_straight else PseudoArclength()
+            stepper = STRAIGHT if is_straight else CURVED
         Metric.of(system, interval)  # refuses magnitudes to which no system can be fitted
         fitted = system.within(*interval)
         plan = cls(fitted, interval, None, stepper, *watched, budget, **options)
@@ -243,7 +247,7 @@ def plan_in_words(
     lo, hi = checked_interval(system, interval)
     watched = checked_detectors(system, detectors, events)
     check_stepper_fits(system, stepper)
-    plan = Plan.of(system, (lo, hi), stepper, watched, Budget(Limits()))
+    plan = Plan.of(system, (lo, hi), stepper, watched, Budget())
     search = search or default_search_of(plan)
     unknowns = f"{plan.reduced_system.size} of {plan.system.size}"
     return {

@@ -100,7 +100,7 @@ def evolve(
     check_callable("report", report, "(number of pieces, t)")
     interval = _checked(interval)
     rule, watched = Jumps(jumps), UserEvents(events)
-    with Budget(limits or Limits()) as budget:
+    with Budget(limits) as budget:
         own = system.evolver(interval)
         checked_kind(f"what {type(system).__name__}.evolver returns", own, Evolver)
         evolver = own or ByRays(system, interval)
