@@ -44,7 +44,7 @@ from pwscont.curve.error_samples import Found, has_digits, is_inside
 from pwscont.curve.looks import gap_of
 from pwscont.curve.magnitudes import Gauge, MisjudgedError, rounded_to_one
 from pwscont.curve.metric import Metric
-from pwscont.curve.pseudo_arclength import PseudoArclength
+from pwscont.curve.pseudo_arclength import CURVED, STRAIGHT
 from pwscont.curve.step_size import step_size_of
 from pwscont.curve.stepper import ExactLinear, Stepper
 from pwscont.enumeration.continua import find_continua
@@ -114,10 +114,6 @@ def check_stepper_fits(system: PiecewiseSystem, stepper: Any) -> None:
             f"ExactLinear needs a PiecewiseLinearSystem, and {type(system).__name__} is none; "
             "use PseudoArclength"
         )
-
-
-#: The default steppers of straight and of curved pieces.
-STRAIGHT, CURVED = ExactLinear(), PseudoArclength()
 
 
 @final

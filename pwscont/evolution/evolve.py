@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from math import isfinite
 from typing import Any
 
-from pwscont.basics.arguments import check_callable, checked_kind, needed_kind
+from pwscont.basics.arguments import check_callable, checked_kind
 from pwscont.basics.arrays import Array
 from pwscont.basics.budget import Budget, Limits
 from pwscont.basics.errors import InvalidInputError, InvalidSystemError
@@ -94,7 +94,7 @@ def evolve(
     >>> evolution.guarantee
     'all evolutions with finitely many events'
     """
-    needed_kind("system", system, SystemWithMemory)
+    checked_kind("system", system, SystemWithMemory, is_needed=True)
     checked_kind("journal", journal, Journal)
     checked_kind("limits", limits, Limits)
     check_callable("report", report, "(number of pieces, t)")

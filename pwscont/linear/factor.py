@@ -125,11 +125,6 @@ class ScaledFactor(Factor):
         return self._factor.is_singular()
 
 
-def power_of_two(values: Array) -> Array:
-    """Return for each value > 0 the next larger power of two, at most twice the value; 1 for 0."""
-    return np.ldexp(1.0, np.frexp(values)[1])
-
-
 def regularise(pivots: Array) -> None:
     """Move pivots below EPS to a size of EPS, in place; entries of the matrix are about 1."""
     sizes = np.abs(pivots)

@@ -14,26 +14,11 @@ from typing import Any, final
 import numpy as np
 import scipy.sparse as sp
 
-from pwscont.basics.arrays import Array, Matrix, dense
+from pwscont.basics.arrays import Array, Matrix, dense, power_of_two
 from pwscont.linear.bordered import BorderedFactor, Interior
-from pwscont.linear.factor import DenseLU, Factor, ScaledFactor, power_of_two, row_maxima
+from pwscont.linear.factor import DenseLU, Factor, ScaledFactor, row_maxima
 from pwscont.linear.jacobian import StoredJacobian, StructuredJacobian
 from pwscont.linear.sparse import SparseJacobian, SparseLU
-
-__all__ = [
-    "Factor",
-    "balanced_columns",
-    "bordered",
-    "column",
-    "columns_scaled",
-    "factor",
-    "inner",
-    "kink_by_columns",
-    "largest_in_rows",
-    "last_unit",
-    "power_of_two",
-    "rows_divided",
-]
 
 
 def bordered(jacobian: Matrix, row: Any, scale: Array, beside: Array | None = None) -> Factor:

@@ -12,9 +12,9 @@ from typing import Any, Self
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Matrix
+from pwscont.basics.arrays import Array, Matrix, power_of_two
 from pwscont.linear.bordered import BorderedFactor, Interior, row_scale
-from pwscont.linear.factor import Factor, ScaledFactor, power_of_two
+from pwscont.linear.factor import Factor, ScaledFactor
 
 
 class StructuredJacobian(ABC):
