@@ -56,10 +56,10 @@ LONGEST_FILE = 500
 #: becomes smaller, its budget becomes smaller.
 BUDGET = {
     "basics": (10, 1170),
-    "system": (10, 2180),
-    "linear": (11, 1630),
+    "system": (10, 2170),
+    "linear": (11, 1570),
     "notation": (13, 2860),
-    "curve": (14, 2825),
+    "curve": (14, 2795),
     "enumeration": (11, 2615),
     "transitions": (12, 3615),
     "graph": (10, 2622),
@@ -76,7 +76,7 @@ BUDGET = {
     "commands": (10, 1150),
 }
 #: Most files and classes that the README's arch meets; a change that needs more says why.
-MOST_FILES_MET, MOST_CLASSES_MET = 49, 67
+MOST_FILES_MET, MOST_CLASSES_MET = 49, 63
 
 
 def module_of(path):

@@ -106,6 +106,8 @@ class Budget:
         self, limits: Limits | None = None, clock: Callable[[], float] = time.monotonic
     ) -> None:
         self._limits, self._clock = limits or NO_LIMITS, clock
+        #: Whether a user has set a limit.
+        self.is_limited = limits is not None and limits != NO_LIMITS
         seconds = self._limits.seconds
         self._deadline = clock() + (seconds if seconds is not None else math.inf)
         self._reason, self._is_interrupted = "", False
@@ -129,11 +131,6 @@ class Budget:
     def spent(self) -> str:
         """What ran out, in words; empty while every limit allows more."""
         return self._reason or (INTERRUPTED if self._is_interrupted else "")
-
-    @property
-    def is_limited(self) -> bool:
-        """Whether a user has set a limit."""
-        return self._limits != NO_LIMITS
 
     def check(self) -> None:
         """Raise if this budget, or the budget of a run around this run, is spent."""

@@ -103,16 +103,6 @@ class BandedJacobian(StoredJacobian):
             np.maximum(largest[i], diagonal, out=largest[i])
         return largest
 
-    def column_at(self, index: int) -> Array:
-        """Return a column, shape (n,)."""
-        n = len(self.column)
-        if index == n:
-            return self.column.copy()
-        column, first = np.zeros(n), index - self.upper
-        rows = slice(max(0, first), min(n, index + self.lower + 1))
-        column[rows] = self.bands[rows.start - first : rows.stop - first, index]
-        return column
-
     def __matmul__(self, x: Array) -> Array:
         product: Array = self.column * x[-1]
         for diagonal, rows, columns in diagonals(self.bands, self.upper):
