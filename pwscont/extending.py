@@ -20,7 +20,16 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from pwscont.basics.arguments import checked_kind
-from pwscont.basics.arrays import Array, Indices, Matrix, Signs, dense, finite_array, generic
+from pwscont.basics.arrays import (
+    Array,
+    Indices,
+    Matrix,
+    Signs,
+    dense,
+    finite_array,
+    generic,
+    power_of_two,
+)
 from pwscont.basics.budget import check_budget
 from pwscont.basics.outcome import Failure, FailureReason, Guarantee, Kind, SearchScope
 from pwscont.basics.printing import apart, card, counted, named, short, with_article
@@ -44,7 +53,7 @@ from pwscont.graph.queries import fine_points
 from pwscont.graph.records import FEW_DIGITS, Piece, Solution, SpecialPoint, attempted
 from pwscont.linear.balance import balanced
 from pwscont.linear.bordered import BorderedFactor, Interior, row_scale
-from pwscont.linear.factor import Factor, ScaledFactor, power_of_two
+from pwscont.linear.factor import Factor, ScaledFactor
 from pwscont.linear.jacobian import StructuredJacobian
 from pwscont.linear.threads import THREADS, one_thread
 from pwscont.linear.updates import RowMatrix, RowSolver, Updating, drifted

@@ -5,8 +5,8 @@ import pytest
 import scipy.sparse as sp
 
 from pwscont import PiecewiseLinearSystem, trace
+from pwscont.basics.arrays import power_of_two
 from pwscont.basics.rounding import EPS
-from pwscont.linear.factor import power_of_two
 from pwscont.linear.factorise import bordered, factor, inner
 from pwscont.linear.updates import MOST_CHANGES_KEPT, ProductForm
 from pwscont.linear.vectors import Rows

@@ -12,11 +12,11 @@ from pwscont_coulomb import AffineLoad, ContactBody, CoulombFriction, CoulombLoa
 from pwscont_coulomb.rows import FEW, GradientRows
 
 from pwscont import Character, PseudoArclength, trace
-from pwscont.basics.arrays import dense
+from pwscont.basics.arrays import dense, power_of_two
 from pwscont.graph.records import Place, first_digits, from_first_digits
 from pwscont.linear.banded import BandLU
 from pwscont.linear.factor import DenseLU
-from pwscont.linear.factorise import factor, power_of_two
+from pwscont.linear.factorise import factor
 from pwscont.linear.sparse import SparseLU
 from pwscont.linear.updates import RowSolver
 

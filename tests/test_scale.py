@@ -11,7 +11,8 @@ from pwscont_coulomb.contact_matrix import ContactMatrix
 from pwscont_coulomb.modes import SIGNS
 
 from pwscont import Character, check_system
-from pwscont.linear.factorise import WholeFactor, bordered, column
+from pwscont.linear.factor import ScaledFactor
+from pwscont.linear.factorise import bordered, column
 from pwscont.linear.updates import RowMatrix, Updating, drifted
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
@@ -118,7 +119,7 @@ def test_bordered_systems(seed):
     character = structured.character(z, 0.0)
     rhs = rng.normal(size=(3, len(row)))
     factors = [bordered(s.jacobian(z, 0.0, character), row, scale) for s in (structured, general)]
-    assert isinstance(factors[1], WholeFactor)
+    assert isinstance(factors[1], ScaledFactor)
     for vector in rhs:
         solutions = [factor.solve(vector) for factor in factors]
         np.testing.assert_allclose(*solutions, rtol=1e-7, atol=1e-10)

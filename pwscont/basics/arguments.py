@@ -6,8 +6,10 @@ from pwscont.basics.errors import InvalidInputError
 from pwscont.basics.printing import short, with_article
 
 
-def checked_kind(name: str, value: object, kind: type) -> None:
-    """Refuse an argument of another kind, such as a class where an instance is meant; not None.
+def checked_kind(name: str, value: object, kind: type, *, is_needed: bool = False) -> None:
+    """Refuse an argument of another kind, such as a class where an instance is meant.
+
+    None is refused only if the argument ``is_needed``.
 
     Raises
     ------
@@ -24,7 +26,7 @@ def checked_kind(name: str, value: object, kind: type) -> None:
     ...     print(error)
     step_size must be a StepSize, got 0.1
     """
-    if value is not None and not isinstance(value, kind):
+    if (value is not None or is_needed) and not isinstance(value, kind):
         forgotten = isinstance(value, type) and issubclass(value, kind)
         hint = "; call it to make one" if forgotten else ""
         raise InvalidInputError(
@@ -36,10 +38,3 @@ def check_callable(name: str, value: object, signature: str) -> None:
     """Refuse an argument that is no function; ``signature`` names the arguments in the message."""
     if not callable(value):
         raise InvalidInputError(f"{name} must be a function of {signature}, got {value!r}")
-
-
-def needed_kind(name: str, value: object, kind: type) -> None:
-    """Refuse an argument of another kind, and None, where there is no default."""
-    if value is None:
-        raise InvalidInputError(f"{name} must be {with_article(kind.__name__)}, got None")
-    checked_kind(name, value, kind)

@@ -115,6 +115,11 @@ def own_dense(matrix: Matrix) -> Array:
     return np.array(dense(matrix), dtype=float)
 
 
+def power_of_two(values: Array) -> Array:
+    """Return for each value > 0 the next larger power of two, at most twice the value; 1 for 0."""
+    return np.ldexp(1.0, np.frexp(values)[1])
+
+
 @lru_cache(maxsize=16)
 def generic(size: int, shift: float = 0.0) -> Array:
     """Return numbers between -1 and 1, the same in every run; other numbers for each shift.

@@ -72,6 +72,8 @@ def _is_positive(value: object) -> bool:
     return number and (0 < value <= sys.float_info.max or value == math.inf)  # type: ignore[operator]
 
 
+#: The limits of a run to which a user gives none.
+NO_LIMITS = Limits()
 #: The reason of a run that a user ended.
 INTERRUPTED = "interrupted"
 
@@ -100,9 +102,14 @@ def check_budget() -> None:
 class Budget:
     """The budget of a run, which lasts as long as its ``with`` block; ``clock`` tells seconds."""
 
-    def __init__(self, limits: Limits, clock: Callable[[], float] = time.monotonic) -> None:
-        self._limits, self._clock = limits, clock
-        self._deadline = clock() + (limits.seconds if limits.seconds is not None else math.inf)
+    def __init__(
+        self, limits: Limits | None = None, clock: Callable[[], float] = time.monotonic
+    ) -> None:
+        self._limits, self._clock = limits or NO_LIMITS, clock
+        #: Whether a user has set a limit.
+        self.is_limited = limits is not None and limits != NO_LIMITS
+        seconds = self._limits.seconds
+        self._deadline = clock() + (seconds if seconds is not None else math.inf)
         self._reason, self._is_interrupted = "", False
         self._outer = _current.get()
 
@@ -124,11 +131,6 @@ class Budget:
     def spent(self) -> str:
         """What ran out, in words; empty while every limit allows more."""
         return self._reason or (INTERRUPTED if self._is_interrupted else "")
-
-    @property
-    def is_limited(self) -> bool:
-        """Whether a user has set a limit."""
-        return self._limits != Limits()
 
     def check(self) -> None:
         """Raise if this budget, or the budget of a run around this run, is spent."""
@@ -172,4 +174,4 @@ class Budget:
 
 def current_budget() -> Budget:
     """Return the budget of the run that is going on; outside a run, a budget without limits."""
-    return _current.get() or Budget(Limits())
+    return _current.get() or Budget()

@@ -152,13 +152,7 @@ class Quantities:
         return self.naming is not None
 
     def names(self, size: int) -> tuple[str, ...]:
-        """Return the names of the unknowns of a state; by default ``z[0]``, ``z[1]``, ...
-
-        Raises
-        ------
-        InvalidSystemError
-            If the system gives names to another number of unknowns, or names that are no texts.
-        """
+        """Return the names of the unknowns of a state; by default ``z[0]``, ``z[1]``, ..."""
         if not self.is_named:
             return tuple(f"z[{i}]" for i in range(size))
         return checked_names(self._names, size)

@@ -14,8 +14,7 @@ from functools import wraps
 from typing import Any
 
 from pwscont import PiecewiseSystem
-from pwscont.extending import BorderedFactor, Factor
-from pwscont.linear.factorise import WholeFactor
+from pwscont.extending import BorderedFactor, Factor, ScaledFactor
 
 #: Methods of a system that are counted, by name.
 EVALUATIONS = ("residual", "jacobian", "test_functions", "test_jacobian")
@@ -49,12 +48,12 @@ def counted(system: PiecewiseSystem) -> Iterator[Counter[str]]:
 
 
 def factorisations() -> list[type[Factor]]:
-    """Return the classes of factorisations that are counted, of whole matrices.
+    """Return the classes of factorisations that are counted, if ``is_whole``.
 
     An LU of the part for z is not counted, neither next to the bordered matrix that contains the
     part nor along straight pieces, which have no bordered matrices.
     """
-    return [WholeFactor, BorderedFactor]
+    return [ScaledFactor, BorderedFactor]
 
 
 @contextmanager
@@ -78,7 +77,8 @@ def _counting(owner: type, name: str, calls: Counter[str], kind: str) -> Iterato
 def _with_count(function: Callable[..., Any], calls: Counter[str], kind: str) -> Callable[..., Any]:
     @wraps(function)
     def counting(*arguments: Any, **named: Any) -> Any:
-        calls[kind] += 1
-        return function(*arguments, **named)
+        found = function(*arguments, **named)
+        calls[kind] += getattr(arguments[0], "is_whole", True)
+        return found
 
     return counting

@@ -238,7 +238,7 @@ def trace(
     options = checked_options(system, journal, limits, report, parameter, record)
     rough = checked_start(system, start, inside, "the start")
     watched, given = checked_detectors(system, detectors, events), {"the start": rough}
-    with Budget(limits or Limits()) as budget:
+    with Budget(limits) as budget:
         plan = checked_plan(system, inside, rough, budget, watched, stepper, **options)
         return follow_measured(plan, rough[0], lambda plan: _found(plan, given), NOT_SEARCHED)[0]
 
@@ -360,7 +360,7 @@ def explore(
     named = ((f"starts[{i}]", start) for i, start in enumerate(listed))
     given = {name: checked_start(system, start, inside, name) for name, start in named}
     watched, guess = checked_detectors(system, detectors, events), np.zeros(system.size)
-    with Budget(limits or Limits()) as budget:
+    with Budget(limits) as budget:
         at = guess, inside[0]
         plan = checked_plan(system, inside, at, budget, watched, stepper, **options)
         around = [plan.reduced(z)[: shown_size(plan.reduced_system)] for z, _ in given.values()]

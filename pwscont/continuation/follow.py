@@ -258,11 +258,11 @@ class _Reached:
             stepper = stepper.stretched(factor) if factor > 1.0 else stepper
         interval, before = self._follower.interval, self._step_before
         step = stepper.step(self.curve, interval, self.state, before, longest)
-        if not isinstance(step, Segment | Failure):
-            raise self._broken("step", "a Segment or a Failure", step)
         if isinstance(step, CurvedSegment):
             largest = (step_size_of(stepper) or StepSize()).largest
             self._tiny = self._tiny + 1 if step.length < TINY_PART * largest else 0
+        elif not isinstance(step, Segment | Failure):
+            raise self._broken("step", "a Segment or a Failure", step)
         return step
 
     def _aimed(self, longest: float, reading: Reading) -> tuple[CurvedSegment, Event] | None:

@@ -44,7 +44,7 @@ from pwscont.curve.error_samples import Found, has_digits, is_inside
 from pwscont.curve.looks import gap_of
 from pwscont.curve.magnitudes import Gauge, MisjudgedError, rounded_to_one
 from pwscont.curve.metric import Metric
-from pwscont.curve.pseudo_arclength import PseudoArclength
+from pwscont.curve.pseudo_arclength import CURVED, STRAIGHT
 from pwscont.curve.step_size import step_size_of
 from pwscont.curve.stepper import ExactLinear, Stepper
 from pwscont.enumeration.continua import find_continua
@@ -148,7 +148,7 @@ class Plan:
         """Choose the parts for a system on an interval that was checked; options are fields."""
         if stepper is None:
             is_straight = isinstance(system, PiecewiseLinearSystem)
-            stepper = ExactLinear() if is_straight else PseudoArclength()
+            stepper = STRAIGHT if is_straight else CURVED
         Metric.of(system, interval)  # refuses magnitudes to which no system can be fitted
         fitted = system.within(*interval)
         plan = cls(fitted, interval, None, stepper, *watched, budget, **options)
@@ -243,7 +243,7 @@ def plan_in_words(
     lo, hi = checked_interval(system, interval)
     watched = checked_detectors(system, detectors, events)
     check_stepper_fits(system, stepper)
-    plan = Plan.of(system, (lo, hi), stepper, watched, Budget(Limits()))
+    plan = Plan.of(system, (lo, hi), stepper, watched, Budget())
     search = search or default_search_of(plan)
     unknowns = f"{plan.reduced_system.size} of {plan.system.size}"
     return {

@@ -32,7 +32,8 @@ from pwscont.curve.newton import (
     uncertainty,
     unseen_rounding,
 )
-from pwscont.linear.factorise import Factor, bordered, last_unit
+from pwscont.linear.factor import Factor
+from pwscont.linear.factorise import bordered, last_unit
 
 
 @final

@@ -20,17 +20,11 @@ from typing import final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, generic_angles, largest
+from pwscont.basics.arrays import Array, generic_angles, largest, power_of_two
 from pwscont.basics.outcome import Failure, FailureReason
 from pwscont.basics.rounding import CONVERGED, EPS
 from pwscont.curve.curve import Curve
-from pwscont.linear.factorise import (
-    augmented,
-    columns_scaled,
-    largest_in_rows,
-    power_of_two,
-    rows_divided,
-)
+from pwscont.linear.factorise import augmented, columns_scaled, largest_in_rows, rows_divided
 
 #: Most Newton iterations to a branch point.
 MOST_ITERATIONS_TO_CROSSING = 12
@@ -56,23 +50,12 @@ FLAT = EPS**0.4
 @final
 @dataclass(frozen=True, slots=True)
 class Crossing:
-    """A simple branch point.
+    """A simple branch point."""
 
-    Attributes
-    ----------
-    x : ndarray, shape (n + 1,)
-    error : ndarray, shape (1, n + 1)
-        The last Newton correction, a sample of the error.
-    directions : tuple of two ndarrays, shape (n + 1,)
-        The tangents of the two curves, of unit length in the metric, signs arbitrary.
-    meets : bool
-        Whether the curves meet there to rounding; else the curves pass each other close by.
-    """
-
-    x: Array
-    error: Array
-    directions: tuple[Array, Array]
-    meets: bool
+    x: Array  # shape (n + 1,)
+    error: Array  # the last Newton correction, a sample of the error, shape (1, n + 1)
+    directions: tuple[Array, Array]  # the unit tangents of the two curves, signs arbitrary
+    meets: bool  # whether the curves meet to rounding; else the curves pass each other close by
 
 
 @final

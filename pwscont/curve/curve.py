@@ -18,7 +18,8 @@ from pwscont.basics.printing import at, named
 from pwscont.basics.rounding import CONFIDENCE, CONVERGED, EPS, GUARD
 from pwscont.curve.error_samples import magnitude, samples
 from pwscont.curve.metric import Metric
-from pwscont.linear.factorise import Factor, bordered, last_unit
+from pwscont.linear.factor import Factor
+from pwscont.linear.factorise import bordered, last_unit
 from pwscont.system.differences import FINE_STEP, STEP
 from pwscont.system.selection import Selection
 

@@ -71,15 +71,11 @@ def _root_of_squares(error: Array) -> Array:
     return spread
 
 
-def magnitude_of_values(rows: Matrix, x: Array, error: Array) -> Array:
-    """Return the estimated error of ``rows @ x``, shape (l,); ``error`` as for magnitude."""
-    return rounding_of_values(rows, np.abs(x), error)
-
-
 def rounding_of_values(rows: Matrix, sizes: Array, error: Array) -> Array:
-    """Return the estimated error of ``rows @ x`` where the terms of ``x`` have these sizes.
+    """Return the estimated error of ``rows @ x``, shape (l,), where ``x`` has these sizes.
 
-    Nothing is known of rows with infinite entries: their estimate is zero.
+    ``error`` as for :func:`magnitude`. Nothing is known of rows with infinite entries: their
+    estimate is zero.
     """
     spread = np.abs(np.hypot.reduce(product(rows, error.T), axis=1))  # rows are in any units
     estimate: Array = EPS * product(abs(rows), sizes) + spread
@@ -94,7 +90,8 @@ def slack_of_values(rows: Matrix, x: Array, error: Array, scale: Array) -> Array
     The slack is the rounding of the terms of the tests, and of terms of typical magnitude: an
     unknown may be zero because constants in H cancel, which the error of x does not show.
     """
-    slack: Array = CONFIDENCE * magnitude_of_values(rows, x, error) + EPS * (abs(rows) @ scale)
+    off = rounding_of_values(rows, np.abs(x), error)
+    slack: Array = CONFIDENCE * off + EPS * (abs(rows) @ scale)
     return slack
 
 

@@ -22,7 +22,7 @@ from pwscont.basics.arrays import Array, largest
 from pwscont.basics.rounding import CONVERGED
 from pwscont.curve.step_size import StepSize
 from pwscont.curve.stepper import CurvedSegment
-from pwscont.linear.factorise import Factor
+from pwscont.linear.factor import Factor
 from pwscont.system.system import PiecewiseSystem, SlicewiseLinearSystem
 
 #: The largest number of places in a step.

@@ -9,11 +9,10 @@ from typing import final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Indices, joined, largest, smallest
+from pwscont.basics.arrays import Array, Indices, joined, largest, power_of_two, smallest
 from pwscont.basics.errors import InvalidSystemError
 from pwscont.basics.printing import named
 from pwscont.basics.rounding import CONVERGED, EPS, GUARD, SAME_ALPHA
-from pwscont.linear.factorise import power_of_two
 from pwscont.linear.vectors import dot
 from pwscont.system.box import Box
 from pwscont.system.contract import checked_scale

@@ -31,7 +31,8 @@ from pwscont.basics.rounding import CONFIDENCE, CONVERGED, EPS, GUARD
 from pwscont.curve.curve import LEAN, Curve, State
 from pwscont.curve.error_samples import magnitude, samples
 from pwscont.curve.metric import LARGEST, SHORTEST, Metric
-from pwscont.linear.factorise import Factor, bordered, column, last_unit
+from pwscont.linear.factor import Factor
+from pwscont.linear.factorise import bordered, column, last_unit
 from pwscont.linear.vectors import times
 from pwscont.system.selection import Selection
 from pwscont.system.system import SlicewiseLinearSystem
@@ -58,35 +59,17 @@ TURNED = math.sqrt(CONVERGED)
 @final
 @dataclass(slots=True, eq=False)
 class Root:
-    """A solution of {H_chi = 0, border = 0}.
+    """A solution of {H_chi = 0, border = 0}."""
 
-    Attributes
-    ----------
-    x : ndarray, shape (n + 1,)
-    error : ndarray, shape (n + 1,)
-        Size of the last correction.
-    jacobian, row
-        Jacobian and gradient of the border, from before the last correction.
-    factor : Factor
-        Factorisation of [jacobian; row].
-    scale : ndarray, shape (n + 1,)
-        Typical magnitudes of x.
-    iterations : int
-    stale : bool
-        Whether the factorisation is too old for the tangent.
-    contraction : float
-        Ratio of the first two corrections, see :func:`first_quotient`.
-    """
-
-    x: Array
-    error: Array
-    jacobian: Matrix
-    row: Matrix
-    factor: Factor
-    scale: Array
-    iterations: int
-    stale: bool = False
-    contraction: float = 0.0
+    x: Array  # shape (n + 1,)
+    error: Array  # the size of the last correction, shape (n + 1,)
+    jacobian: Matrix  # from before the last correction, as is the row
+    row: Matrix  # the gradient of the border
+    factor: Factor  # of [jacobian; row]
+    scale: Array  # typical magnitudes of x, shape (n + 1,)
+    iterations: int = 0
+    stale: bool = False  # whether the factorisation is too old for the tangent
+    contraction: float = 0.0  # the ratio of the first two corrections, see first_quotient
 
 
 def newton(curve: Curve, border: Border, x: Array, most_iterations: int) -> Root | Failure:
@@ -275,7 +258,7 @@ def uncertainty_beside(curve: Curve, state: State) -> Array:
     factor, known = bordered(jacobian, row, curve.metric.binary), np.abs(state.error).max(axis=0)
     if factor.failed:
         return state.error
-    root = Root(state.x, known, jacobian, row, factor, curve.metric.scale, 0)
+    root = Root(state.x, known, jacobian, row, factor, curve.metric.scale)
     return uncertainty(root, unseen_rounding(curve, root, lambda x: float(row.dot(x))))
 
 

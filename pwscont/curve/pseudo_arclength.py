@@ -22,7 +22,7 @@ from typing import final
 
 import numpy as np
 
-from pwscont.basics.arguments import needed_kind
+from pwscont.basics.arguments import checked_kind
 from pwscont.basics.arrays import Array
 from pwscont.basics.outcome import Failure, FailureReason
 from pwscont.basics.rounding import CONFIDENCE, EPS
@@ -33,7 +33,7 @@ from pwscont.curve.looks import farthest_off
 from pwscont.curve.newton import Border, Root, uncertainty
 from pwscont.curve.predictor import Hermite, Predictor
 from pwscont.curve.step_size import StepSize
-from pwscont.curve.stepper import BESIDE, INSIDE, CurvedSegment, Segment, Stepper
+from pwscont.curve.stepper import BESIDE, INSIDE, CurvedSegment, ExactLinear, Segment, Stepper
 from pwscont.linear.vectors import dot
 
 #: Largest correction, as a part of the step.
@@ -95,9 +95,9 @@ class PseudoArclength(Stepper):
 
     def __post_init__(self) -> None:
         """Check the parts."""
-        needed_kind("predictor of PseudoArclength", self.predictor, Predictor)
-        needed_kind("corrector of PseudoArclength", self.corrector, Corrector)
-        needed_kind("step_size of PseudoArclength", self.step_size, StepSize)
+        checked_kind("predictor of PseudoArclength", self.predictor, Predictor, is_needed=True)
+        checked_kind("corrector of PseudoArclength", self.corrector, Corrector, is_needed=True)
+        checked_kind("step_size of PseudoArclength", self.step_size, StepSize, is_needed=True)
 
     def step(
         self,
@@ -168,6 +168,10 @@ class PseudoArclength(Stepper):
     def stretched(self, factor: float) -> PseudoArclength:
         """Return a stepper whose longest step is longer by a factor."""
         return replace(self, step_size=self.step_size.stretched(factor))
+
+
+#: The default steppers of straight and of curved pieces.
+STRAIGHT, CURVED = ExactLinear(), PseudoArclength()
 
 
 def accepted(
@@ -251,7 +255,7 @@ def _noise(curve: Curve, corrected: Corrected) -> float:
     """Return how far a corrected point may be off because of rounding."""
     state, metric = corrected.state, curve.metric
     jacobian, row = curve.selection.jacobian(state.x), metric.covector(state.tangent)
-    root = Root(state.x, state.error[0], jacobian, row, corrected.factor, metric.scale, 0)
+    root = Root(state.x, state.error[0], jacobian, row, corrected.factor, metric.scale)
     return NEGLIGIBLE + CONFIDENCE * metric.norm(magnitude(state.x, uncertainty(root)))
 
 
@@ -330,7 +334,7 @@ class NaturalParameter(Stepper):
 
     def __post_init__(self) -> None:
         """Check the parts."""
-        needed_kind("step_size of NaturalParameter", self.step_size, StepSize)
+        checked_kind("step_size of NaturalParameter", self.step_size, StepSize, is_needed=True)
 
     def step(
         self,

@@ -28,7 +28,8 @@ from pwscont.basics.rounding import CONVERGED, EPS, GUARD
 from pwscont.curve.error_samples import has_digits
 from pwscont.curve.metric import Metric, deflation, stretch
 from pwscont.curve.newton import Root, is_rounding, is_solved, uncertainty
-from pwscont.linear.factorise import Factor, balanced_columns, bordered, last_unit
+from pwscont.linear.factor import Factor
+from pwscont.linear.factorise import balanced_columns, bordered, last_unit
 from pwscont.system.contract import jacobian_at, residual_at
 from pwscont.system.selection import Selection
 from pwscont.system.system import PiecewiseLinearSystem, PiecewiseSystem

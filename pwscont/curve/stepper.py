@@ -15,7 +15,7 @@ from pwscont.curve.corrector import BorderedNewton
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.error_samples import magnitude
 from pwscont.curve.newton import Border, by_chords
-from pwscont.linear.factorise import Factor
+from pwscont.linear.factor import Factor
 from pwscont.linear.vectors import dot, plus, times
 
 #: Least cosine between a tangent and the chord for the tangent to help in finding points between.

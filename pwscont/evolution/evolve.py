@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from math import isfinite
 from typing import Any
 
-from pwscont.basics.arguments import check_callable, checked_kind, needed_kind
+from pwscont.basics.arguments import check_callable, checked_kind
 from pwscont.basics.arrays import Array
 from pwscont.basics.budget import Budget, Limits
 from pwscont.basics.errors import InvalidInputError, InvalidSystemError
@@ -94,13 +94,13 @@ def evolve(
     >>> evolution.guarantee
     'all evolutions with finitely many events'
     """
-    needed_kind("system", system, SystemWithMemory)
+    checked_kind("system", system, SystemWithMemory, is_needed=True)
     checked_kind("journal", journal, Journal)
     checked_kind("limits", limits, Limits)
     check_callable("report", report, "(number of pieces, t)")
     interval = _checked(interval)
     rule, watched = Jumps(jumps), UserEvents(events)
-    with Budget(limits or Limits()) as budget:
+    with Budget(limits) as budget:
         own = system.evolver(interval)
         checked_kind(f"what {type(system).__name__}.evolver returns", own, Evolver)
         evolver = own or ByRays(system, interval)

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any, final
 
 import numpy as np
 
-from pwscont.basics.arguments import needed_kind
+from pwscont.basics.arguments import checked_kind
 from pwscont.basics.arrays import Array, finite_array, generic
 from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidInputError, InvalidSystemError
@@ -75,7 +75,7 @@ class ByRays(Evolver):
     def _stated(self, memory: Array) -> PiecewiseLinearSystem:
         law = self.system.remembering(memory)
         what = f"what {type(self.system).__name__}.remembering returns"
-        needed_kind(what, law, PiecewiseLinearSystem)
+        checked_kind(what, law, PiecewiseLinearSystem, is_needed=True)
         if self._apart and isinstance(law, HidesUnknowns):
             law = law.told_apart()
         return law

@@ -16,7 +16,7 @@ from scipy.linalg import lapack
 from pwscont.basics.arrays import Array
 from pwscont.basics.errors import InvalidSystemError
 from pwscont.basics.printing import named
-from pwscont.linear.factor import LU, regularise, sign_of_pivots
+from pwscont.linear.factor import Factor, regularise, sign_of_pivots
 from pwscont.linear.jacobian import StoredJacobian
 
 
@@ -77,7 +77,7 @@ class BandedJacobian(StoredJacobian):
     def __abs__(self) -> BandedJacobian:
         return BandedJacobian(np.abs(self.bands), self.lower, self.upper, np.abs(self.column))
 
-    def split(self) -> tuple[LU, Array]:
+    def split(self) -> tuple[Factor, Array]:
         """Return an LU of the part for z, and the column for alpha; for entries of about 1."""
         return BandLU(self.bands, self.lower, self.upper), self.column
 
@@ -103,16 +103,6 @@ class BandedJacobian(StoredJacobian):
             np.maximum(largest[i], diagonal, out=largest[i])
         return largest
 
-    def column_at(self, index: int) -> Array:
-        """Return a column, shape (n,)."""
-        n = len(self.column)
-        if index == n:
-            return self.column.copy()
-        column, first = np.zeros(n), index - self.upper
-        rows = slice(max(0, first), min(n, index + self.lower + 1))
-        column[rows] = self.bands[rows.start - first : rows.stop - first, index]
-        return column
-
     def __matmul__(self, x: Array) -> Array:
         product: Array = self.column * x[-1]
         for diagonal, rows, columns in diagonals(self.bands, self.upper):
@@ -136,7 +126,7 @@ def diagonals(bands: Array, upper: int) -> Iterator[tuple[Array, slice, slice]]:
 
 
 @final
-class BandLU(LU):
+class BandLU(Factor):
     """LU of a square matrix, stored as the bands of :class:`BandedJacobian` are."""
 
     def __init__(self, bands: Array, lower: int, upper: int) -> None:
@@ -151,9 +141,17 @@ class BandLU(LU):
         """Sign of the determinant."""
         return sign_of_pivots(self._lu[sum(self._widths)], self._pivots)
 
-    def solved(self, rhs: Array, transposed: bool = False) -> Array:
-        """Return the solutions for the columns of an array."""
-        solutions: Array = lapack.dgbtrs(
-            self._lu, *self._widths, rhs, self._pivots, trans=int(transposed)
-        )[0]
-        return solutions
+    def solve(self, rhs: Array) -> Array:
+        """Return the solution for a right-hand side, or several, shape (l, k)."""
+        return self._solved(rhs, 0)
+
+    solve_all = solve
+
+    def solve_transposed(self, rhs: Array) -> Array:
+        """Return the solution with the transposed matrix."""
+        return self._solved(rhs, 1)
+
+    def _solved(self, rhs: Array, trans: int) -> Array:
+        parts = self._lu, *self._widths, rhs.T, self._pivots
+        solutions: Array = lapack.dgbtrs(*parts, trans=trans)[0]
+        return solutions.T

@@ -20,9 +20,9 @@ from typing import final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, generic_angles, product
+from pwscont.basics.arrays import Array, generic_angles, power_of_two, product
 from pwscont.basics.rounding import EPS
-from pwscont.linear.factor import Factor, power_of_two
+from pwscont.linear.factor import Factor
 
 #: Bound on the largest entry of B^-1 b, a number without unit since the entries of B and b are
 #: scaled to about 1. Plain elimination multiplies rounding errors by the largest entry; an error of
@@ -93,6 +93,8 @@ class BorderedFactor(Factor):
     rows, columns : ndarray, shape (n + 1,)
         The divisors of the rows of M, and the multipliers of the columns of M.
     """
+
+    is_whole = True
 
     def __init__(self, interior: Interior, row: Array, rows: Array, columns: Array) -> None:
         self._interior, self._core, self._column = interior, interior.core, interior.column

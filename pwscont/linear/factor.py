@@ -1,10 +1,10 @@
 """The seam of all factorisations, and what all implementations share.
 
 A Jacobian J has shape (n, n + 1) and columns for the unknowns z and for alpha; B is the part of J
-for z, and b the column for alpha. :class:`LU` of a matrix with entries of about 1 is implemented
-here (:class:`DenseLU`, by LAPACK), in sparse.py and in banded.py. A matrix in any units has the LU
-of the scaled matrix (:class:`ScaledFactor`, and ``WholeFactor`` in factorise.py). Other factors are
-made from factors: in bordered.py (around a factor of B) and in updates.py (a factor and changes).
+for z, and b the column for alpha. A matrix with entries of about 1 has an LU with partial pivoting:
+:class:`DenseLU` by LAPACK, and others in sparse.py and in banded.py. A matrix in any units has the
+LU of the scaled matrix (:class:`ScaledFactor`). Other factors are made from factors: in bordered.py
+(around a factor of B) and in updates.py (a factor and changes).
 
 Failure modes and answers
 -------------------------
@@ -46,9 +46,13 @@ class Factor(ABC):
     ----------
     failed : bool
         Whether a pivot vanished exactly, so that nothing can be solved; default False.
+    is_whole : bool
+        Whether the matrix is no part of a larger matrix that is factorised as well;
+        ``pwscont.bench`` counts these factorisations. Default False.
     """
 
     failed: bool = False
+    is_whole: bool = False
 
     @property
     @abstractmethod
@@ -79,26 +83,6 @@ class Factor(ABC):
         return self.failed
 
 
-class LU(Factor):
-    """An LU with partial pivoting of a square matrix with entries up to 1, singular or not."""
-
-    @abstractmethod
-    def solved(self, rhs: Array, transposed: bool = False) -> Array:
-        """Return the solutions for the columns of an array, shape (k,) or (k, l)."""
-
-    def solve(self, rhs: Array) -> Array:
-        """Return the solution for a right-hand side, shape (k,), or several, shape (l, k)."""
-        return self.solved(rhs.T).T
-
-    def solve_all(self, rhs: Array) -> Array:
-        """Return the solutions for several right-hand sides, shape (l, k)."""
-        return self.solved(rhs.T).T
-
-    def solve_transposed(self, rhs: Array) -> Array:
-        """Return the solution with the transposed matrix, for right-hand sides as :meth:`solve`."""
-        return self.solved(rhs.T, transposed=True).T
-
-
 @final
 class ScaledFactor(Factor):
     """The factorisation of a matrix M, made from a factor of (M / rows) * columns.
@@ -109,11 +93,15 @@ class ScaledFactor(Factor):
         A factorisation of M with divided rows and multiplied columns.
     rows, columns : ndarray, shape (k,)
         The divisors of the rows and the multipliers of the columns, powers of two.
+    is_whole : bool
+        See :class:`Factor`.
     """
 
-    def __init__(self, factor: Factor, rows: Array, columns: Array) -> None:
+    def __init__(
+        self, factor: Factor, rows: Array, columns: Array, *, is_whole: bool = False
+    ) -> None:
         self._factor, self._rows, self._columns = factor, rows, columns
-        self.failed = factor.failed
+        self.failed, self.is_whole = factor.failed, is_whole
 
     @property
     def sign(self) -> int:
@@ -135,11 +123,6 @@ class ScaledFactor(Factor):
     def is_singular(self) -> bool:
         """Tell whether the scaled matrix is singular to rounding."""
         return self._factor.is_singular()
-
-
-def power_of_two(values: Array) -> Array:
-    """Return for each value > 0 the next larger power of two, at most twice the value; 1 for 0."""
-    return np.ldexp(1.0, np.frexp(values)[1])
 
 
 def regularise(pivots: Array) -> None:
@@ -191,8 +174,8 @@ def row_maxima(matrix: Array) -> Array:
 
 
 @final
-class DenseLU(LU):
-    """LU of a dense matrix.
+class DenseLU(Factor):
+    """LU of a dense matrix; solves for right-hand sides of shape (k,) or (l, k).
 
     ``matrix``, shape (k, k): overwritten if ``overwrite`` and if in Fortran order.
     ``moves_pivots``: whether pivots that vanish to rounding are moved off zero; else the
@@ -215,9 +198,15 @@ class DenseLU(LU):
         """Sign of the determinant; 0 where a pivot vanishes exactly."""
         return 0 if self.failed else sign_of_pivots(self.lu.diagonal(), self.pivots)
 
-    def solved(self, rhs: Array, transposed: bool = False) -> Array:
-        """Return the solutions for the columns of an array."""
-        return _solved(self.lu, self.pivots, rhs, transposed)
+    def solve(self, rhs: Array) -> Array:
+        """Return the solution for a right-hand side, or several."""
+        return _solved(self.lu, self.pivots, rhs.T).T
+
+    solve_all = solve
+
+    def solve_transposed(self, rhs: Array) -> Array:
+        """Return the solution with the transposed matrix."""
+        return _solved(self.lu, self.pivots, rhs.T, transposed=True).T
 
     @property
     def reciprocal_condition(self) -> float:

@@ -14,78 +14,11 @@ from typing import Any, final
 import numpy as np
 import scipy.sparse as sp
 
-from pwscont.basics.arrays import Array, Matrix, dense
+from pwscont.basics.arrays import Array, Matrix, dense, power_of_two
 from pwscont.linear.bordered import BorderedFactor, Interior
-from pwscont.linear.factor import (
-    LU,
-    DenseLU,
-    Factor,
-    ScaledFactor,
-    power_of_two,
-    row_maxima,
-)
+from pwscont.linear.factor import DenseLU, Factor, ScaledFactor, row_maxima
 from pwscont.linear.jacobian import StoredJacobian, StructuredJacobian
 from pwscont.linear.sparse import SparseJacobian, SparseLU
-
-__all__ = [
-    "Factor",
-    "WholeFactor",
-    "balanced_columns",
-    "bordered",
-    "column",
-    "columns_scaled",
-    "factor",
-    "inner",
-    "kink_by_columns",
-    "largest_in_rows",
-    "last_unit",
-    "power_of_two",
-    "rows_divided",
-]
-
-
-@final
-class WholeFactor(Factor):
-    """LU with partial pivoting of a matrix M in any units, dense or sparse: L U = M scaled.
-
-    ``matrix``, shape (k, k): a dense matrix is overwritten.
-    ``scale``, shape (k,): typical magnitudes of the unknowns, powers of two.
-    """
-
-    def __init__(self, matrix: Matrix, scale: Array) -> None:
-        self._columns = scale
-        if isinstance(matrix, np.ndarray):
-            matrix *= scale
-            self._rows = power_of_two(row_maxima(matrix))
-            by_columns = matrix.T  # the divisors lie along the rows of the transpose
-            by_columns /= self._rows
-            self._lu: LU = DenseLU(matrix, overwrite=True, moves_pivots=False)
-        else:
-            scaled = matrix @ sp.diags(scale)
-            self._rows = power_of_two(abs(scaled).max(axis=1).toarray().ravel())
-            self._lu = SparseLU(sp.csc_matrix(sp.diags(1.0 / self._rows) @ scaled))
-        self.failed = self._lu.failed
-
-    @property
-    def sign(self) -> int:
-        """Sign of the determinant; 0 where a pivot vanishes exactly."""
-        return self._lu.sign
-
-    def solve(self, rhs: Array) -> Array:
-        """Return the solution for a right-hand side."""
-        return self._columns * self._lu.solved(rhs / self._rows)
-
-    def solve_all(self, rhs: Array) -> Array:
-        """Return the solutions for several right-hand sides, shape (l, k)."""
-        return self._columns * self._lu.solve_all(rhs / self._rows)
-
-    def solve_transposed(self, rhs: Array) -> Array:
-        """Return the solution with the transposed matrix."""
-        return self._lu.solved(self._columns * rhs, transposed=True) / self._rows
-
-    def is_singular(self) -> bool:
-        """Tell whether the scaled matrix is singular to rounding."""
-        return self._lu.is_singular()
 
 
 def bordered(jacobian: Matrix, row: Any, scale: Array, beside: Array | None = None) -> Factor:
@@ -101,11 +34,11 @@ def bordered(jacobian: Matrix, row: Any, scale: Array, beside: Array | None = No
         matrix = np.empty((n + 1, n + 1), order="F")
         matrix[:n] = jacobian
         matrix[n] = row
-        return WholeFactor(matrix, scale)
+        return factor(matrix, scale, overwrite=True)
     structured = _structured(jacobian)
     by_parts = structured.bordered(row, scale, beside)
     if by_parts is None and isinstance(structured, SparseJacobian):
-        return WholeFactor(sp.vstack([structured.tocsc(), sp.csr_matrix(row)]), scale)
+        return factor(sp.vstack([structured.tocsc(), sp.csr_matrix(row)]), scale)
     return by_parts or bordered(dense(jacobian), row, scale)
 
 
@@ -123,11 +56,25 @@ def inner(jacobian: Matrix, scale: Array) -> Factor | None:
     return ScaledFactor(DenseLU(own[:, :-1], overwrite=True), rows, scale[:-1])
 
 
-def factor(matrix: Matrix, scale: Array) -> Factor:
-    """Factorise a square matrix, dense or sparse, shape (k, k); ``scale`` of shape (k,)."""
-    if sp.issparse(matrix):
-        return WholeFactor(matrix, scale)
-    return WholeFactor(np.array(matrix, dtype=float, order="F"), scale)
+def factor(matrix: Matrix, scale: Array, *, overwrite: bool = False) -> ScaledFactor:
+    """Factorise a square matrix in any units, dense or sparse, shape (k, k).
+
+    ``scale``, shape (k,): typical magnitudes of the unknowns, powers of two. ``overwrite``: whether
+    a dense matrix, in Fortran order, is worked on in place.
+    """
+    lu: Factor
+    if isinstance(matrix, np.ndarray):
+        matrix = matrix if overwrite else np.array(matrix, dtype=float, order="F")
+        matrix *= scale
+        rows = power_of_two(row_maxima(matrix))
+        by_columns = matrix.T  # the divisors lie along the rows of the transpose
+        by_columns /= rows
+        lu = DenseLU(matrix, overwrite=True, moves_pivots=False)
+    else:
+        scaled = matrix @ sp.diags(scale)
+        rows = power_of_two(abs(scaled).max(axis=1).toarray().ravel())
+        lu = SparseLU(sp.csc_matrix(sp.diags(1.0 / rows) @ scaled))
+    return ScaledFactor(lu, rows, scale, is_whole=True)
 
 
 @lru_cache(maxsize=8)
@@ -212,12 +159,12 @@ def augmented(jacobian: Matrix, b: Array, C: Array) -> Factor:
     if isinstance(jacobian, np.ndarray):
         whole = np.zeros((n + 2, n + 2), order="F")
         whole[:n, :-1], whole[:n, -1], whole[n:, :-1] = jacobian, b, C
-        return WholeFactor(whole, np.ones(n + 2))
+        return factor(whole, np.ones(n + 2), overwrite=True)
     by_parts = _by_parts(jacobian, b, C)
     if not by_parts.is_singular():
         return by_parts
     blocks = [[jacobian.tocsc(), b[:, np.newaxis]], [sp.csc_matrix(C), None]]
-    return WholeFactor(sp.bmat(blocks, format="csc"), np.ones(n + 2))
+    return factor(sp.bmat(blocks, format="csc"), np.ones(n + 2))
 
 
 def _by_parts(jacobian: StoredJacobian, b: Array, C: Array) -> Factor:

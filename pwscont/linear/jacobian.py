@@ -12,9 +12,9 @@ from typing import Any, Self
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Matrix
+from pwscont.basics.arrays import Array, Matrix, power_of_two
 from pwscont.linear.bordered import BorderedFactor, Interior, row_scale
-from pwscont.linear.factor import LU, Factor, ScaledFactor, power_of_two
+from pwscont.linear.factor import Factor, ScaledFactor
 
 
 class StructuredJacobian(ABC):
@@ -107,7 +107,7 @@ class StoredJacobian(StructuredJacobian):
         """Return the matrix in a storage of scipy.sparse, by columns."""
 
     @abstractmethod
-    def split(self) -> tuple[LU, Array]:
+    def split(self) -> tuple[Factor, Array]:
         """Return an LU of B, and b; for entries of about 1."""
 
     def bordered(self, row: Array, scale: Array, beside: Array | None = None) -> Factor | None:

@@ -13,7 +13,7 @@ import scipy.sparse as sp
 
 from pwscont.basics.arrays import Array
 from pwscont.basics.rounding import EPS
-from pwscont.linear.factor import LU, sign_of_permutation
+from pwscont.linear.factor import Factor, sign_of_permutation
 from pwscont.linear.jacobian import StoredJacobian
 
 
@@ -62,7 +62,7 @@ class SparseJacobian(StoredJacobian):
         np.maximum.at(largest, self._csc.indices, np.abs(self._csc.data))
         return largest
 
-    def split(self) -> tuple[LU, Array]:
+    def split(self) -> tuple[Factor, Array]:
         """Return an LU of the part for z, and the column for alpha; for entries of about 1."""
         n, end = self.shape[0], self._csc.indptr[-2]
         parts = self._csc.data[:end], self._csc.indices[:end], self._csc.indptr[:-1]
@@ -83,7 +83,7 @@ class SparseJacobian(StoredJacobian):
 
 
 @final
-class SparseLU(LU):
+class SparseLU(Factor):
     """LU of a sparse matrix, which fails where a pivot vanishes exactly or is not finite."""
 
     def __init__(self, matrix: Any) -> None:
@@ -104,12 +104,20 @@ class SparseLU(LU):
         exchanges = sign_of_permutation(self._lu.perm_r[self._lu.perm_c].tolist())
         return -exchanges if negative % 2 else exchanges
 
-    def solved(self, rhs: Array, transposed: bool = False) -> Array:
-        """Return the solutions for the columns of an array."""
+    def solve(self, rhs: Array) -> Array:
+        """Return the solution for a right-hand side, or several, shape (l, k)."""
+        return self._solved(rhs, "N")
+
+    solve_all = solve
+
+    def solve_transposed(self, rhs: Array) -> Array:
+        """Return the solution with the transposed matrix."""
+        return self._solved(rhs, "T")
+
+    def _solved(self, rhs: Array, trans: str) -> Array:
         assert not self.failed, "nothing can be solved where the factorisation failed"
-        trans = "T" if transposed else "N"
-        solutions: Array = self._lu.solve(np.asfortranarray(rhs), trans)
-        return solutions
+        solutions: Array = self._lu.solve(np.asfortranarray(rhs.T), trans)
+        return solutions.T
 
     def is_singular(self) -> bool:
         """Tell whether the smallest pivot is at most k rounding errors of the largest pivot."""

@@ -18,7 +18,7 @@ from typing import final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Indices, dense, own_dense
+from pwscont.basics.arrays import Array, Indices, dense, own_dense, power_of_two
 from pwscont.basics.budget import check_budget
 from pwscont.basics.errors import InvalidInputError
 from pwscont.basics.outcome import Guarantee, SearchScope
@@ -31,7 +31,7 @@ from pwscont.enumeration.polyhedron import Face, face_of
 from pwscont.enumeration.slices import FEW_CELLS, Points
 from pwscont.enumeration.tree import CUT_OFF_LINES, leaves
 from pwscont.graph.records import FEW_DIGITS, significant
-from pwscont.linear.factorise import factor, power_of_two
+from pwscont.linear.factorise import factor
 from pwscont.search.enumeration import starts_at
 from pwscont.search.search import Search
 from pwscont.system.box import Box

@@ -36,7 +36,6 @@ from pwscont.system.abilities import check_abilities, shown_size
 from pwscont.system.system import PiecewiseLinearSystem, PiecewiseSystem, SlicewiseLinearSystem
 from pwscont.system.values import (
     broken,
-    checked_array,
     checked_matrix,
     expect,
     own_array,
@@ -176,11 +175,6 @@ def residual_at(system: PiecewiseSystem, z: Array, alpha: float, character: Char
     """
     value = system.residual(z, alpha, character)
     return own_array(system, "residual", value, (system.size,))
-
-
-def kink_at(system: PiecewiseLinearSystem, before: Character, after: Character, test: int) -> Array:
-    """Return the system's c of ``H_after - H_before = c kappa_test``, shape (n,), not a copy."""
-    return checked_array(system, "kink", system.kink(before, after, test), (system.size,))
 
 
 def jacobian_at(system: PiecewiseSystem, z: Array, alpha: float, character: Character) -> Matrix:

@@ -17,7 +17,7 @@ from typing import TypeAlias, TypeVar, final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array
+from pwscont.basics.arrays import Array, power_of_two
 from pwscont.basics.errors import InvalidSystemError
 from pwscont.basics.rounding import EPS
 
@@ -112,13 +112,13 @@ class Differences:
         """Return the Jacobian of an affine ``function``, shape (k, n + 1), right to rounding."""
         x = np.zeros_like(self.scale)
         x[-1] = self.base
-        columns = _chords(function, x, np.append(_power_of_two(self.scale[:-1]), self.far))
+        columns = _chords(function, x, np.append(power_of_two(self.scale[:-1]), self.far))
         return np.stack(columns, axis=1)
 
     def exact_in_z(self, function: Function, x: Array) -> Array:
         """Return the Jacobian at ``x`` of a ``function`` that is affine in z at every alpha."""
         start = np.append(np.zeros(len(x) - 1), x[-1])
-        columns = _chords(function, start, _power_of_two(self.scale[:-1]))
+        columns = _chords(function, start, power_of_two(self.scale[:-1]))
         return np.stack([*columns, self._by_alpha(function, x)], axis=1)
 
     def along(self, function: Function, x: Array, direction: Array) -> Array:
@@ -187,8 +187,3 @@ def _chords(function: Function, x: Array, ends: Array) -> list[Array]:
         change[np.abs(change) <= ROUNDED * np.maximum(np.abs(origin), np.abs(value))] = 0.0
         slopes.append(change / (end - x[j]))
     return slopes
-
-
-def _power_of_two(numbers: Array) -> Array:
-    """Return the powers of two next above positive numbers."""
-    return np.ldexp(1.0, np.frexp(numbers)[1])

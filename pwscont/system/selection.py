@@ -11,7 +11,7 @@ from pwscont.basics.arrays import Array, Indices, Matrix, Signs, dense, indices,
 from pwscont.basics.character import Character
 from pwscont.basics.printing import named, short
 from pwscont.system.columns import FEWEST_POINTS, by_columns, takes_columns
-from pwscont.system.contract import jacobian_at, kink_at, lent_jacobian_at, residual_at
+from pwscont.system.contract import jacobian_at, lent_jacobian_at, residual_at
 from pwscont.system.system import PiecewiseLinearSystem, PiecewiseSystem
 from pwscont.system.values import checked_array, own_matrix
 
@@ -130,7 +130,8 @@ class Selection:
     def kink(self, before: Selection, test: int) -> Array:
         """Return c, shape (n,), by which H differs from another selection, as the system knows."""
         system = cast("PiecewiseLinearSystem", self.system)  # the answer takes a while
-        return kink_at(system, before.character, self.character, test)
+        c = system.kink(before.character, self.character, test)
+        return checked_array(system, "kink", c, (system.size,))
 
     def tests(self, x: Array) -> Array:
         """Return the bounding tests, positive inside, shape (len(bounding),)."""

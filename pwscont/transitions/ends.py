@@ -31,7 +31,8 @@ from pwscont.curve.metric import Metric
 from pwscont.curve.newton import Root, newton, uncertainty, uncertainty_beside
 from pwscont.curve.stepper import CurvedSegment, Segment
 from pwscont.enumeration.continua import is_one_of_many
-from pwscont.linear.factorise import Factor, bordered, last_unit
+from pwscont.linear.factor import Factor
+from pwscont.linear.factorise import bordered, last_unit
 from pwscont.system.abilities import Ending, end_of
 from pwscont.system.box import Box
 from pwscont.system.selection import Selection
@@ -117,7 +118,7 @@ def _inside(curve: Curve, x: Array, error: Array) -> SpecialPointFound:
     jacobian, row, factor = held
     tangent = curve.metric.normalised(factor.solve(last_unit(len(x))))
     known = np.maximum.reduce(np.abs(error))
-    error = uncertainty(Root(x, known, jacobian, row, factor, curve.metric.scale, 0))
+    error = uncertainty(Root(x, known, jacobian, row, factor, curve.metric.scale))
     # det [J; r] is proportional to r.t, and e_j.t is positive like t.t: the signs are equal
     state = State(x, tangent, error, factor.sign, magnitude(x, error))
     forth = Ray(curve, fold_at_end(curve, state) or state)
