@@ -232,3 +232,18 @@ def test_a_step_that_goes_nowhere_is_no_step():
     graph = explore(system, (0.1, 1.1))
     assert "a piece was stopped" in graph.guarantee
     assert graph.count(0.5) == 2
+
+
+@pytest.mark.parametrize("hi", [1.5, 2.0, 3.0])
+def test_an_area_with_a_corner_at_an_end_of_the_interval(hi):
+    """max(z, 2 z + 1) - z + min(-2 z - alpha, 0) = 0: all z <= -1 with 2 z <= -alpha, and more.
+
+    At alpha = 2 a line of solutions reaches the corner of the area.
+    """
+
+    def equation(z, alpha, sw):
+        return [sw.max(z[0], 2.0 * z[0] + 1.0) - z[0] + sw.min(-2.0 * z[0] - alpha, 0.0)]
+
+    graph = explore(Switched(1, equation, linear=True), (-2.0, hi))
+    assert [graph.count(alpha) for alpha in (-2.0, -1.0, 0.5, hi)] == [math.inf] * 4
+    assert "infinitely many solutions" in graph.guarantee

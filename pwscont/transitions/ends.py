@@ -23,7 +23,7 @@ from typing import final
 import numpy as np
 
 from pwscont.basics.arrays import Array, Matrix, Signs
-from pwscont.basics.outcome import FILL_CURVES, Failure, FailureReason, Kind
+from pwscont.basics.outcome import FILL, FILL_CURVES, Failure, FailureReason, Kind
 from pwscont.basics.rounding import CONFIDENCE, EPS, GUARD, SAME_ALPHA
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.error_samples import Found, magnitude
@@ -188,13 +188,14 @@ def _reached(
 def at_end(curve: Curve, state: State) -> SpecialPointFound:
     """Return the special point at which a curve reaches an end of the interval."""
     back = Ray(curve, state).reversed()
-    system, metric = curve.selection.system, curve.metric
-    corner = Corner.at(system, metric, state.x, state.error)
+    corner = Corner.at(curve.selection.system, curve.metric, state.x, state.error)
     if not corner.zero and (fold := fold_at_end(curve, state)):
         return fold_point(curve, fold, ", at the end of the interval")
-    rays = tangent_cone(corner, back).rays if corner.zero else ()
+    found = tangent_cone(corner, back) if corner.zero else None
+    rays, dimension = (found.rays, found.dimension) if found else ((), 1)
     inside = tuple(ray for ray in rays if turns(back, ray) and not same_piece(ray, back))
-    return SpecialPointFound(Kind.END, state.x, "end of the interval", (back, *inside))
+    wide = f"; {FILL} a cone of dimension {dimension}" if dimension > 1 else ""
+    return SpecialPointFound(Kind.END, state.x, f"end of the interval{wide}", (back, *inside))
 
 
 def _fold(segment: CurvedSegment, found: State | Failure) -> State | None:
