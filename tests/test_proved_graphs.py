@@ -282,3 +282,10 @@ def test_the_page_of_the_manual_says_what_is_true():
         exec(compile(code, "proofs.rst", "exec"), names)
         answers += check_answers(code, names)
     assert answers == 6
+
+
+def test_a_solution_of_zero_is_as_exact_as_the_branch_is_large():
+    """z = alpha, whose solution at alpha = 0 is an event, known to 1e-17."""
+    line = Switched(1, lambda z, a, sw: z - a)
+    graph = explore(line, (-1.0, 1.0), events={"zero": lambda z, a: z[0]})
+    assert graph.guarantee == "complete in the box, proved; balanced"

@@ -225,7 +225,8 @@ class BoxProof:
         """Yield the solutions of a graph in the box, with their slack."""
         lower, upper = self.box
         corners = [z for each in self.stretches for pair in each.solutions or () for z in pair]
-        typical = np.abs([0.0 * lower, *corners]).max(axis=0)
+        far = (np.abs(piece.points[:, : len(lower)]).max(axis=0) for piece in graph.pieces)
+        typical = np.abs([0.0 * lower, *corners, *far]).max(axis=0)
         own = Box.of(graph.system) if graph.system is not None else None
         for solution in solutions_at(graph, alpha):
             z, slack = with_slack(solution, typical)

@@ -189,9 +189,8 @@ def _side(curve: Curve, state: State) -> int:
 #: A branch point outside a step, within this part of the step's length, belongs to the step.
 OUTSIDE_STEP = 0.1
 MOST_BISECTIONS = 10
-#: Largest distance, in the metric, between a branch point that was located and the same point
-#: located again.
-SAME_CROSSING = EPS**0.5
+#: Largest distance, in the metric, of a branch point from where it was located before.
+LOCATED_AGAIN = EPS**0.5
 #: The extended system, which costs as much as many points of the curve, is solved from the middle
 #: of every third bracket: from within an eighth of the bracket before.
 BISECTIONS_BETWEEN = 3
@@ -221,7 +220,7 @@ class SmoothBranchPoints(TransitionDetector):
     def arrive(self, curve: Curve, state: State, index: int) -> SpecialPointFound:
         """Go on along the same curve, and in both directions along the crossing curve."""
         found = crossing(curve, state.x)
-        if isinstance(found, Crossing) and curve.metric.norm(found.x - state.x) <= SAME_CROSSING:
+        if isinstance(found, Crossing) and curve.metric.norm(found.x - state.x) <= LOCATED_AGAIN:
             return branch_point(curve, found, state)
         onward = Ray(curve, State(state.x, state.tangent, state.error, -state.orientation))
         rays = Ray(curve, state).reversed(), onward
