@@ -135,9 +135,7 @@ class UserEvent:
 
     def is_zero_around(self, ray: Ray) -> bool:
         """Tell whether g is nothing but rounding at a ray's beginning and wherever g is tried."""
-        metric, state = ray.curve.metric, ray.state
-        if self.cleared(metric, state.x, state.size):
-            return False
+        metric = ray.curve.metric
         places, rounding = list(_around(ray)), ROUNDING_DISTANCE * metric.scale
         try:
             largest = max(abs(self.value(y)) for y in places)
