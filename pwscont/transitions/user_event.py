@@ -135,10 +135,10 @@ class UserEvent:
 
     def is_zero_around(self, ray: Ray) -> bool:
         """Tell whether g is nothing but rounding at a ray's beginning and wherever g is tried."""
-        metric = ray.curve.metric
+        metric, here = ray.curve.metric, abs(self.value(ray.state.x))  # raises if there is no value
         places, rounding = list(_around(ray)), ROUNDING_DISTANCE * metric.scale
         try:
-            largest = max(abs(self.value(y)) for y in places)
+            largest = max(here, *(abs(self.value(y)) for y in places))
             return largest <= CONFIDENCE * max(self._shaken(metric, y, rounding) for y in places)
         except InvalidInputError:  # at a place that may be far from all solutions
             return False
