@@ -365,7 +365,7 @@ class _Reached:
             ends = [*(int(np.argmax(sizes >= part * sizes[-1])) for part in parts), -1]
             changes = np.abs(np.diff(points[ends, -1]))
             is_next_to_nothing = ENDLESS_REST * changes[-1] <= ENDLESS_CHANGE * width
-            is_enough = is_next_to_nothing or (is_long and least > 0.0)
+            is_enough = is_next_to_nothing or (is_long and parts is PARTS)
             if is_enough and (changes[1:] <= ratio * changes[:-1]).all():
                 return True
         return False

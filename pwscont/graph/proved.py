@@ -213,20 +213,20 @@ class BoxProof:
             for lo, hi in pairwise(graph.breaks())
             if not any(lo < alpha < hi for alpha in known)
         ]
+        corners = [z for solutions in known.values() for pair in solutions or () for z in pair]
+        far = (np.abs(piece.points[:, : len(self.box[0])]).max(axis=0) for piece in graph.pieces)
+        typical = np.abs([0.0 * self.box[0], *corners, *far]).max(axis=0)
         for alpha in [*known, *between]:
             count = self.count(alpha)
             if count is not None:
-                found = list(self._inside(graph, alpha))
+                found = list(self._inside(graph, alpha, typical))
                 proved = known.get(alpha)
                 if len(found) != count or (proved and not are_matched(proved, found)):
                     yield alpha, count, len(found)
 
-    def _inside(self, graph: ConnectedPieces, alpha: float) -> Iterator[Corners]:
+    def _inside(self, graph: ConnectedPieces, alpha: float, typical: Array) -> Iterator[Corners]:
         """Yield the solutions of a graph in the box, with their slack."""
         lower, upper = self.box
-        corners = [z for each in self.stretches for pair in each.solutions or () for z in pair]
-        far = (np.abs(piece.points[:, : len(lower)]).max(axis=0) for piece in graph.pieces)
-        typical = np.abs([0.0 * lower, *corners, *far]).max(axis=0)
         own = Box.of(graph.system) if graph.system is not None else None
         for solution in solutions_at(graph, alpha):
             z, slack = with_slack(solution, typical)

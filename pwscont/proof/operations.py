@@ -35,7 +35,7 @@ class Rule(NamedTuple):
 
 
 def _increasing(name: str, least: float, most: float, first: float, last: float) -> Map:
-    """Return an increasing function; where arguments may leave the domain, it says nothing."""
+    """Return the rule of an increasing function, any number where arguments leave the domain."""
     function, ulps = getattr(np, name), 1.0 if name == "sqrt" else FUNCTION_ULPS
 
     def values(x: Interval) -> Interval:

@@ -194,11 +194,8 @@ def refuse_jump(one: Selection, other: Selection, x: Array, error: Array, scale:
     jump = np.abs(other.residual(x) - one.residual(x))
     uncertain = GUARD * EPS * (np.abs(x) + scale) + CONFIDENCE * error
     slopes = abs(one.jacobian(x)), abs(other.jacobian(x))
-    excess, typical, near = (
-        jump - sum(each @ uncertain for each in slopes),
-        np.abs(x) + scale,
-        set(),
-    )
+    excess = jump - sum(each @ uncertain for each in slopes)
+    typical, near = np.abs(x) + scale, set[int]()
     for side in (one, other) if (excess > 0.0).any() else ():
         sizes = abs(side.test_gradients(x)) @ typical
         near |= set(side.bounding[np.abs(side.tests(x)) <= AT_CORNER * sizes].tolist())

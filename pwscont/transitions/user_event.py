@@ -23,15 +23,14 @@ from pwscont.basics.rounding import CONFIDENCE, CONVERGED, EPS, GUARD
 from pwscont.curve.metric import Metric
 from pwscont.transitions.rays import Ray
 
-#: Number of places along and off a branch at which a function is tried that is zero where the
-#: branch begins.
+#: Number of places at which a function is tried that may be zero all around.
 PLACES_TRIED = 18
 #: Distance of the farthest place, in the metric: longer than most intervals.
 FARTHEST_TRIED = 4.0
 #: Number of shaken points that tell how much of a function is rounding.
 SHAKEN = 16
-#: Over this distance a function hardly changes; if the function does, the change is rounding.
-ROUNDING_DISTANCE = 1e-9
+#: A change over this distance is rounding; a function this many times the change is not.
+ROUNDING_DISTANCE, CLEARLY = 1e-9, 1e3
 TINIEST = float(np.finfo(float).tiny)
 
 
@@ -135,8 +134,11 @@ class UserEvent:
 
     def is_zero_around(self, ray: Ray) -> bool:
         """Tell whether g is nothing but rounding at a ray's beginning and wherever g is tried."""
-        metric, here = ray.curve.metric, abs(self.value(ray.state.x))  # raises if there is no value
-        places, rounding = list(_around(ray)), ROUNDING_DISTANCE * metric.scale
+        metric, x = ray.curve.metric, ray.state.x
+        here, rounding = abs(self.value(x)), ROUNDING_DISTANCE * metric.scale
+        if 0.0 < CLEARLY * self._shaken(metric, x, rounding) < here:
+            return False  # nearly always
+        places = list(_around(ray))
         try:
             largest = max(here, *(abs(self.value(y)) for y in places))
             return largest <= CONFIDENCE * max(self._shaken(metric, y, rounding) for y in places)
