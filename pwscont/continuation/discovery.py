@@ -17,7 +17,7 @@ from pwscont.basics.arrays import Array
 from pwscont.basics.budget import Budget
 from pwscont.basics.outcome import ON_BOUND, Failure, Kind
 from pwscont.basics.rounding import SAME_ALPHA
-from pwscont.continuation.follow import FollowedPiece, PieceFollower
+from pwscont.continuation.follow import ENDLESS, LONG_CHANGE, FollowedPiece, PieceFollower
 from pwscont.continuation.known import (
     EVERY,
     JOIN,
@@ -51,6 +51,19 @@ def place_of_arrival(arrival: SpecialPointFound) -> Place:
         return Place(x, magnitude(x, np.zeros((1, len(x)))))
     first, *others = [ray.state.size for ray in arrival.rays]
     return Place(x, reduce(np.maximum, [size for size in others if size is not first], first))
+
+
+#: Of unknowns that grow without bound others may depend periodically: how far out a path is may
+#: shrink by this factor for a while.
+NEARLY_AS_FAR = 0.5
+
+
+def _is_past(x: Array, back: Ray) -> bool:
+    """Tell whether a path to infinity passes a point, from the ray back from where it was left."""
+    scale, rest = back.curve.metric.scale, LONG_CHANGE * back.curve.metric.width
+    end, point = (back.state.x / scale)[:-1], (x / scale)[:-1]
+    ahead = (x[-1] - back.state.alpha) * -np.sign(back.state.tangent[-1])
+    return bool(0.0 <= ahead <= rest and end @ point >= NEARLY_AS_FAR * (end @ end))
 
 
 #: Closer to an end of a piece than this distance, in the metric, two branches of a fold are hard to
@@ -88,6 +101,7 @@ class Discovery:
         self._starts: list[Place] = []  # where tracing began on pieces that were forgotten
         self._again: set[KnownRay] = set()
         self._repeats = False
+        self._endless: list[Ray] = []  # back from where paths to infinity were left
 
     def add(self, arrival: SpecialPointFound) -> None:
         """Start from a special point, and follow everything that can be reached from it."""
@@ -135,8 +149,11 @@ class Discovery:
     def is_beyond(self, x: Array) -> bool:
         """Tell whether a start lies farther out than an endless path was followed.
 
-        From there the same path would be followed again, to where that path repeats itself.
+        From there the same path would be followed again, to infinity or to where the path repeats
+        itself.
         """
+        if any(_is_past(x, back) for back in self._endless):
+            return True
         if not self._repeats:
             return False
         points = np.vstack([edge.points for edge in self.edges])[:, :-1]
@@ -189,6 +206,8 @@ class Discovery:
             return
         if piece.arrival.kind == Kind.END:
             self.leaving.append(piece.arrival.rays[0].reversed())
+        if piece.arrival.message == ENDLESS:
+            self._endless.append(piece.arrival.rays[0])
         end = place_of_arrival(piece.arrival)
         reached = self._reach(piece, end, left)
         edge = Edge.of(ray, left, piece.inner, reached, end)

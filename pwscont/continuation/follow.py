@@ -99,8 +99,10 @@ ENDLESS_FROM, PARTS, ENDLESS_RATIO = 20.0, (0.7, 0.85), 0.8
 #: from the limit is a power of 1 / z of at least 1/2, are at most this part of the interval,
 ENDLESS_REST, ENDLESS_CHANGE = 13.0, 1e-3
 #: or the piece has more steps than these. Such a piece may run to infinity nearer by, too, where
-#: alpha approaches a limit evenly; the changes next to a fold are uneven.
-ENDLESS_STEPS, LONG_PARTS, LONG_RATIO = 600, (0.343, 0.49, 0.7), 0.85
+#: alpha approaches a limit evenly, and all changes to come, which then shrink as the changes before
+#: did, are at most this part of the interval; the changes next to a fold are uneven.
+ENDLESS_STEPS, LONG_PARTS, LONG_RATIO, LONG_CHANGE = 600, (0.343, 0.49, 0.7), 0.85, 1e-2
+ENDLESS = FailureReason.ENDLESS.value
 #: A piece creeps after this many tiny steps in turn: steps below this part of the longest step.
 MOST_TINY, TINY_PART = 300, 1e-5
 #: A piece is singular after this many steps too long to tell which event comes first.
@@ -353,7 +355,7 @@ class _Reached:
 
         Parts of the way out are compared. Changes of alpha shrink where alpha approaches a limit
         like a power of 1 / z, not like a logarithm. All changes that are still to come are next to
-        nothing together, or the piece is very long and z far away.
+        nothing together, or the piece is very long.
         """
         points, width = np.array(self.points), self.curve.metric.width
         sizes = np.linalg.norm((points / self.curve.metric.scale)[:, :-1], axis=1)
@@ -363,9 +365,11 @@ class _Reached:
             if sizes[-1] < max(least, sizes.max()) or sizes[0] > parts[0] * sizes[-1]:
                 continue  # not far out, or farther out before
             ends = [*(int(np.argmax(sizes >= part * sizes[-1])) for part in parts), -1]
-            changes = np.abs(np.diff(points[ends, -1]))
-            is_next_to_nothing = ENDLESS_REST * changes[-1] <= ENDLESS_CHANGE * width
-            is_enough = is_next_to_nothing or (is_long and parts is PARTS)
+            *_, before, last = changes = np.abs(np.diff(points[ends, -1])) / width
+            is_near = last * last <= LONG_CHANGE * (before - last)  # last (r + r^2 + ...), evenly
+            is_enough = ENDLESS_REST * last <= ENDLESS_CHANGE or (
+                is_long and (parts is PARTS or is_near)
+            )
             if is_enough and (changes[1:] <= ratio * changes[:-1]).all():
                 return True
         return False
