@@ -41,7 +41,7 @@ from pwscont.system.selection import Selection
 from pwscont.transitions.corner import opposite
 from pwscont.transitions.detector import SpecialPointFound, worded
 from pwscont.transitions.ends import points_inside
-from pwscont.transitions.rays import Corner, Ray
+from pwscont.transitions.rays import Ray
 
 
 def place_of_arrival(arrival: SpecialPointFound) -> Place:
@@ -113,24 +113,6 @@ class Discovery:
         else:
             self._remember(rays)
         self._follow_all()
-
-    def has(self, corner: Corner) -> bool:
-        """Tell whether a solution on an interface is a known transition between the two cells.
-
-        One ray leaves into each (F1): there is nothing else to be found, and no ray is computed.
-        """
-        if len(corner.zero) != 1:
-            return False
-        cells = (name_of(curve.selection.cell) for curve in corner.sides())
-        one, other = ({ray.node for ray in self._known_rays.get(cell, ())} for cell in cells)
-        size = magnitude(corner.x, corner.error)
-        known = (self.nodes[node] for node in one & other)
-        return any(
-            len(node.rays) == 2
-            and node.kind in CROSSED
-            and node.rays[0].is_at(corner.metric, corner.x, size)
-            for node in known
-        )
 
     def is_beyond(self, x: Array) -> bool:
         """Tell whether a start lies farther out than an endless path was followed.

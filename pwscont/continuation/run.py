@@ -330,13 +330,11 @@ def _follow_from(starts: Iterable[Found], plan: Plan, discovery: Discovery) -> N
             continue
         if plan.gauge:
             plan.gauge.begin()
-        corner = Corner.of_start(plan.reduced_system, plan.metric, x, error)
-        if not discovery.has(corner):
-            arrival = departures(corner)
-            for each in plan.foreign:  # a start may be a special point of a detector
-                arrival = each.begun(arrival)
-            arrival = plan.events.begun(arrival) if plan.events else arrival
-            discovery.add(ended_by_system(arrival))
+        arrival = departures(Corner.of_start(plan.reduced_system, plan.metric, x, error))
+        for each in plan.foreign:  # a start may be a special point of a detector
+            arrival = each.begun(arrival)
+        arrival = plan.events.begun(arrival) if plan.events else arrival
+        discovery.add(ended_by_system(arrival))
         if plan.budget.spent or (plan.system.unique and discovery.spans(*plan.interval)):
             return
 
@@ -398,9 +396,10 @@ def _reentries(discovery: Discovery, plan: Plan) -> Iterator[Found]:
 
     The discovery grows while solutions are taken.
     """
-    for ray in islice(discovery.leaving, MOST_PATHS):
+    straight = (ray for ray in discovery.leaving if ray.curve.selection.is_straight)
+    for ray in islice(straight, MOST_PATHS):
         limits = Limits(pieces=max(FEW_PIECES, len(discovery.edges)))
-        for end, beyond in _intervals_beyond(plan, ray):
+        for end, beyond in _intervals_beyond(plan, ray.state.alpha):
             try:
                 found = _coming_back(plan, ray, end, beyond, limits)
             except Exception:
@@ -408,11 +407,9 @@ def _reentries(discovery: Discovery, plan: Plan) -> Iterator[Found]:
             yield from found
 
 
-def _intervals_beyond(plan: Plan, ray: Ray) -> Iterator[tuple[float, Interval]]:
-    """Yield the end of the interval at which a straight ray leaves, and the interval beyond."""
-    if not ray.curve.selection.is_straight:
-        return
-    (lo, hi), (low, high), alpha = plan.interval, plan.reduced_system.domain, ray.state.alpha
+def _intervals_beyond(plan: Plan, alpha: float) -> Iterator[tuple[float, Interval]]:
+    """Yield the end of the interval that alpha is, if any, and the interval beyond."""
+    (lo, hi), (low, high) = plan.interval, plan.reduced_system.domain
     same, further = SAME_ALPHA * (hi - lo), PART_BEYOND * (hi - lo)
     if abs(alpha - lo) <= same and low < lo:
         yield lo, (max(lo - further, low), lo)

@@ -244,9 +244,12 @@ def rays_of_slices(corner: Corner) -> tuple[list[Direction], int] | None:
     None where the cells that meet at the corner are too many. Of a cone of dimension two or more
     the extreme rays are returned.
     """
-    problem = _in_parts(corner) or ConeProblem(corner)
+    problem = ConeProblem(corner)
     if not problem.is_small:
-        return None
+        in_parts = _in_parts(corner)
+        if in_parts is None:
+            return None
+        problem = in_parts
     metric = Metric(np.append(corner.metric.scale, 1.0))
     rays, extreme, dimension = [], [], 1
     for side in (1.0, -1.0):
@@ -262,18 +265,15 @@ def rays_of_slices(corner: Corner) -> tuple[list[Direction], int] | None:
 
 
 def _in_parts(corner: Corner) -> ConeProblem | None:
-    """Return the cone problem in parts, with the length fixed by alpha.
+    """Return the cone problem in small parts, with the length fixed by alpha; None without parts.
 
-    None where a ray may be vertical: no ray is, if every part is regular in all cells.
+    None also where a ray may be vertical: no ray is, if every part is regular in all cells.
     """
-    if not has_named_cells(corner.system):
-        return None
     problem = ConeProblem(corner, last_unit(len(corner.x)))
-    if number_of_cells(problem.blocks()) <= FEW_CELLS:
+    if not (has_named_cells(corner.system) and problem.is_small):
         return None
     parts = parts_of_table(problem.table)
-    regular = len(parts) > 1 and is_regular(problem.table, parts, corner.metric.scale)
-    return problem if regular else None
+    return problem if is_regular(problem.table, parts, corner.metric.scale) else None
 
 
 def index_along(ray: Ray, zero: frozenset[int]) -> int:
