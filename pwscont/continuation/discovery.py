@@ -217,7 +217,9 @@ class Discovery:
         """
         rays = [KnownRay.of(ray, place) for ray in piece.arrival.rays]
         left, node = None, self._node_of(piece.arrival, rays)
-        if node is not None and _has_stayed(piece, begun):
+        back = piece.arrival.rays[0]
+        metric, size = back.curve.metric, back.state.size
+        if node is not None and all(begun.is_at(metric, x, size) for x in piece.points[::-1]):
             left, node = begun, self._node_of(piece.arrival, rays, left=begun)
         if node is None:
             node = self._new(piece.arrival, place, rays, first=1)
@@ -226,8 +228,8 @@ class Discovery:
         self._absorb(node, piece.arrival, rays, left if node == begun.node else None)
         if node == begun.node and piece.arrival.kind == Kind.STOPPED:
             self.nodes[node].stop(piece.arrival.message)
-        if back := match(self._known_rays, rays[0], left):
-            back.ray = None
+        if known := match(self._known_rays, rays[0], left):
+            known.ray = None
         return node
 
     def _node_of(
@@ -394,9 +396,3 @@ class Discovery:
 def _passes_place(edge: Edge, ray: Ray, place: Place, same: float = SAME) -> bool:
     """Tell whether a place lies on a piece; ``ray`` is any ray of the run."""
     return edge.passes(ray.curve, place.x, magnitude(place.x, place.error[np.newaxis]), same)
-
-
-def _has_stayed(piece: FollowedPiece, begun: KnownRay) -> bool:
-    """Tell whether a piece never was clearly away from the ray that begins the piece."""
-    end = piece.arrival.rays[0]
-    return all(begun.is_at(end.curve.metric, x, end.state.size) for x in piece.points[::-1])
