@@ -244,12 +244,9 @@ def rays_of_slices(corner: Corner) -> tuple[list[Direction], int] | None:
     None where the cells that meet at the corner are too many. Of a cone of dimension two or more
     the extreme rays are returned.
     """
-    problem = ConeProblem(corner)
+    problem = _in_parts(corner) or ConeProblem(corner)
     if not problem.is_small:
-        in_parts = _in_parts(corner)
-        if in_parts is None:
-            return None
-        problem = in_parts
+        return None
     metric = Metric(np.append(corner.metric.scale, 1.0))
     rays, extreme, dimension = [], [], 1
     for side in (1.0, -1.0):
@@ -265,14 +262,20 @@ def rays_of_slices(corner: Corner) -> tuple[list[Direction], int] | None:
 
 
 def _in_parts(corner: Corner) -> ConeProblem | None:
-    """Return the cone problem in small parts, with the length fixed by alpha; None without parts.
+    """Return the cone problem in parts, with the length fixed by alpha.
 
-    None also where a ray may be vertical: no ray is, if every part is regular in all cells.
+    None where parts would hardly have fewer cells, or a ray may be vertical: no ray is, if every
+    part is regular in all cells.
     """
+    if not has_named_cells(corner.system):
+        return None
     problem = ConeProblem(corner, last_unit(len(corner.x)))
-    if not (has_named_cells(corner.system) and problem.is_small):
+    blocks = problem.blocks()
+    if (cells := number_of_cells(blocks)) <= FEW_CELLS:
         return None
     parts = parts_of_table(problem.table)
+    if FEW_CELLS * most_cells(parts, blocks) > cells:
+        return None
     return problem if is_regular(problem.table, parts, corner.metric.scale) else None
 
 
