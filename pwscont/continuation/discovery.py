@@ -41,7 +41,7 @@ from pwscont.system.selection import Selection
 from pwscont.transitions.corner import opposite
 from pwscont.transitions.detector import SpecialPointFound, worded
 from pwscont.transitions.ends import points_inside
-from pwscont.transitions.rays import Corner, Ray
+from pwscont.transitions.rays import Ray
 
 
 def place_of_arrival(arrival: SpecialPointFound) -> Place:
@@ -127,24 +127,6 @@ class Discovery:
         else:
             self._remember(rays)
         self._follow_all()
-
-    def has(self, corner: Corner) -> bool:
-        """Tell whether a solution on an interface is a known transition between the two cells.
-
-        One ray leaves into each (F1): there is nothing else to be found, and no ray is computed.
-        """
-        if len(corner.zero) != 1:
-            return False
-        cells = (name_of(curve.selection.cell) for curve in corner.sides())
-        one, other = ({ray.node for ray in self._known_rays.get(cell, ())} for cell in cells)
-        size = magnitude(corner.x, corner.error)
-        known = (self.nodes[node] for node in one & other)
-        return any(
-            len(node.rays) == 2
-            and node.kind in CROSSED
-            and node.rays[0].is_at(corner.metric, corner.x, size)
-            for node in known
-        )
 
     def is_beyond(self, x: Array) -> bool:
         """Tell whether a start lies farther out than an endless path was followed.
@@ -254,7 +236,9 @@ class Discovery:
         """
         rays = [KnownRay.of(ray, place) for ray in piece.arrival.rays]
         left, node = None, self._node_of(piece.arrival, rays)
-        if node is not None and _has_stayed(piece, begun):
+        back = piece.arrival.rays[0]
+        metric, size = back.curve.metric, back.state.size
+        if node is not None and all(begun.is_at(metric, x, size) for x in piece.points[::-1]):
             left, node = begun, self._node_of(piece.arrival, rays, left=begun)
         if node is None:
             node = self._new(piece.arrival, place, rays, first=1)
@@ -263,8 +247,8 @@ class Discovery:
         self._absorb(node, piece.arrival, rays, left if node == begun.node else None)
         if node == begun.node and piece.arrival.kind == Kind.STOPPED:
             self.nodes[node].stop(piece.arrival.message)
-        if back := match(self._known_rays, rays[0], left):
-            back.ray = None
+        if known := match(self._known_rays, rays[0], left):
+            known.ray = None
         return node
 
     def _node_of(
@@ -431,9 +415,3 @@ class Discovery:
 def _passes_place(edge: Edge, ray: Ray, place: Place, same: float = SAME) -> bool:
     """Tell whether a place lies on a piece; ``ray`` is any ray of the run."""
     return edge.passes(ray.curve, place.x, magnitude(place.x, place.error[np.newaxis]), same)
-
-
-def _has_stayed(piece: FollowedPiece, begun: KnownRay) -> bool:
-    """Tell whether a piece never was clearly away from the ray that begins the piece."""
-    end = piece.arrival.rays[0]
-    return all(begun.is_at(end.curve.metric, x, end.state.size) for x in piece.points[::-1])
