@@ -40,7 +40,7 @@ from pwscont.system.abilities import Ending
 from pwscont.system.selection import Selection
 from pwscont.transitions.corner import opposite
 from pwscont.transitions.detector import SpecialPointFound, worded
-from pwscont.transitions.ends import points_inside
+from pwscont.transitions.ends import are_one, points_inside
 from pwscont.transitions.rays import Corner, Ray
 
 
@@ -89,7 +89,7 @@ class Discovery:
         self._again: set[KnownRay] = set()
         self._repeats = False
 
-    def add(self, arrival: SpecialPointFound) -> None:
+    def add(self, arrival: SpecialPointFound, start: Corner | None = None) -> None:
         """Start from a special point, and follow everything that can be reached from it."""
         place, inside = place_of_arrival(arrival), self._inside(arrival, back=0)
         outside = [ray for ray in arrival.rays if ray not in inside.rays]
@@ -100,16 +100,16 @@ class Discovery:
             self._absorb(node, inside, rays)
             self._follow_all()
             return
-        if self._is_isolated_twin(inside) or self._stands_on_pieces(inside, interior):
+        if (start and self._is_twin(start)) or self._stands_on_pieces(inside, interior):
             return
         if not self._budget.allows(len(self.edges)):
             return
-        start = self._new(inside, place, rays)
+        first = self._new(inside, place, rays)
         self.leaving += outside
         if interior:  # both rays come first and are joined
             self._follow(self._queue.popleft())
             self._follow(self._queue.popleft())
-            self._dissolve(start, inside.rays[0].curve.selection)
+            self._dissolve(first, inside.rays[0].curve.selection)
         else:
             self._remember(rays)
         self._follow_all()
@@ -380,15 +380,14 @@ class Discovery:
         beside = (edge for edge in self.edges if edge.is_in(names))
         return any(edge.passes(ray.curve, state.x, state.size) for edge in beside)
 
-    def _is_isolated_twin(self, arrival: SpecialPointFound) -> bool:
-        """Tell whether a solution without rays is already a node."""
-        if arrival.rays:
-            return False
-        (lo, hi), (z, alpha) = self._follower.interval, (arrival.x[:-1], float(arrival.x[-1]))
-        same, near = SAME_ALPHA * max(abs(alpha), hi - lo), JOIN * (1.0 + np.abs(z).max())
-        places = (node.place for node in self.nodes.values())
-        at_alpha = (place.x[:-1] for place in places if abs(place.alpha - alpha) <= same)
-        return any(np.abs(other - z).max() <= near for other in at_alpha)
+    def _is_twin(self, start: Corner) -> bool:
+        """Tell whether a solution is a node that has no ray in common with the solution."""
+        metric, x = start.metric, start.x
+        lone = (node.place.x for node in self.nodes.values() if not node.rays)
+        near = metric.slack(x, JOIN)
+        return any(metric.norm(metric.difference(x, other)) <= near for other in lone) or any(
+            are_one(start, node.place.x) for node in self.nodes.values()
+        )
 
     def _dissolve(self, start: int, selection: Selection) -> None:
         """Join the two halves of the piece in whose middle tracing began."""

@@ -336,7 +336,7 @@ def _follow_from(starts: Iterable[Found], plan: Plan, discovery: Discovery) -> N
             for each in plan.foreign:  # a start may be a special point of a detector
                 arrival = each.begun(arrival)
             arrival = plan.events.begun(arrival) if plan.events else arrival
-            discovery.add(ended_by_system(arrival))
+            discovery.add(ended_by_system(arrival), corner)
         if plan.budget.spent or (plan.system.unique and discovery.spans(*plan.interval)):
             return
 

@@ -22,9 +22,10 @@ from typing import final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Matrix, Signs
+from pwscont.basics.arrays import Array, Matrix, Signs, product
 from pwscont.basics.outcome import FILL, FILL_CURVES, Failure, FailureReason, Kind
 from pwscont.basics.rounding import CONFIDENCE, EPS, GUARD, SAME_ALPHA
+from pwscont.curve.crossing import loses_rank
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.error_samples import Found, magnitude
 from pwscont.curve.metric import Metric
@@ -74,6 +75,29 @@ def settled(system: PiecewiseSystem, metric: Metric, found: Found) -> Found | No
     return found if abs(root.x[-1] - x[-1]) <= same else (root.x, root.error[np.newaxis])
 
 
+#: Solutions farther apart than this, as a part of 1 plus the length of either, are two.
+FARTHEST_TWIN = 1e-3
+
+
+def are_one(start: Corner, other: Array) -> bool:
+    """Tell whether a solution is another one at the same alpha, spread out by rounding.
+
+    Where dH/dz is singular, H may be rounding all the way from the one to the other.
+    """
+    metric, x = start.metric, start.x
+    if not abs(x[-1] - other[-1]) <= SAME_ALPHA * max(abs(float(x[-1])), metric.width):
+        return False  # nearly always
+    way = metric.difference(other, x)
+    if metric.norm(way) > FARTHEST_TWIN * (1.0 + metric.norm(x)):
+        return False
+    for at in (x + part * way for part in (0.25, 0.5, 0.75)):
+        own = Selection(start.system, start.system.character(at[:-1], float(at[-1])))
+        rounding = GUARD * EPS * product(abs(own.jacobian(at)), metric.sizes(at))
+        if not (np.abs(own.residual(at)) <= rounding).all():
+            return False
+    return True
+
+
 def regular_border(curve: Curve, x: Array) -> tuple[Matrix, Array, Factor] | None:
     """Return J, the unit row e_j that borders J to a regular matrix, and the factorisation.
 
@@ -98,7 +122,7 @@ def departures(corner: Corner) -> SpecialPointFound:
     x, error, zero = corner.x, corner.error, corner.zero
     here, *beyond = corner.sides()
     if not zero:
-        return _inside(here, x, error)
+        return _branching(corner, here) or _inside(here, x, error)
     if beyond:
         (other,), (test,) = beyond, zero
         one, two = (inward_ray(side, x, error, test) for side in (here, other))
@@ -106,6 +130,14 @@ def departures(corner: Corner) -> SpecialPointFound:
         if one and two:
             return crossed(x, one, two)
     return at_corner(corner, here)
+
+
+def _branching(start: Corner, curve: Curve) -> SpecialPointFound | None:
+    """Return the branch point that a start is, None for nearly all starts."""
+    if curve.selection.is_straight or not loses_rank(curve, start.x):
+        return None
+    found = at_branch_point(curve, start.x)
+    return found if found and are_one(start, found.x) else None
 
 
 def _inside(curve: Curve, x: Array, error: Array) -> SpecialPointFound:
