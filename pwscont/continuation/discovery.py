@@ -40,7 +40,7 @@ from pwscont.system.abilities import Ending
 from pwscont.system.selection import Selection
 from pwscont.transitions.corner import opposite
 from pwscont.transitions.detector import SpecialPointFound, worded
-from pwscont.transitions.ends import are_one, points_inside
+from pwscont.transitions.ends import points_inside
 from pwscont.transitions.rays import Corner, Ray
 
 
@@ -56,6 +56,7 @@ def place_of_arrival(arrival: SpecialPointFound) -> Place:
 #: Closer to an end of a piece than this distance, in the metric, two branches of a fold are hard to
 #: tell apart: nothing is said to have been passed over there.
 BESIDE_AN_END = 1e-3
+FARTHEST_TWIN, BETWEEN = 1e-3, 0.381966  # of solutions that are one, and where H must be rounding
 #: Kinds of special points at which a curve leaves one cell for another: the change says all.
 CROSSED = (Kind.TRANSITION, Kind.NONSMOOTH_FOLD)
 
@@ -95,12 +96,11 @@ class Discovery:
         outside = [ray for ray in arrival.rays if ray not in inside.rays]
         interior = arrival.kind == Kind.START and not outside
         rays = [KnownRay.of(ray, place) for ray in inside.rays]
-        node = self._node_of(inside, rays)
-        if node is not None:
+        if (node := self._node_of(inside, rays)) is not None:
             self._absorb(node, inside, rays)
             self._follow_all()
             return
-        if (start and self._is_twin(start)) or self._stands_on_pieces(inside, interior):
+        if self._stands_on_pieces(inside, interior) or (start and self._is_twin(start)):
             return
         if not self._budget.allows(len(self.edges)):
             return
@@ -284,8 +284,7 @@ class Discovery:
         news = [ray for ray in rays if not match(self._known_rays, ray, left)]
         if not news:
             return
-        here = self.nodes[node]
-        here.kind, here.said = arrival.kind, arrival.said
+        self.nodes[node].kind, self.nodes[node].said = arrival.kind, arrival.said
         self._let_leave(node, news)
         self._remember(news)
 
@@ -376,18 +375,24 @@ class Discovery:
 
     def _is_known(self, ray: Ray) -> bool:
         """Tell whether a ray starts on a piece that has been followed."""
-        names, state = tuple(map(name_of, ray.cells)), ray.state
+        state, names = ray.state, tuple(map(name_of, ray.cells))
         beside = (edge for edge in self.edges if edge.is_in(names))
         return any(edge.passes(ray.curve, state.x, state.size) for edge in beside)
 
     def _is_twin(self, start: Corner) -> bool:
-        """Tell whether a solution is a node that has no ray in common with the solution."""
+        """Tell whether a solution is a node with other rays or none: H is rounding in between."""
         metric, x = start.metric, start.x
-        lone = (node.place.x for node in self.nodes.values() if not node.rays)
-        near = metric.slack(x, JOIN)
-        return any(metric.norm(metric.difference(x, other)) <= near for other in lone) or any(
-            are_one(start, node.place.x) for node in self.nodes.values()
-        )
+        same = SAME_ALPHA * max(abs(float(x[-1])), metric.width)
+        for node in self.nodes.values():
+            if node.rays and abs(node.place.alpha - x[-1]) > same:
+                continue  # nearly always
+            far, at = metric.norm(way := metric.difference(node.place.x, x)), x + BETWEEN * way
+            if not node.rays and far <= metric.slack(x, JOIN):
+                return True
+            own = Selection(start.system, start.system.character(at[:-1], float(at[-1])))
+            if far <= metric.slack(x, FARTHEST_TWIN) and own.vanishes(at, metric.sizes(at)):
+                return True
+        return False
 
     def _dissolve(self, start: int, selection: Selection) -> None:
         """Join the two halves of the piece in whose middle tracing began."""

@@ -42,9 +42,6 @@ FULL_RANK = EPS ** (1.0 / 3.0)
 APART = EPS**0.5
 #: Displacement of z, in typical magnitudes, that shows how large the equations are.
 ASIDE = 0.05
-#: Distance from an end of the interval, as a part of the interval, that may be the error of
-#: one-sided differences.
-AT_END = EPS ** (2.0 / 3.0)
 #: Component of a direction, as a part of the length, below which the component is the error of
 #: differences.
 FLAT = EPS**0.4
@@ -56,7 +53,7 @@ class Crossing:
     """A simple branch point."""
 
     x: Array  # shape (n + 1,)
-    error: Array  # the last Newton correction and a move to an end, samples, shape (2, n + 1)
+    error: Array  # the last Newton correction, a sample of the error, shape (1, n + 1)
     directions: tuple[Array, Array]  # the unit tangents of the two curves, signs arbitrary
     meets: bool  # whether the curves meet to rounding; else the curves pass each other close by
 
@@ -104,22 +101,11 @@ def crossing(curve: Curve, x: Array) -> Crossing | Failure:
             if directions is None:
                 return Failure(FailureReason.SINGULAR)
             mu = abs(float(null.particular[-1] + null.g @ eta))
-            moved = _to_an_end(curve, x, directions)
-            error = np.array([dx, moved])
-            return Crossing(x + moved, error, directions, mu <= MEETS * (1.0 + null.size))
+            return Crossing(x, dx[np.newaxis], directions, mu <= MEETS * (1.0 + null.size))
         if iteration >= FAR_OFF and size > LINEAR * before:
             break
         before = size
     return Failure(FailureReason.NOT_CONVERGED)
-
-
-def _to_an_end(curve: Curve, x: Array, directions: tuple[Array, Array]) -> Array:
-    """Return the way to the end of the interval at which a branch point lies, zero if inside."""
-    steepest = max(directions, key=lambda way: abs(float(way[-1])))
-    ways = [end - x[-1] for end in curve.metric.interval]
-    off = min(ways, key=abs)
-    at_end = steepest[-1] and abs(off) <= AT_END * curve.metric.width
-    return steepest * (off / steepest[-1]) if at_end else np.zeros_like(x)
 
 
 def loses_rank(curve: Curve, x: Array) -> bool:

@@ -22,7 +22,7 @@ from typing import final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Matrix, Signs, product
+from pwscont.basics.arrays import Array, Matrix, Signs
 from pwscont.basics.outcome import FILL, FILL_CURVES, Failure, FailureReason, Kind
 from pwscont.basics.rounding import CONFIDENCE, EPS, GUARD, SAME_ALPHA
 from pwscont.curve.crossing import loses_rank
@@ -75,29 +75,6 @@ def settled(system: PiecewiseSystem, metric: Metric, found: Found) -> Found | No
     return found if abs(root.x[-1] - x[-1]) <= same else (root.x, root.error[np.newaxis])
 
 
-#: Solutions farther apart than this, as a part of 1 plus the length of either, are two.
-FARTHEST_TWIN = 1e-3
-
-
-def are_one(start: Corner, other: Array) -> bool:
-    """Tell whether a solution is another one at the same alpha, spread out by rounding.
-
-    Where dH/dz is singular, H may be rounding all the way from the one to the other.
-    """
-    metric, x = start.metric, start.x
-    if not abs(x[-1] - other[-1]) <= SAME_ALPHA * max(abs(float(x[-1])), metric.width):
-        return False  # nearly always
-    way = metric.difference(other, x)
-    if metric.norm(way) > FARTHEST_TWIN * (1.0 + metric.norm(x)):
-        return False
-    for at in (x + part * way for part in (0.25, 0.5, 0.75)):
-        own = Selection(start.system, start.system.character(at[:-1], float(at[-1])))
-        rounding = GUARD * EPS * product(abs(own.jacobian(at)), metric.sizes(at))
-        if not (np.abs(own.residual(at)) <= rounding).all():
-            return False
-    return True
-
-
 def regular_border(curve: Curve, x: Array) -> tuple[Matrix, Array, Factor] | None:
     """Return J, the unit row e_j that borders J to a regular matrix, and the factorisation.
 
@@ -122,7 +99,7 @@ def departures(corner: Corner) -> SpecialPointFound:
     x, error, zero = corner.x, corner.error, corner.zero
     here, *beyond = corner.sides()
     if not zero:
-        return _branching(corner, here) or _inside(here, x, error)
+        return _inside(here, x, error)
     if beyond:
         (other,), (test,) = beyond, zero
         one, two = (inward_ray(side, x, error, test) for side in (here, other))
@@ -132,21 +109,15 @@ def departures(corner: Corner) -> SpecialPointFound:
     return at_corner(corner, here)
 
 
-def _branching(start: Corner, curve: Curve) -> SpecialPointFound | None:
-    """Return the branch point that a start is, None for nearly all starts."""
-    if curve.selection.is_straight or not loses_rank(curve, start.x):
-        return None
-    found = at_branch_point(curve, start.x)
-    return found if found and are_one(start, found.x) else None
-
-
 def _inside(curve: Curve, x: Array, error: Array) -> SpecialPointFound:
     held = regular_border(curve, x)
+    if held is None and is_one_of_many(curve.selection.system, curve.metric, x):
+        return SpecialPointFound(Kind.STOPPED, x, FILL_CURVES, ())
+    is_singular = held is None or (not curve.selection.is_straight and loses_rank(curve, x))
+    if is_singular and (point := at_branch_point(curve, x)):
+        return point
     if held is None:
-        if is_one_of_many(curve.selection.system, curve.metric, x):
-            return SpecialPointFound(Kind.STOPPED, x, FILL_CURVES, ())
-        stopped = SpecialPointFound(Kind.STOPPED, x, str(FailureReason.SINGULAR.value), ())
-        return at_branch_point(curve, x) or stopped
+        return SpecialPointFound(Kind.STOPPED, x, str(FailureReason.SINGULAR.value), ())
     jacobian, row, factor = held
     tangent = curve.metric.normalised(factor.solve(last_unit(len(x))))
     known = np.maximum.reduce(np.abs(error))
@@ -278,8 +249,7 @@ class Bounds(TransitionDetector):
 
     def _inside(self, state: State) -> Array:
         """Return how far a state is inside of each bound."""
-        inside: Array = self._side * (state.x[self._which] - self._limit)
-        return inside
+        return np.asarray(self._side * (state.x[self._which] - self._limit))
 
     def _is_on(self, curve: Curve, state: State) -> Signs:
         """Tell on which bounds the state lies, up to its error."""
@@ -293,14 +263,12 @@ class Bounds(TransitionDetector):
 
     def _rounding(self, curve: Curve) -> Array:
         """Return the rounding of distances to bounds."""
-        rounding: Array = EPS * (curve.metric.scale[self._which] + np.abs(self._limit))
-        return rounding
+        return np.asarray(EPS * (curve.metric.scale[self._which] + np.abs(self._limit)))
 
     def _level(self, curve: Curve, state: State) -> Array:
         """Return slopes that are none, and distances that may be the error of a point."""
         level = GUARD * EPS if curve.selection.is_straight else LEVEL_SLOPE
-        sizes: Array = level * (curve.metric.scale + np.abs(state.x))[self._which]
-        return sizes
+        return np.asarray(level * (curve.metric.scale + np.abs(state.x))[self._which])
 
     def left_by(self, ray: Ray) -> str | None:
         """Return in words which bound a ray leaves at once, None if none."""
