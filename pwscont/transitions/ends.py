@@ -49,7 +49,7 @@ from pwscont.transitions.detector import (
     locate_zero,
 )
 from pwscont.transitions.rays import Corner, Ray, check_continuity, inward_ray, vanishing
-from pwscont.transitions.smooth import at_branch_point, fold_at_end, fold_point
+from pwscont.transitions.smooth import STEEPEST_AT_FOLD, at_branch_point, fold_at_end, fold_point
 
 #: Most steps of Newton that put a solution on its curve.
 MOST_SETTLING = 8
@@ -111,15 +111,16 @@ def departures(corner: Corner) -> SpecialPointFound:
 
 def _inside(curve: Curve, x: Array, error: Array) -> SpecialPointFound:
     held = regular_border(curve, x)
-    if held is None and is_one_of_many(curve.selection.system, curve.metric, x):
-        return SpecialPointFound(Kind.STOPPED, x, FILL_CURVES, ())
-    is_singular = held is None or (not curve.selection.is_straight and loses_rank(curve, x))
-    if is_singular and (point := at_branch_point(curve, x)):
-        return point
     if held is None:
-        return SpecialPointFound(Kind.STOPPED, x, str(FailureReason.SINGULAR.value), ())
+        if is_one_of_many(curve.selection.system, curve.metric, x):
+            return SpecialPointFound(Kind.STOPPED, x, FILL_CURVES, ())
+        stopped = SpecialPointFound(Kind.STOPPED, x, str(FailureReason.SINGULAR.value), ())
+        return at_branch_point(curve, x) or stopped
     jacobian, row, factor = held
     tangent = curve.metric.normalised(factor.solve(last_unit(len(x))))
+    is_upright = abs(tangent[-1]) <= STEEPEST_AT_FOLD * curve.metric.width
+    if is_upright and loses_rank(curve, x) and (point := at_branch_point(curve, x)):
+        return point
     known = np.maximum.reduce(np.abs(error))
     error = uncertainty(Root(x, known, jacobian, row, factor, curve.metric.scale))
     # det [J; r] is proportional to r.t, and e_j.t is positive like t.t: the signs are equal

@@ -249,10 +249,8 @@ def branch_point(curve: Curve, found: Crossing, state: State) -> SpecialPointFou
 
 def at_branch_point(curve: Curve, x: Array) -> SpecialPointFound | None:
     """Return the branch point that a start is, at the start's alpha up to errors, None if none."""
-    found, metric = crossing(curve, x), curve.metric
-    if isinstance(found, Failure) or not found.meets:
-        return None
-    if metric.norm(found.x - x) > metric.slack(x, FULL_RANK):
+    found, metric, near = crossing(curve, x), curve.metric, curve.metric.slack(x, FULL_RANK)
+    if isinstance(found, Failure) or not found.meets or metric.norm(found.x - x) > near:
         return None
     tangent, at = found.directions[0], found.x.copy()
     if abs(at[-1] - x[-1]) <= ERROR_OF_DIFFERENCES * metric.width:
