@@ -22,6 +22,7 @@ from pwscont_structures import (
     scenes,
     string,
 )
+from pwscont_structures.law import SnapLaw
 from pwscont_structures.obstacle import ObstacleProblem
 from scipy.integrate import solve_bvp
 from scipy.linalg import cholesky, eigvals, solve_triangular
@@ -69,6 +70,14 @@ def equilibria(k, load, stop=(np.inf, 0.0)):
 
 
 # --- trusses
+
+
+@pytest.mark.parametrize("place", [1e5, 1e16, 1e40, -10.0, -1e3, -1e6])
+def test_a_stop_may_be_far_away(place):
+    for k, load, stiffness in ((1.0, 0.3, 2.0), (0.05, -3.0, 0.1), (20.0, 0.1, 5.0)):
+        found = SnapLaw(k, place, stiffness).compressions(load)
+        true = sorted(compressions(k, load, place, stiffness))
+        assert np.allclose(found, true, rtol=1e-6, atol=1e-9)
 
 
 def test_two_trusses_have_nine_equilibria_near_no_load():

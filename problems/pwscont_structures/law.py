@@ -48,9 +48,9 @@ class SnapLaw:
 
     def compressions(self, force: float) -> list[float]:
         """Return all compressions at which the force has a given value, ascending."""
-        far = 3.0 + np.cbrt(abs(force) / self.k)  # beyond, |p| is larger
-        far += abs(self.place) if self.stiffness else 0.0
-        knots = [-far, *self.turns(), far]
+        pushed = self.stiffness * max(-self.place, 0.0)  # by a stop that touches at d = 0
+        far = 3.0 + np.cbrt((abs(force) + pushed) / self.k)  # beyond, |p| is larger
+        knots = [-far, *(d for d in self.turns() if abs(d) < far), far]
 
         def excess(d: float) -> float:
             return float(self(d) - force)

@@ -288,17 +288,15 @@ def _covering(here: Place, others: Iterable[Place], metric: Metric) -> Place:
     apart = [place for place in others if place is not here]
     if not apart:
         return here  # nearly always
-    errors = [
-        np.maximum(place.error, np.abs(metric.difference(place.x, here.x))) for place in apart
-    ]
+    away = (np.abs(metric.difference(place.x, here.x)) for place in apart)
+    errors = map(np.maximum, (place.error for place in apart), away)
     return Place(here.x, np.max([here.error, *errors], axis=0))
 
 
 def _next_to_end(piece: Piece, place: int) -> Array:
     """Return the point of a piece at a place next to an end; the middle of a straight piece."""
     points = piece.points
-    beside: Array = points[place] if len(points) > 2 else 0.5 * (points[0] + points[1])
-    return beside
+    return np.asarray(points[place] if len(points) > 2 else 0.5 * (points[0] + points[1]))
 
 
 def _turning(node: Node, arriving: Directed, leaving: Directed) -> Kind | str:

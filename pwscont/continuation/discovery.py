@@ -41,7 +41,7 @@ from pwscont.system.selection import Selection
 from pwscont.transitions.corner import opposite
 from pwscont.transitions.detector import SpecialPointFound, worded
 from pwscont.transitions.ends import points_inside
-from pwscont.transitions.rays import Ray
+from pwscont.transitions.rays import Corner, Ray
 
 
 def place_of_arrival(arrival: SpecialPointFound) -> Place:
@@ -69,6 +69,7 @@ def _is_past(x: Array, back: Ray) -> bool:
 #: Closer to an end of a piece than this distance, in the metric, two branches of a fold are hard to
 #: tell apart: nothing is said to have been passed over there.
 BESIDE_AN_END = 1e-3
+FARTHEST_TWIN, BETWEEN = 1e-3, 0.381966  # of solutions that are one, and where H must be rounding
 #: Kinds of special points at which a curve leaves one cell for another: the change says all.
 CROSSED = (Kind.TRANSITION, Kind.NONSMOOTH_FOLD)
 
@@ -103,27 +104,26 @@ class Discovery:
         self._repeats = False
         self._endless: list[Ray] = []  # back from where paths to infinity were left
 
-    def add(self, arrival: SpecialPointFound) -> None:
+    def add(self, arrival: SpecialPointFound, start: Corner | None = None) -> None:
         """Start from a special point, and follow everything that can be reached from it."""
         place, inside = place_of_arrival(arrival), self._inside(arrival, back=0)
         outside = [ray for ray in arrival.rays if ray not in inside.rays]
         interior = arrival.kind == Kind.START and not outside
         rays = [KnownRay.of(ray, place) for ray in inside.rays]
-        node = self._node_of(inside, rays)
-        if node is not None:
+        if (node := self._node_of(inside, rays)) is not None:
             self._absorb(node, inside, rays)
             self._follow_all()
             return
-        if self._is_isolated_twin(inside) or self._stands_on_pieces(inside, interior):
+        if self._stands_on_pieces(inside, interior) or (start and self._is_twin(start)):
             return
         if not self._budget.allows(len(self.edges)):
             return
-        start = self._new(inside, place, rays)
+        first = self._new(inside, place, rays)
         self.leaving += outside
         if interior:  # both rays come first and are joined
             self._follow(self._queue.popleft())
             self._follow(self._queue.popleft())
-            self._dissolve(start, inside.rays[0].curve.selection)
+            self._dissolve(first, inside.rays[0].curve.selection)
         else:
             self._remember(rays)
         self._follow_all()
@@ -287,8 +287,7 @@ class Discovery:
         news = [ray for ray in rays if not match(self._known_rays, ray, left)]
         if not news:
             return
-        here = self.nodes[node]
-        here.kind, here.said = arrival.kind, arrival.said
+        self.nodes[node].kind, self.nodes[node].said = arrival.kind, arrival.said
         self._let_leave(node, news)
         self._remember(news)
 
@@ -379,19 +378,24 @@ class Discovery:
 
     def _is_known(self, ray: Ray) -> bool:
         """Tell whether a ray starts on a piece that has been followed."""
-        names, state = tuple(map(name_of, ray.cells)), ray.state
+        state, names = ray.state, tuple(map(name_of, ray.cells))
         beside = (edge for edge in self.edges if edge.is_in(names))
         return any(edge.passes(ray.curve, state.x, state.size) for edge in beside)
 
-    def _is_isolated_twin(self, arrival: SpecialPointFound) -> bool:
-        """Tell whether a solution without rays is already a node."""
-        if arrival.rays:
-            return False
-        (lo, hi), (z, alpha) = self._follower.interval, (arrival.x[:-1], float(arrival.x[-1]))
-        same, near = SAME_ALPHA * max(abs(alpha), hi - lo), JOIN * (1.0 + np.abs(z).max())
-        places = (node.place for node in self.nodes.values())
-        at_alpha = (place.x[:-1] for place in places if abs(place.alpha - alpha) <= same)
-        return any(np.abs(other - z).max() <= near for other in at_alpha)
+    def _is_twin(self, start: Corner) -> bool:
+        """Tell whether a solution is a node with other rays or none: H is rounding in between."""
+        metric, x = start.metric, start.x
+        same = SAME_ALPHA * max(abs(float(x[-1])), metric.width)
+        for node in self.nodes.values():
+            if node.rays and abs(node.place.alpha - x[-1]) > same:
+                continue  # nearly always
+            far, at = metric.norm(way := metric.difference(node.place.x, x)), x + BETWEEN * way
+            if not node.rays and far <= metric.slack(x, JOIN):
+                return True
+            own = Selection(start.system, start.system.character(at[:-1], float(at[-1])))
+            if far <= metric.slack(x, FARTHEST_TWIN) and own.vanishes(at, metric.sizes(at)):
+                return True
+        return False
 
     def _dissolve(self, start: int, selection: Selection) -> None:
         """Join the two halves of the piece in whose middle tracing began."""

@@ -327,11 +327,12 @@ def _follow_from(
             continue
         if plan.gauge:
             plan.gauge.begin()
-        arrival = departures(Corner.of_start(plan.reduced_system, plan.metric, x, error))
+        corner = Corner.of_start(plan.reduced_system, plan.metric, x, error)
+        arrival = departures(corner)
         for each in plan.foreign:  # a start may be a special point of a detector
             arrival = each.begun(arrival)
         arrival = plan.events.begun(arrival) if plan.events else arrival
-        discovery.add(ended_by_system(arrival))
+        discovery.add(ended_by_system(arrival), corner)
         if plan.budget.spent or (plan.system.unique and discovery.spans(*plan.interval)):
             return
 

@@ -10,6 +10,7 @@ import numpy as np
 from pwscont.basics.arrays import Array, Indices, Matrix, Signs, dense, indices, is_anywhere
 from pwscont.basics.character import Character
 from pwscont.basics.printing import named, short
+from pwscont.basics.rounding import EPS, GUARD
 from pwscont.system.columns import FEWEST_POINTS, by_columns, takes_columns
 from pwscont.system.contract import jacobian_at, lent_jacobian_at, residual_at
 from pwscont.system.system import PiecewiseLinearSystem, PiecewiseSystem
@@ -93,6 +94,11 @@ class Selection:
     def residual(self, x: Array) -> Array:
         """Return a copy of H_chi(x), shape (n,)."""
         return residual_at(self.system, x[:-1], float(x[-1]), self.character)
+
+    def vanishes(self, x: Array, sizes: Array) -> bool:
+        """Tell whether H_chi(x) is rounding of terms of H, for unknowns of these sizes."""
+        rounding = GUARD * EPS * (abs(self.jacobian(x)) @ sizes)
+        return bool((np.abs(self.residual(x)) <= rounding).all())
 
     def residual_and(self, x: Array, value: float) -> Array:
         """Return H_chi(x) with ``value`` appended, shape (n + 1,): the bordered equations at x."""

@@ -224,8 +224,7 @@ def _is_zero_along(
     """
     rounding = rounding_of_tests(gradients, state.x, state.error, scale)
     flat = np.maximum(rounding, GUARD * EPS * (abs(gradients) @ np.abs(state.tangent)))
-    stays_zero: Signs = (np.abs(values) <= rounding) & (np.abs(slopes) <= flat)
-    return stays_zero
+    return np.asarray((np.abs(values) <= rounding) & (np.abs(slopes) <= flat))
 
 
 def across(curve: Curve, state: State, test: int) -> Ray | None:

@@ -339,8 +339,7 @@ class ConeProblem(SlicewiseLinearSystem):
 
     def test_functions(self, z: Array, alpha: float) -> Array:
         """Return grad(kappa_i) . d for the tests that vanish, the sign of each other test."""
-        values: Array = self._gradients @ z + self._constant
-        return values
+        return np.asarray(self._gradients @ z + self._constant)
 
     def test_jacobian(self, z: Array, alpha: float) -> Matrix:
         """Return the gradients by (d, alpha)."""

@@ -109,12 +109,10 @@ class Paths:
     def _signs(self, d: Array, beside: Array) -> Signs:
         """Return on which side of each interface d is; where d is level, on which ``beside`` is."""
         values, others = self._gradients.matrix @ d, self._gradients.matrix @ beside
-        signs: Signs = np.where(np.abs(values) <= self._rounding(d), others, values) >= 0.0
-        return signs
+        return np.asarray(np.where(np.abs(values) <= self._rounding(d), others, values) >= 0.0)
 
     def _rounding(self, d: Array) -> Array:
-        rounding: Array = GUARD * EPS * (self._gradients.magnitudes @ np.abs(d))
-        return rounding
+        return np.asarray(GUARD * EPS * (self._gradients.magnitudes @ np.abs(d)))
 
     def _character(self, signs: Signs) -> Character:
         tests = self.corner.tests.copy()

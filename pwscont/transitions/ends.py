@@ -25,6 +25,7 @@ import numpy as np
 from pwscont.basics.arrays import Array, Matrix, Signs
 from pwscont.basics.outcome import FILL, FILL_CURVES, Failure, FailureReason, Kind
 from pwscont.basics.rounding import CONFIDENCE, EPS, GUARD, SAME_ALPHA
+from pwscont.curve.crossing import loses_rank
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.error_samples import Found, magnitude
 from pwscont.curve.metric import Metric
@@ -48,7 +49,7 @@ from pwscont.transitions.detector import (
     locate_zero,
 )
 from pwscont.transitions.rays import Corner, Ray, check_continuity, inward_ray, vanishing
-from pwscont.transitions.smooth import at_branch_point, fold_at_end, fold_point
+from pwscont.transitions.smooth import STEEPEST_AT_FOLD, at_branch_point, fold_at_end, fold_point
 
 #: Most steps of Newton that put a solution on its curve.
 MOST_SETTLING = 8
@@ -118,6 +119,9 @@ def _inside(curve: Curve, x: Array, error: Array) -> SpecialPointFound:
         return at_branch_point(curve, x) or stopped
     jacobian, row, factor = held
     tangent = curve.metric.normalised(factor.solve(last_unit(len(x))))
+    is_upright = abs(tangent[-1]) <= STEEPEST_AT_FOLD * curve.metric.width
+    if is_upright and loses_rank(curve, x) and (point := at_branch_point(curve, x)):
+        return point
     known = np.maximum.reduce(np.abs(error))
     error = uncertainty(Root(x, known, jacobian, row, factor, curve.metric.scale))
     # det [J; r] is proportional to r.t, and e_j.t is positive like t.t: the signs are equal
@@ -247,8 +251,7 @@ class Bounds(TransitionDetector):
 
     def _inside(self, state: State) -> Array:
         """Return how far a state is inside of each bound."""
-        inside: Array = self._side * (state.x[self._which] - self._limit)
-        return inside
+        return np.asarray(self._side * (state.x[self._which] - self._limit))
 
     def _is_on(self, curve: Curve, state: State) -> Signs:
         """Tell on which bounds the state lies, up to its error."""
@@ -262,14 +265,12 @@ class Bounds(TransitionDetector):
 
     def _rounding(self, curve: Curve) -> Array:
         """Return the rounding of distances to bounds."""
-        rounding: Array = EPS * (curve.metric.scale[self._which] + np.abs(self._limit))
-        return rounding
+        return np.asarray(EPS * (curve.metric.scale[self._which] + np.abs(self._limit)))
 
     def _level(self, curve: Curve, state: State) -> Array:
         """Return slopes that are none, and distances that may be the error of a point."""
         level = GUARD * EPS if curve.selection.is_straight else LEVEL_SLOPE
-        sizes: Array = level * (curve.metric.scale + np.abs(state.x))[self._which]
-        return sizes
+        return np.asarray(level * (curve.metric.scale + np.abs(state.x))[self._which])
 
     def left_by(self, ray: Ray) -> str | None:
         """Return in words which bound a ray leaves at once, None if none."""

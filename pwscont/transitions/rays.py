@@ -82,8 +82,7 @@ def vanishing(system: PiecewiseSystem, x: Array, error: Array, scale: Array) -> 
 
 def is_zero(gradients: Matrix, values: Array, x: Array, error: Array, scale: Array) -> Signs:
     """Tell which tests with these gradients are zero at ``x``; see :func:`rounding_of_tests`."""
-    zero: Signs = np.abs(values) <= rounding_of_tests(gradients, x, error, scale)
-    return zero
+    return np.asarray(np.abs(values) <= rounding_of_tests(gradients, x, error, scale))
 
 
 def rounding_of_tests(gradients: Matrix, x: Array, error: Array, scale: Array) -> Array:
@@ -93,8 +92,7 @@ def rounding_of_tests(gradients: Matrix, x: Array, error: Array, scale: Array) -
     (k, n + 1). Where all unknowns of a test vanish, as at a node that lifts off while it begins to
     slip, their own size is no measure of rounding: the typical magnitudes ``scale`` are added.
     """
-    rounding: Array = CONFIDENCE * rounding_of_values(gradients, np.abs(x) + scale, error)
-    return rounding
+    return np.asarray(CONFIDENCE * rounding_of_values(gradients, np.abs(x) + scale, error))
 
 
 def beside(curve: Curve, state: State, s: float) -> State | None:

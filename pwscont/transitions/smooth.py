@@ -26,7 +26,7 @@ from pwscont.basics.arrays import Array
 from pwscont.basics.outcome import TOUCH, Failure, FailureReason, Kind
 from pwscont.basics.rounding import CONVERGED, EPS, GUARD, SAME_ALPHA
 from pwscont.curve.corrector import polished
-from pwscont.curve.crossing import Crossing, crossing, loses_rank
+from pwscont.curve.crossing import FULL_RANK, Crossing, crossing, loses_rank
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.newton import uncertainty_beside
 from pwscont.curve.stepper import CurvedSegment, Segment
@@ -196,6 +196,8 @@ LOCATED_AGAIN = EPS**0.5
 BISECTIONS_BETWEEN = 3
 #: Distance at which the sign of det[J; t^T] is evaluated if no piece carries the sign along.
 DISTANCE_TO_SIGN = EPS**0.25
+#: Error of alpha at a branch point, as a part of the interval, where derivatives are one-sided.
+ERROR_OF_DIFFERENCES = EPS ** (2.0 / 3.0)
 #: What is read, by the sign: not to be written to.
 _READINGS = {sign: Reading(np.array([1.0, -1.0]) * sign, UNKNOWN) for sign in (-1, 0, 1)}
 
@@ -246,17 +248,20 @@ def branch_point(curve: Curve, found: Crossing, state: State) -> SpecialPointFou
 
 
 def at_branch_point(curve: Curve, x: Array) -> SpecialPointFound | None:
-    """Return the branch point near a rough start, None if the start is none."""
-    found = crossing(curve, x)
-    if isinstance(found, Failure) or not found.meets:
+    """Return the branch point that a start is, at the start's alpha up to errors, None if none."""
+    found, metric, near = crossing(curve, x), curve.metric, curve.metric.slack(x, FULL_RANK)
+    if isinstance(found, Failure) or not found.meets or metric.norm(found.x - x) > near:
         return None
-    tangent = found.directions[0]
-    differences = curve.selection.system.differences(float(found.x[-1]))
-    if not differences.contains(found.x[-1] - DISTANCE_TO_SIGN * tangent[-1]):
+    tangent, at = found.directions[0], found.x.copy()
+    if abs(at[-1] - x[-1]) <= ERROR_OF_DIFFERENCES * metric.width:
+        at[-1] = x[-1]
+    differences = curve.selection.system.differences(float(at[-1]))
+    if not differences.contains(at[-1] - DISTANCE_TO_SIGN * tangent[-1]):
         tangent = -tangent
-    near = curve.selection.jacobian(found.x - DISTANCE_TO_SIGN * tangent)
-    sign = bordered(near, curve.metric.covector(tangent), curve.metric.binary).sign
-    return branch_point(curve, found, State(found.x, tangent, found.error, sign))
+    near = curve.selection.jacobian(at - DISTANCE_TO_SIGN * tangent)
+    sign = bordered(near, metric.covector(tangent), metric.binary).sign
+    error = np.vstack([found.error, at - found.x])
+    return branch_point(curve, found, State(at, tangent, error, sign))
 
 
 def _locate(
@@ -316,5 +321,4 @@ def _own(segment: CurvedSegment, found: Crossing) -> Array:
     covector = segment.curve.metric.covector(slope)
     cosines = [float(covector.dot(direction)) for direction in found.directions]
     best = int(np.argmax(np.abs(cosines)))
-    forward: Array = np.sign(cosines[best]) * found.directions[best]
-    return forward
+    return np.asarray(np.sign(cosines[best]) * found.directions[best])
