@@ -62,7 +62,7 @@ BUDGET = {
     "curve": (14, 2795),
     "enumeration": (11, 2614),
     "transitions": (12, 3612),
-    "graph": (10, 2608),
+    "graph": (10, 2609),
     "search": (7, 1630),
     "continuation": (8, 2744),
     "kit": (4, 940),

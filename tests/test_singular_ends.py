@@ -74,3 +74,4 @@ def test_a_kink_that_turns_outside_is_one_solution():
     assert not graph.pieces
     assert graph.count(0.0) == 1
     assert graph.count(-0.5) == 0
+    assert "nothing found" not in graph.guarantee

@@ -191,7 +191,8 @@ def verdict(graph: ConnectedPieces) -> str:
         return f"not balanced: {'; '.join(_causes(graph, gaps))}"
     doubts = list(_doubts(graph))
     promises = graph.searched.promise not in (Guarantee.NOTHING, Guarantee.UNIQUE)
-    if not graph.pieces and not graph.infinite and not promises:
+    found = graph.pieces or graph.infinite or any(p.kind != Kind.STOPPED for p in graph.nodes)
+    if not found and not promises:
         return "; ".join([f"nothing found by {graph.searched.what}", *doubts])
     words = "balanced" if doubts else WORDS[graph.searched.promise]
     return "; ".join([words, *doubts, *_places("a branch ends on purpose", graph, ends)])
