@@ -75,3 +75,26 @@ def test_a_kink_that_turns_outside_is_one_solution():
     assert graph.count(0.0) == 1
     assert graph.count(-0.5) == 0
     assert "nothing found" not in graph.guarantee
+
+
+class Periodic(PiecewiseSystem):
+    """cos(z) = alpha: a fold at alpha = 1 at each multiple of 2 pi."""
+
+    size, calls = 1, 0
+
+    def test_functions(self, z, alpha):
+        return z[:1] + 70.0
+
+    def residual(self, z, alpha, character):
+        self.calls += 1
+        return np.cos(z) - alpha
+
+
+@pytest.mark.slow
+def test_a_hundred_folds_at_an_end_cost_little():
+    """Whether a start lies on one of the many pieces is seen without following these again."""
+    graph = explore(Periodic(), (0.2, 1.0))
+    turned = np.array([abs(s.z[0]) for s in graph.solutions(0.5)]) % (2.0 * np.pi)
+    off = np.abs(turned[:, np.newaxis] - np.arccos(0.5) * np.array([1.0, 5.0])).min(axis=1)
+    assert off.max() < 1e-9
+    assert graph.system.calls < 5000 * len(graph.pieces)

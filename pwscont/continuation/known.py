@@ -205,11 +205,12 @@ class Edge(NamedTuple):
         metric, alpha, points = here.metric, float(x[-1]), self.points
         if not points[:, -1].min() <= alpha <= points[:, -1].max():
             return False
-        if len(points) == 2:
-            _, nearest = _nearest(points, x, metric)
-        else:
-            system, interval = here.selection.system, metric.interval
-            nearest = solve_between(system, self.cells[0], points, alpha, interval)[0]
+        part, nearest = _nearest(points, x, metric)
+        if len(points) > 2:
+            if part > 1.0:  # five times as far as the piece strays from a chord
+                return False
+            system, cell = here.selection.system, self.cells[0]
+            nearest = solve_between(system, cell, points, alpha, metric.interval)[0]
         apart = metric.difference(nearest, x)
         if metric.norm(apart) <= metric.slack(x, same):
             return True
