@@ -18,7 +18,7 @@ from math import ceil, inf, sqrt
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, largest
+from pwscont.basics.arrays import Array, largest, smallest
 from pwscont.basics.rounding import CONVERGED
 from pwscont.curve.step_size import StepSize
 from pwscont.curve.stepper import CurvedSegment
@@ -68,9 +68,9 @@ def farthest_off(
     if not worst <= allowed:
         return worst if worst > allowed else inf  # worst may be nan
     if worst > INVISIBLE and len(off) == count:
-        rough = np.abs(_rough(count) @ off).max(axis=1)
-        odd = int(rough.argmax())
-        if rough[odd] > ROUGH_PART * worst + INVISIBLE:
+        rough = np.abs(_rough(count).dot(off))
+        if largest(rough) > ROUGH_PART * worst + INVISIBLE:
+            odd = int(rough.argmax()) // rough.shape[1]
             around = float(places(count)[odd]), 1.0 / count
             worst = max(worst, _close_in(segment, factor, around, allowed))
     turns = _turns(segment, alphas) and _really_turns(segment, factor, places(count))
@@ -118,10 +118,10 @@ def _looked_at(segment: CurvedSegment, factor: Factor, weights: Array) -> tuple[
     points: Array = (weights * (length, length * by, length * to)).dot(ways)
     points += segment.start.x
     alphas = points[:, -1]
-    if not lo <= alphas.min(initial=lo) <= alphas.max(initial=lo) <= hi:
+    if not lo <= smallest(alphas) <= largest(alphas) <= hi:
         points = points[[metric.admits(x) for x in points]]
-    if not len(points):
-        return points, np.empty(0)
+        if not len(points):
+            return points, np.empty(0)
     off = factor.solve_all(segment.curve.selection.residuals(points))
     return off / metric.scale, points[:, -1] - off[:, -1]
 
@@ -155,7 +155,7 @@ def _turns(segment: CurvedSegment, alphas: Array) -> bool:
     leaving, arriving = float(start.tangent[-1]), float(end.tangent[-1])
     least = CONVERGED * segment.curve.metric.width
     if leaving * arriving > 0.0:  # nearly always
-        return bool((steps if leaving < 0.0 else -steps).max() > least)
+        return (largest(steps) if leaving < 0.0 else -smallest(steps)) > least
     signs = np.sign(steps[np.abs(steps) > least])
     signs = np.concatenate([[leaving], signs, [arriving]])
     signs = signs[signs != 0.0]

@@ -134,9 +134,10 @@ def is_solved(
     if isinstance(selection.system, SlicewiseLinearSystem):
         return True
     by_alpha = np.abs(column(jacobian, len(x) - 1)) * metric.width
-    above, depends = np.abs(residual) - SOLVED * by_alpha, by_alpha > 0.0
-    if not (above > 0.0)[depends].any():
+    above = np.abs(residual) - SOLVED * by_alpha
+    if largest(above) <= 0.0:
         return True  # nearly always
+    depends = by_alpha > 0.0
     above -= GUARD * EPS * product(abs(jacobian), np.abs(x))
     if not (above > 0.0)[depends].any():
         return True
