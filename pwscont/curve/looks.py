@@ -73,8 +73,7 @@ def farthest_off(
             odd = int(rough.argmax()) // rough.shape[1]
             around = float(places(count)[odd]), 1.0 / count
             worst = max(worst, _close_in(segment, factor, around, allowed))
-    turns = _turns(segment, alphas) and _really_turns(segment, factor, places(count))
-    return inf if turns else worst
+    return inf if _turns(segment, factor, places(count), alphas) else worst
 
 
 @lru_cache(maxsize=MOST_PLACES)
@@ -139,14 +138,25 @@ def _close_in(
             break
         sizes = np.abs(off).max(axis=1)
         worst = max(worst, float(sizes.max()))
-        if not worst <= allowed or (_turns(segment, alphas) and _really_turns(segment, factor, u)):
+        if not worst <= allowed or _turns(segment, factor, u, alphas):
             return inf
         odd, apart = float(u[sizes.argmax()]), ZOOM * apart
     return worst
 
 
-def _turns(segment: CurvedSegment, alphas: Array) -> bool:
-    """Tell whether alpha turns more often than the slopes at the ends of a step say."""
+def _turns(segment: CurvedSegment, factor: Factor, u: Array, alphas: Array) -> bool:
+    """Tell whether alpha turns more often than the slopes at the ends of a step say.
+
+    ``alphas``: nearly of the curve at the parts ``u``; if these turn, points of the curve decide.
+    """
+    if not _turn(segment, alphas):
+        return False  # nearly always
+    points = [segment.point(part * segment.length, factor) for part in u]
+    return _turn(segment, np.array([x[-1] for x in points if x is not None]))
+
+
+def _turn(segment: CurvedSegment, alphas: Array) -> bool:
+    """Tell whether values of alpha along a step turn more often than the slopes say."""
     start, end = segment.start, segment.end
     steps = np.empty(len(alphas) + 1)
     steps[:-1], steps[-1] = alphas, end.alpha
@@ -160,9 +170,3 @@ def _turns(segment: CurvedSegment, alphas: Array) -> bool:
     signs = np.concatenate([[leaving], signs, [arriving]])
     signs = signs[signs != 0.0]
     return int((signs[1:] * signs[:-1] < 0.0).sum()) > 1
-
-
-def _really_turns(segment: CurvedSegment, factor: Factor, u: Array) -> bool:
-    """Tell whether alpha turns more often than the slopes say, from points of the curve."""
-    points = [segment.point(s * segment.length, factor) for s in u]
-    return _turns(segment, np.array([x[-1] for x in points if x is not None]))

@@ -176,27 +176,6 @@ def by_chords(curve: Curve, factor: Factor, x: Array) -> Array | None:
     return None
 
 
-def corrected(curve: Curve, x: Array, value: float, row: Array) -> tuple[Root, Array] | None:
-    """Return a nearly exact point after a single correction, and the error of the point.
-
-    ``curve``: of an affine selection. ``value, row``: the border at x, and the border's gradient.
-    The error is as from :func:`uncertainty`. None if the correction is more than rounding, or
-    cannot be computed.
-    """
-    metric = curve.metric
-    if not metric.admits(x):
-        return None
-    jacobian, rest = curve.selection.jacobian(x), curve.selection.residual_and(x, value)
-    factor = bordered(jacobian, row, metric.binary)
-    if factor.failed:
-        return None
-    rounding = _rounding(jacobian, row, np.abs(x) + CONVERGED * metric.scale)
-    dx, *error = factor.solve_all(np.vstack([rest, rounding]))
-    if not metric.relative(dx, x - dx) <= CONVERGED or not metric.admits(x := x - dx):
-        return None
-    return Root(x, np.abs(dx), jacobian, row, factor, metric.scale, 1), np.array(error)
-
-
 # -- the tangent at a root ------------------------------------------------------------------------
 
 

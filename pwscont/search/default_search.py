@@ -10,7 +10,7 @@ from pwscont.curve.metric import Metric
 from pwscont.enumeration.slices import cells_to_try
 from pwscont.search.all_transitions import AllTransitions
 from pwscont.search.enumeration import EndPoints, Slices
-from pwscont.search.multi_start import MultiStart, Throughout, affordable_starts
+from pwscont.search.multi_start import MultiStart, States, Throughout, affordable_starts
 from pwscont.search.search import Search
 from pwscont.system.abilities import BringsSearches
 from pwscont.system.system import (
@@ -47,7 +47,7 @@ def default_search(
 
 
 def _most_complete(
-    system: PiecewiseSystem, interval: tuple[float, float], around: tuple[tuple[float, ...], ...]
+    system: PiecewiseSystem, interval: tuple[float, float], around: States
 ) -> Search:
     if not isinstance(system, SlicewiseLinearSystem):
         return _added_up(_for_curves(system, around), system)
@@ -66,17 +66,17 @@ def _most_complete(
     return _added_up(_from_some(system, around), system)
 
 
-def _for_curves(system: PiecewiseSystem, around: tuple[tuple[float, ...], ...]) -> Search:
+def _for_curves(system: PiecewiseSystem, around: States) -> Search:
     """Return the search of a system that is not linear at fixed alpha."""
-    cells = () if has_too_many_tests(system) else islice(system.cells(), MANY_NEWTONS + 1)
-    in_cells = 0 < len(list(cells)) <= MANY_NEWTONS
+    in_cells = not has_too_many_tests(system)
+    in_cells = in_cells and len(list(islice(system.cells(), MANY_NEWTONS + 1))) <= MANY_NEWTONS
     if system.size <= MOST_UNKNOWNS_INSIDE:
         return Throughout.affordable(system, around, in_cells)
     some = _from_some(system, around)
     return EndPoints() + some if in_cells else some
 
 
-def _from_some(system: PiecewiseSystem, around: tuple[tuple[float, ...], ...]) -> MultiStart:
+def _from_some(system: PiecewiseSystem, around: States) -> MultiStart:
     count = affordable_starts(system, LEAST_STARTS, MOST_STARTS)
     return MultiStart(count=count, around=around)
 

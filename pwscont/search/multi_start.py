@@ -5,17 +5,14 @@ interval (docs/theory, F19): solutions at the ends of the interval do not lead t
 number of slices and starts follows from a budget of evaluations. Where Newton at fixed alpha
 stalls, alpha is set free, for a loop may lie between two slices. An equation in a single unknown
 has many solutions beside each other, which sign changes show.
-
-Most starts would only repeat known solutions: the solutions of all known branches are deflated
-away, and a point found with alpha free is compared with all known branches before it is passed on.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from numbers import Integral
-from typing import Any, final
+from typing import TypeAlias, final
 
 import numpy as np
 
@@ -31,10 +28,14 @@ from pwscont.system.abilities import completed, shown_size
 from pwscont.system.box import Box
 from pwscont.system.system import PiecewiseSystem
 
+#: States to start from.
+States: TypeAlias = tuple[tuple[float, ...], ...]
 #: Evaluations of H that a search may take; a Newton iteration takes about n + 2.
 MOST_EVALUATIONS = 12_000
 #: Newton iterations of a start, on average.
 USUAL = 20
+#: Number of random starts at an end by default.
+STARTS_AT_AN_END = 20
 #: Most rounds of starts between the ends, if rounds find more, or if nothing is known at all.
 MOST_ROUNDS = 4
 #: Number of other starts at each alpha for a single unknown, and of alphas.
@@ -77,10 +78,10 @@ class MultiStart(Search):
     3
     """
 
-    count: int = 20
+    count: int = STARTS_AT_AN_END
     seed: int = 0
     spread: float = 1.0
-    around: tuple[tuple[float, ...], ...] = ()
+    around: States = ()
 
     def __post_init__(self) -> None:
         """Check the numbers."""
@@ -101,8 +102,7 @@ class MultiStart(Search):
         A successful start is tried again, with the known solutions deflated away.
         """
         box, shown = Box.of(system), shown_size(system)
-        scale, spread = metric.scale[:-1], self.spread
-        guesses = rough_starts(box, scale, shown, self.count, self.around, self.seed, spread)
+        guesses = rough_starts(system, metric, self.count, self.around, self.seed, self.spread)
         for alpha in interval:
             known: list[Array] = []
             for rough in guesses:
@@ -121,15 +121,10 @@ class MultiStart(Search):
 
 
 def rough_starts(
-    box: Box,
-    scale: Array,
-    shown: int,
-    count: int,
-    around: Sequence[Any],
-    seed: int = 0,
-    spread: float = 1.0,
+    system: PiecewiseSystem, metric: Metric, count: int, around: States, seed: int, spread: float
 ) -> list[Array]:
     """Return all starts: fixed states, then random states, every other around a fixed state."""
+    box, scale, shown = Box.of(system), metric.scale[:-1], shown_size(system)
     rng, shape = np.random.default_rng(seed), (count, len(scale))
     normal, even = rng.normal(size=shape), rng.uniform(-0.5, 0.5, size=shape)
     more = np.zeros(len(scale) - shown)  # of the unknowns that follow from a state
@@ -148,32 +143,18 @@ def _is_whole(number: object) -> bool:
 @final
 @dataclass(frozen=True, slots=True)
 class Throughout(Search):
-    """Newton from many starts at the ends and at values of alpha between, deflated.
+    """Newton from many starts at the ends and at values of alpha between, deflated."""
 
-    Attributes
-    ----------
-    around : tuple of tuple of float
-        States to start from at the ends, as for :class:`MultiStart`.
-    at_ends : int
-        Number of starts at each end.
-    slices, count : int
-        Number of values of alpha between the ends, and of starts at each value.
-    in_cells : bool
-        Whether Newton is tried once in each cell at both ends before.
-    """
-
-    around: tuple[tuple[float, ...], ...] = ()
-    at_ends: int = 20
-    slices: int = 9
+    around: States = ()  # states to start from at the ends
+    at_ends: int = STARTS_AT_AN_END
+    slices: int = 9  # number of values of alpha between the ends, and of starts at each value
     count: int = 6
-    in_cells: bool = False
+    in_cells: bool = False  # whether Newton is tried once in each cell at both ends before
 
     @classmethod
-    def affordable(
-        cls, system: PiecewiseSystem, around: tuple[tuple[float, ...], ...], in_cells: bool
-    ) -> Throughout:
+    def affordable(cls, system: PiecewiseSystem, around: States, in_cells: bool) -> Throughout:
         """Return the search that a budget of evaluations allows for a system of this size."""
-        starts, at_ends = affordable_starts(system, 1, 63), cls.at_ends
+        starts, at_ends = affordable_starts(system, 1, 63), STARTS_AT_AN_END
         if shown_size(system) == 1:  # sign changes find nearly all
             starts, at_ends = FEW_ON_LINE**2, FEW_ON_LINE
         slices = int(min(max(starts**0.5, 3), 9))
@@ -195,8 +176,8 @@ class Throughout(Search):
         """Yield solutions that are not on known branches."""
         for alpha in interval if self.in_cells else ():
             yield from starts_at(system, metric, alpha)
-        pursuit, shown = Pursuit(system, metric, interval, known), shown_size(system)
-        rough = rough_starts(pursuit.box, metric.scale[:-1], shown, self.at_ends, self.around)
+        pursuit = Pursuit(system, metric, interval, known)
+        rough = rough_starts(system, metric, self.at_ends, self.around, seed=0, spread=1.0)
         for alpha in interval:
             yield from pursuit.at(alpha, rough)
         if known.are_all():
@@ -217,9 +198,8 @@ class Throughout(Search):
         """Yield solutions from starts inside the interval, at other alphas and states each turn."""
         (lo, hi), count = interval, self.count
         for alpha in interval if turn else ():
-            yield from pursuit.at(
-                alpha, map(pursuit.guess, range(turn * count, (turn + 1) * count))
-            )
+            guesses = map(pursuit.guess, range(turn * count, (turn + 1) * count))
+            yield from pursuit.at(alpha, guesses)
         for k in range(turn * self.slices, (turn + 1) * self.slices):
             part = (0.5 + GOLDEN * (k + 0.118)) % 1.0  # evenly spread, avoids special values
             guesses = map(pursuit.guess, range(k * count, (k + 1) * count))

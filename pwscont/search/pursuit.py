@@ -1,9 +1,11 @@
 """The search from many rough starts in a single run: pursuits of solutions.
 
 Points are in typical magnitudes, y = (z, alpha) / scale, and a pursuit is Newton's method without
-error estimates: each point found is corrected with all care. Known solutions are deflated away
-(Farrell, Birkisson and Funke 2015), and a solution found is compared with all known solutions,
-because solutions beside a fold are closer together than solutions deflated away may be.
+error estimates: each point found is corrected with all care. Most starts would only repeat known
+solutions: the solutions of all known branches are deflated away (Farrell, Birkisson and Funke
+2015). A solution found is compared with all known solutions, because solutions beside a fold are
+closer together than solutions deflated away may be, and a point found with alpha free is compared
+with all known branches.
 
 A deflated iteration without a solution at this alpha creeps to a minimum of the merit, and is given
 up. The minimum often lies beside a fold of the branch looked for: the pursuit goes on from there
@@ -108,9 +110,9 @@ class Pursuit:
         known: KnownBranches,
     ) -> None:
         self._system, self._metric, self._scale = system, metric, metric.scale
-        self._interval = interval
+        self._interval, self._known = interval, known
         self._ends = interval[0] / metric.width, interval[1] / metric.width
-        self.box, self._known = Box.of(system), known
+        self._box, self._shown = Box.of(system), shown_size(system)
         self._reach = metric.scale[:-1]  # grows with the reach of known branches
 
     def at(self, alpha: float, guesses: Iterable[Array]) -> Iterator[Found]:
@@ -121,15 +123,11 @@ class Pursuit:
         for number, rough in enumerate(chain(zeros, guesses)):
             if len(here) >= MOST_FOUND:
                 return
-            z = completed(self._system, rough[: shown_size(self._system)], alpha)
+            z = completed(self._system, rough[: self._shown], alpha)
             y = np.append(z, alpha) / self._scale
             for _ in range(MOST_FROM_ONE):
                 reached, arrived = self._at_alpha(y, self._distinct(known))
-                x = reached * self._scale
-                found = (
-                    solution_from(self._system, self._metric, x[:-1], alpha) if arrived else None
-                )
-                found = found and self._usable(found, x)
+                found = self._corrected(reached, alpha) if arrived else None
                 if not (found and is_new(self._metric, found[0], known)):
                     break
                 yield found
@@ -149,12 +147,12 @@ class Pursuit:
         steps = root ** -np.arange(1.0, size + 1.0)
         even = 2.0 * ((0.5 + (number + 1) * steps) % 1.0) - 1.0
         farther = WIDER_BY ** (number % SPREADS)
-        return self.box.guess(_with_tails(even), 0.5 * even, farther * self._reach)
+        return self._box.guess(_with_tails(even), 0.5 * even, farther * self._reach)
 
     def _sign_changes(self, alpha: float, known: list[Array]) -> Iterator[Array]:
         """Yield sign changes of an equation in a single unknown, except at known solutions."""
-        system, reach = self._system, float(self._reach[0])
-        if shown_size(system) != 1:
+        system, reach, box = self._system, float(self._reach[0]), self._box
+        if self._shown != 1:
             return
 
         def equation(z: float) -> float:
@@ -163,7 +161,7 @@ class Pursuit:
 
         even = np.linspace(-1.0, 1.0, ON_LINE + 2)[1:-1]
         places = reach * np.concatenate([LINE_WIDTH * even, WIDER_BY * _with_tails(even)])
-        places = np.unique(np.clip(places, self.box.lower[0], self.box.upper[0]))
+        places = np.unique(np.clip(places, box.lower[0], box.upper[0]))
         signs = np.sign([equation(z) for z in places])
         from scipy.optimize import bisect  # noqa: PLC0415  importing takes as long as all else
 
@@ -180,8 +178,12 @@ class Pursuit:
         if free is None or not lo <= free[-1] * self._metric.width <= hi:
             return None
         near = self._known.near(free * scale, self._metric)
-        if near is not None and self._leads_to(near / scale, free):
-            return None  # the point lies on a known branch
+        direction = None if near is None else self._direction(free)
+        if near is not None and direction is not None:
+            found = self._across(near / scale, free, direction)
+            off = np.inf if found is None else _length(self._apart(found, free))
+            if off <= 10.0 * LAST_STEP * (1.0 + _length(free)):
+                return None  # the point lies on a known branch
         return self._standing(self._along(free))
 
     def _standing(self, y: Array) -> Found | None:
@@ -220,14 +222,20 @@ class Pursuit:
             found += [x] if is_new(self._metric, x, found, DISTINCT) else []
         return found
 
+    def _corrected(self, y: Array, alpha: float) -> Found | None:
+        """Return the solution near a rough solution, None if not found or without a digit."""
+        x = y * self._scale
+        found = solution_from(self._system, self._metric, x[:-1], alpha, ())
+        return found and self._usable(found, x)
+
     def _usable(self, found: Found, rough: Array) -> Found | None:
         """Return a solution with digits, inside the bounds and near a rough solution, else None."""
         metric, (x, error) = self._metric, found
         if metric.norm(metric.difference(x, rough)) > MOST_CORRECTED * (1.0 + metric.norm(rough)):
             return None
-        x[:-1] = self.box.wrapped(x[:-1])
+        x[:-1] = self._box.wrapped(x[:-1])
         error, scale = np.atleast_2d(error), metric.scale
-        if not has_digits(x, error, scale) or not is_inside(self.box, x, error, scale):
+        if not has_digits(x, error, scale) or not is_inside(self._box, x, error, scale):
             return None
         tests = self._system.test_functions(x[:-1], float(x[-1]))
         if not np.isfinite(tests).all():
@@ -285,17 +293,6 @@ class Pursuit:
                 return y, False
             y = moved
         return y, False
-
-    def _leads_to(self, start: Array, y: Array) -> bool:
-        """Tell whether Newton's method leads from a point beside a curve to a point of the curve.
-
-        Each Newton step is normal to the curve at the point ``y``.
-        """
-        direction = self._direction(y)
-        found = None if direction is None else self._across(start, y, direction)
-        if found is None:
-            return False
-        return _length(self._apart(found, y)) <= 10.0 * LAST_STEP * (1.0 + _length(y))
 
     def _across(self, start: Array, y: Array, direction: Array) -> Array | None:
         """Return the point of a curve to which Newton leads in the plane normal to a direction.
@@ -386,11 +383,7 @@ class Pursuit:
 
 
 def solution_from(
-    system: PiecewiseSystem,
-    metric: Metric,
-    guess: Array,
-    alpha: float,
-    known: Sequence[Array] = (),
+    system: PiecewiseSystem, metric: Metric, guess: Array, alpha: float, known: Sequence[Array]
 ) -> Found | None:
     """Return the solution to which semismooth Newton leads, None for a failure."""
     found = semismooth_newton(system, metric, guess, alpha, known)
@@ -415,11 +408,9 @@ def _newton_step(jacobian: Array, residual: Array) -> Array:
     """Return Newton's step, for a singular Jacobian the step of Levenberg and Marquardt."""
     try:
         step: Array = np.asarray(np.linalg.solve(jacobian, -residual), dtype=float)
-        if are_finite(step):
-            return step
     except np.linalg.LinAlgError:
-        pass
-    return _shortest_step(jacobian, residual)
+        return _shortest_step(jacobian, residual)
+    return step if are_finite(step) else _shortest_step(jacobian, residual)
 
 
 def _shortest_step(jacobian: Array, residual: Array) -> Array:
