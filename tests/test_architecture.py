@@ -59,7 +59,7 @@ BUDGET = {
     "system": (10, 2169),
     "linear": (11, 1567),
     "notation": (13, 2860),
-    "curve": (14, 2795),
+    "curve": (14, 2750),
     "enumeration": (11, 2614),
     "transitions": (12, 3612),
     "graph": (10, 2609),
@@ -76,7 +76,7 @@ BUDGET = {
     "commands": (10, 1150),
 }
 #: Most files and classes that the README's arch meets; a change that needs more says why.
-MOST_FILES_MET, MOST_CLASSES_MET = 49, 61
+MOST_FILES_MET, MOST_CLASSES_MET = 49, 57
 
 
 def module_of(path):

@@ -1,9 +1,8 @@
 """What a run knows: the special points, the rays on which pieces arrive, the pieces followed.
 
-A ray is recognised by cells, place and direction. Directions are compared by the cosine between
-sketches of the directions, see :meth:`~pwscont.curve.metric.Metric.sketch`. Special points may be
-closer than places are told apart by digits, or than a short piece is long: only errors then tell
-which of several points is at a place.
+A ray is recognised by cells, place and direction. Special points may be closer than places are told
+apart by digits, or than a short piece is long: only errors then tell which of several points is at
+a place.
 """
 
 from __future__ import annotations
@@ -49,15 +48,14 @@ class KnownRay:
 
     place: Place  # where the ray starts
     names: tuple[bytes, ...]  # the cells in which the ray may be met
-    direction: Array  # the sketch of the tangent, of length 1
+    tangent: Array  # the direction of the ray
     ray: Ray | None = None  # as long as no piece has left or arrived on the ray
     node: int = -1  # the number of the special point
 
     @classmethod
     def of(cls, ray: Ray, place: Place) -> KnownRay:
         """Return what to remember of a ray that leaves a place."""
-        names = tuple(map(name_of, ray.cells))
-        return cls(place, names, ray.curve.metric.sketch(ray.state.tangent), ray)
+        return cls(place, tuple(map(name_of, ray.cells)), ray.state.tangent, ray)
 
     def is_at(self, metric: Metric, x: Array, size: Array) -> bool:
         """Tell whether a point with an error of this size is where the ray starts."""
@@ -115,11 +113,12 @@ def match(
     """
     assert new.ray is not None
     metric, state = new.ray.curve.metric, new.ray.state
+    row = metric.covector(state.tangent)
     found = [
         (cosine, each)
         for cell in new.names
         for each in known.get(cell, ())
-        if (cosine := float(each.direction.dot(new.direction))) > 0.0
+        if (cosine := float(row.dot(each.tangent))) > 0.0
         and each.is_at(metric, state.x, state.size)
     ]
     if not found:

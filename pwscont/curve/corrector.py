@@ -164,12 +164,9 @@ def zero(curve: Curve, border: Border, x: Array) -> Corrected | Failure:
     if root.factor.is_singular():
         return Failure(FailureReason.SINGULAR)
     if curve.selection.is_straight:
-        return falling(curve, root, uncertainty(root))
-    return falling(curve, *_polished(curve, border, root))
-
-
-def falling(curve: Curve, root: Root, error: Array) -> Corrected | Failure:
-    """Return the state at a root, whose tangent points to where the border falls."""
+        error = uncertainty(root)
+    else:
+        root, error = _polished(curve, border, root)
     factor, rising = direction(curve, root)
     if factor.failed:
         return Failure(FailureReason.SINGULAR)

@@ -45,12 +45,7 @@ def magnitude(x: Array, error: Array) -> Array:
 
     ``error``, shape (k, n + 1): independent contributions, as from :func:`uncertainty`.
     """
-    return magnitude_beside(np.abs(x), error)
-
-
-def magnitude_beside(sizes: Array, error: Array) -> Array:
-    """Return the error of every component from the magnitudes of ``x``, shape (n + 1,)."""
-    estimate: Array = np.maximum(EPS * sizes, _root_of_squares(error))
+    estimate: Array = np.maximum(EPS * np.abs(x), _root_of_squares(error))
     return estimate
 
 
@@ -102,7 +97,7 @@ def has_digits(x: Array, error: Array, scale: Array) -> bool:
     """
     sizes = np.abs(x)
     known = ONE_DIGIT * np.maximum(sizes, scale)
-    return largest(sizes) < np.inf and is_everywhere(magnitude_beside(sizes, error) <= known)
+    return largest(sizes) < np.inf and is_everywhere(magnitude(x, error) <= known)
 
 
 def is_inside(box: Box, x: Array, error: Array, scale: Array) -> bool:

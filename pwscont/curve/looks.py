@@ -18,7 +18,7 @@ from math import ceil, inf, sqrt
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, largest
+from pwscont.basics.arrays import Array, largest, smallest
 from pwscont.basics.rounding import CONVERGED
 from pwscont.curve.step_size import StepSize
 from pwscont.curve.stepper import CurvedSegment
@@ -68,13 +68,12 @@ def farthest_off(
     if not worst <= allowed:
         return worst if worst > allowed else inf  # worst may be nan
     if worst > INVISIBLE and len(off) == count:
-        rough = np.abs(_rough(count) @ off).max(axis=1)
-        odd = int(rough.argmax())
-        if rough[odd] > ROUGH_PART * worst + INVISIBLE:
+        rough = np.abs(_rough(count).dot(off))
+        if largest(rough) > ROUGH_PART * worst + INVISIBLE:
+            odd = int(rough.argmax()) // rough.shape[1]
             around = float(places(count)[odd]), 1.0 / count
             worst = max(worst, _close_in(segment, factor, around, allowed))
-    turns = _turns(segment, alphas) and _really_turns(segment, factor, places(count))
-    return inf if turns else worst
+    return inf if _turns(segment, factor, places(count), alphas) else worst
 
 
 @lru_cache(maxsize=MOST_PLACES)
@@ -118,10 +117,10 @@ def _looked_at(segment: CurvedSegment, factor: Factor, weights: Array) -> tuple[
     points: Array = (weights * (length, length * by, length * to)).dot(ways)
     points += segment.start.x
     alphas = points[:, -1]
-    if not lo <= alphas.min(initial=lo) <= alphas.max(initial=lo) <= hi:
+    if not lo <= smallest(alphas) <= largest(alphas) <= hi:
         points = points[[metric.admits(x) for x in points]]
-    if not len(points):
-        return points, np.empty(0)
+        if not len(points):
+            return points, np.empty(0)
     off = factor.solve_all(segment.curve.selection.residuals(points))
     return off / metric.scale, points[:, -1] - off[:, -1]
 
@@ -139,14 +138,25 @@ def _close_in(
             break
         sizes = np.abs(off).max(axis=1)
         worst = max(worst, float(sizes.max()))
-        if not worst <= allowed or (_turns(segment, alphas) and _really_turns(segment, factor, u)):
+        if not worst <= allowed or _turns(segment, factor, u, alphas):
             return inf
         odd, apart = float(u[sizes.argmax()]), ZOOM * apart
     return worst
 
 
-def _turns(segment: CurvedSegment, alphas: Array) -> bool:
-    """Tell whether alpha turns more often than the slopes at the ends of a step say."""
+def _turns(segment: CurvedSegment, factor: Factor, u: Array, alphas: Array) -> bool:
+    """Tell whether alpha turns more often than the slopes at the ends of a step say.
+
+    ``alphas``: nearly of the curve at the parts ``u``; if these turn, points of the curve decide.
+    """
+    if not _turn(segment, alphas):
+        return False  # nearly always
+    points = [segment.point(part * segment.length, factor) for part in u]
+    return _turn(segment, np.array([x[-1] for x in points if x is not None]))
+
+
+def _turn(segment: CurvedSegment, alphas: Array) -> bool:
+    """Tell whether values of alpha along a step turn more often than the slopes say."""
     start, end = segment.start, segment.end
     steps = np.empty(len(alphas) + 1)
     steps[:-1], steps[-1] = alphas, end.alpha
@@ -155,14 +165,8 @@ def _turns(segment: CurvedSegment, alphas: Array) -> bool:
     leaving, arriving = float(start.tangent[-1]), float(end.tangent[-1])
     least = CONVERGED * segment.curve.metric.width
     if leaving * arriving > 0.0:  # nearly always
-        return bool((steps if leaving < 0.0 else -steps).max() > least)
+        return (largest(steps) if leaving < 0.0 else -smallest(steps)) > least
     signs = np.sign(steps[np.abs(steps) > least])
     signs = np.concatenate([[leaving], signs, [arriving]])
     signs = signs[signs != 0.0]
     return int((signs[1:] * signs[:-1] < 0.0).sum()) > 1
-
-
-def _really_turns(segment: CurvedSegment, factor: Factor, u: Array) -> bool:
-    """Tell whether alpha turns more often than the slopes say, from points of the curve."""
-    points = [segment.point(s * segment.length, factor) for s in u]
-    return _turns(segment, np.array([x[-1] for x in points if x is not None]))

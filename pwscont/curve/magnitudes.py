@@ -82,14 +82,16 @@ class Gauge:
 
     def see(self, x: Array, y: Array) -> None:
         """Add a step from x to y, each of shape (n + 1,); may raise a MisjudgedError."""
-        first = self._first = x if self._first is None else self._first
-        begun = self._begun = x if self._begun is None else self._begun
-        change, middle = float(abs(y[-1] - x[-1])), 0.5 * (x + y)
-        away = np.abs(middle - begun)[:-1]
+        self._first = x if self._first is None else self._first
+        self._begun = x if self._begun is None else self._begun
+        change, x, y = abs(float(y[-1] - x[-1])), x[:-1], y[:-1]
+        away = apart = np.abs(0.5 * (x + y) - self._begun[:-1])
+        if self._begun is not self._first:
+            apart = np.abs(0.5 * (x + y) - self._first[:-1])
         self._alpha += change
         self._away += change * away
-        self._apart += change * np.abs(middle - first)[:-1]
-        self._size = np.maximum(self._size, np.abs(y[:-1]))
+        self._apart += change * apart
+        self._size = np.maximum(self._size, np.abs(y))
         self._farthest = np.maximum(self._farthest, away)
         self._steps += 1
         if self._steps >= self._look:

@@ -134,9 +134,10 @@ def is_solved(
     if isinstance(selection.system, SlicewiseLinearSystem):
         return True
     by_alpha = np.abs(column(jacobian, len(x) - 1)) * metric.width
-    above, depends = np.abs(residual) - SOLVED * by_alpha, by_alpha > 0.0
-    if not (above > 0.0)[depends].any():
+    above = np.abs(residual) - SOLVED * by_alpha
+    if largest(above) <= 0.0:
         return True  # nearly always
+    depends = by_alpha > 0.0
     above -= GUARD * EPS * product(abs(jacobian), np.abs(x))
     if not (above > 0.0)[depends].any():
         return True
@@ -173,27 +174,6 @@ def by_chords(curve: Curve, factor: Factor, x: Array) -> Array | None:
             return None
         before = size
     return None
-
-
-def corrected(curve: Curve, x: Array, value: float, row: Array) -> tuple[Root, Array] | None:
-    """Return a nearly exact point after a single correction, and the error of the point.
-
-    ``curve``: of an affine selection. ``value, row``: the border at x, and the border's gradient.
-    The error is as from :func:`uncertainty`. None if the correction is more than rounding, or
-    cannot be computed.
-    """
-    metric = curve.metric
-    if not metric.admits(x):
-        return None
-    jacobian, rest = curve.selection.jacobian(x), curve.selection.residual_and(x, value)
-    factor = bordered(jacobian, row, metric.binary)
-    if factor.failed:
-        return None
-    rounding = _rounding(jacobian, row, np.abs(x) + CONVERGED * metric.scale)
-    dx, *error = factor.solve_all(np.vstack([rest, rounding]))
-    if not metric.relative(dx, x - dx) <= CONVERGED or not metric.admits(x := x - dx):
-        return None
-    return Root(x, np.abs(dx), jacobian, row, factor, metric.scale, 1), np.array(error)
 
 
 # -- the tangent at a root ------------------------------------------------------------------------

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from itertools import islice
 
 from pwscont.basics.arrays import Array
@@ -11,7 +10,7 @@ from pwscont.curve.metric import Metric
 from pwscont.enumeration.slices import cells_to_try
 from pwscont.search.all_transitions import AllTransitions
 from pwscont.search.enumeration import EndPoints, Slices
-from pwscont.search.multi_start import MultiStart, Throughout, affordable_starts
+from pwscont.search.multi_start import MultiStart, States, Throughout, affordable_starts
 from pwscont.search.search import Search
 from pwscont.system.abilities import BringsSearches
 from pwscont.system.system import (
@@ -41,24 +40,19 @@ def default_search(
     system: PiecewiseSystem, interval: tuple[float, float], around: Sequence[Array] = ()
 ) -> Search:
     """Return the most complete search that takes seconds; Newton starts ``around`` states, too."""
-    search = _most_complete(system, interval, around)
+    states = tuple(tuple(z.tolist()) for z in around)
+    search = _most_complete(system, interval, states)
     is_costly = isinstance(system, SlicewiseLinearSystem) and not isinstance(search, MultiStart)
-    return _from_many(around) + search if system.unique and is_costly else search
+    return MultiStart(around=states) + search if system.unique and is_costly else search
 
 
 def _most_complete(
-    system: PiecewiseSystem, interval: tuple[float, float], around: Sequence[Array]
+    system: PiecewiseSystem, interval: tuple[float, float], around: States
 ) -> Search:
-    some = replace(_from_many(around), count=affordable_starts(system, LEAST_STARTS, MOST_STARTS))
     if not isinstance(system, SlicewiseLinearSystem):
-        is_small = system.size <= MOST_UNKNOWNS_INSIDE
-        many: Search = Throughout.affordable(system, _from_many(around)) if is_small else some
-        if not has_too_many_tests(system):
-            few = len(list(islice(system.cells(), MANY_NEWTONS + 1))) <= MANY_NEWTONS
-            many = EndPoints() + many if few else many
-        return _added_up(many, system)
+        return _added_up(_for_curves(system, around), system)
     if type(system).blocks is SlicewiseLinearSystem.blocks and has_too_many_tests(system):
-        return _added_up(some, system)
+        return _added_up(_from_some(system, around), system)
     blocks = system.blocks()
     cells = number_of_cells(blocks)
     interfaces = cells * sum(len(block.tests) for block in blocks)
@@ -69,11 +63,22 @@ def _most_complete(
     if cells <= MANY_CELLS:
         slices = min(MANY_SLICES, max(FEW_SLICES, MANY_CELLS_BETWEEN // cells))
         return EndPoints() + Slices.spread(slices, interval)
-    return _added_up(some, system)
+    return _added_up(_from_some(system, around), system)
 
 
-def _from_many(around: Sequence[Array]) -> MultiStart:
-    return MultiStart(around=tuple(tuple(z.tolist()) for z in around))
+def _for_curves(system: PiecewiseSystem, around: States) -> Search:
+    """Return the search of a system that is not linear at fixed alpha."""
+    in_cells = not has_too_many_tests(system)
+    in_cells = in_cells and len(list(islice(system.cells(), MANY_NEWTONS + 1))) <= MANY_NEWTONS
+    if system.size <= MOST_UNKNOWNS_INSIDE:
+        return Throughout.affordable(system, around, in_cells)
+    some = _from_some(system, around)
+    return EndPoints() + some if in_cells else some
+
+
+def _from_some(system: PiecewiseSystem, around: States) -> MultiStart:
+    count = affordable_starts(system, LEAST_STARTS, MOST_STARTS)
+    return MultiStart(count=count, around=around)
 
 
 def _added_up(search: Search, system: PiecewiseSystem) -> Search:

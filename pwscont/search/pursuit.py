@@ -1,32 +1,47 @@
-"""Newton's method without error estimates, for the many rough starts of a search.
+"""The search from many rough starts in a single run: pursuits of solutions.
 
-Points are in typical magnitudes, y = (z, alpha) / scale. The points found are rough as well: the
-caller corrects each point with all care. Known solutions are deflated away (Farrell, Birkisson and
-Funke 2015).
+Points are in typical magnitudes, y = (z, alpha) / scale, and a pursuit is Newton's method without
+error estimates: each point found is corrected with all care. Most starts would only repeat known
+solutions: the solutions of all known branches are deflated away (Farrell, Birkisson and Funke
+2015). A solution found is compared with all known solutions, because solutions beside a fold are
+closer together than solutions deflated away may be, and a point found with alpha free is compared
+with all known branches.
 
 A deflated iteration without a solution at this alpha creeps to a minimum of the merit, and is given
 up. The minimum often lies beside a fold of the branch looked for: the pursuit goes on from there
 with alpha free, by steps of least length (Gauss and Newton). Functions that saturate make endless
 steps where H is nearly flat: each step is limited to a few times the distance from zero, and a
-pursuit that goes too far is given up.
+pursuit that goes too far is given up. A start that has run away, to where H is nearly flat, has no
+certain digit, and is no solution.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from itertools import chain
 from typing import final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, are_finite
+from pwscont.basics.arrays import Array, are_finite, generic, product
 from pwscont.basics.budget import check_budget
-from pwscont.basics.rounding import EPS
-from pwscont.curve.curve import LEAN
+from pwscont.basics.character import Character
+from pwscont.basics.outcome import Failure
+from pwscont.basics.rounding import CONVERGED, EPS
+from pwscont.curve.curve import LEAN, Curve
+from pwscont.curve.error_samples import Found, has_digits, is_inside
 from pwscont.curve.metric import Metric, deflation, stretch
-from pwscont.enumeration.continua import equations_in_magnitudes
+from pwscont.curve.newton import is_solved, newton
+from pwscont.curve.semismooth import semismooth_newton
+from pwscont.enumeration.continua import equations_in_magnitudes, is_one_of_many
+from pwscont.search.search import KnownBranches
+from pwscont.system.abilities import completed, shown_size
+from pwscont.system.box import Box
 from pwscont.system.contract import residual_at
+from pwscont.system.selection import Selection
 from pwscont.system.system import PiecewiseSystem
+from pwscont.transitions.ends import settled
 
 #: Most iterations at fixed alpha, and again with alpha free.
 MOST_PURSUIT_STEPS = 20
@@ -54,19 +69,184 @@ AWAY, ALMOST = 3.0, 1e-3
 #: Distance by which a point is moved aside before alpha is set free, as a part of 1 plus the length
 #: of the point, because a minimum of the merit may lie where H is flat by symmetry.
 MOVED_ASIDE = 1e-3
+#: Distance below which two solutions coincide, in typical magnitudes, as a part of 1 plus the
+#: length of a solution.
+SAME_SOLUTION = EPS**0.5
+#: Distance below which two rough known solutions coincide, measured in the same way.
+DISTINCT = 1e-5
+#: Most solutions from a start.
+MOST_FROM_ONE = 16
+#: Most solutions at an end, and most between the ends: an equation such as tan(z) = alpha has
+#: infinitely many branches.
+MOST_FOUND = 48
+#: Starts are spread over a typical magnitude, over WIDER_BY times as much, and so on for SPREADS
+#: widths in turn.
+WIDER_BY, SPREADS = 4.0, 3
+#: Largest distance from zero, in typical magnitudes, over which starts are spread at first: each
+#: branch of a periodic function would lead farther out.
+FARTHEST_START = 1e3
+#: Number of values of a single unknown at which the equation is evaluated, within LINE_WIDTH times
+#: the known magnitude and again farther out.
+ON_LINE, LINE_WIDTH = 64, 1.5
+#: Accuracy of a sign change, as a part of the known magnitude, and distance below which a sign
+#: change is a known solution, measured like SAME_SOLUTION.
+ZERO_ACCURACY, NEAR_ZERO = 1e-3, 1e-2
+#: Largest correction of a point that a pursuit found, as a part of 1 plus the length of the point.
+MOST_CORRECTED = 1e-3
+#: Most Newton iterations of such a correction, and most cells that are tried: a root of a selection
+#: is a solution only in the cell of the selection.
+MOST_STANDING, MOST_CELLS = 8, 4
 
 
 @final
 class Pursuit:
-    """Pursuits of solutions of a system."""
+    """Pursuits of the solutions of a system in a single run, beside known branches."""
 
     def __init__(
-        self, system: PiecewiseSystem, metric: Metric, interval: tuple[float, float]
+        self,
+        system: PiecewiseSystem,
+        metric: Metric,
+        interval: tuple[float, float],
+        known: KnownBranches,
     ) -> None:
         self._system, self._metric, self._scale = system, metric, metric.scale
+        self._interval, self._known = interval, known
         self._ends = interval[0] / metric.width, interval[1] / metric.width
+        self._box, self._shown = Box.of(system), shown_size(system)
+        self._reach = metric.scale[:-1]  # grows with the reach of known branches
 
-    def at_alpha(self, y: Array, known: Sequence[Array]) -> tuple[Array, bool]:
+    def at(self, alpha: float, guesses: Iterable[Array]) -> Iterator[Found]:
+        """Yield the new solutions to which starts at an alpha lead, one of infinitely many."""
+        here = list[Array]()
+        known = self._solutions(alpha)
+        zeros = self._sign_changes(alpha, known)
+        for number, rough in enumerate(chain(zeros, guesses)):
+            if len(here) >= MOST_FOUND:
+                return
+            z = completed(self._system, rough[: self._shown], alpha)
+            y = np.append(z, alpha) / self._scale
+            for _ in range(MOST_FROM_ONE):
+                reached, arrived = self._at_alpha(y, self._distinct(known))
+                found = self._corrected(reached, alpha) if arrived else None
+                if not (found and is_new(self._metric, found[0], known)):
+                    break
+                yield found
+                if is_one_of_many(self._system, self._metric, found[0]):
+                    return
+                here.append(found[0])
+                known = [*here, *self._solutions(alpha)]
+            if not arrived and (found := self._freely(reached, number)):
+                yield found
+                known = [*here, *self._solutions(alpha)]
+
+    def guess(self, number: int) -> Array:
+        """Return the state of a start: such points fill space evenly, with heavy tails."""
+        root, size = 2.0, self._system.size  # a sequence that fills (-1, 1)^n (Roberts 2018)
+        for _ in range(40):
+            root = (1.0 + root) ** (1.0 / (size + 1))
+        steps = root ** -np.arange(1.0, size + 1.0)
+        even = 2.0 * ((0.5 + (number + 1) * steps) % 1.0) - 1.0
+        farther = WIDER_BY ** (number % SPREADS)
+        return self._box.guess(_with_tails(even), 0.5 * even, farther * self._reach)
+
+    def _sign_changes(self, alpha: float, known: list[Array]) -> Iterator[Array]:
+        """Yield sign changes of an equation in a single unknown, except at known solutions."""
+        system, reach, box = self._system, float(self._reach[0]), self._box
+        if self._shown != 1:
+            return
+
+        def equation(z: float) -> float:
+            full = completed(system, np.array([z]), alpha)
+            return float(residual_at(system, full, alpha, system.character(full, alpha))[0])
+
+        even = np.linspace(-1.0, 1.0, ON_LINE + 2)[1:-1]
+        places = reach * np.concatenate([LINE_WIDTH * even, WIDER_BY * _with_tails(even)])
+        places = np.unique(np.clip(places, box.lower[0], box.upper[0]))
+        signs = np.sign([equation(z) for z in places])
+        from scipy.optimize import bisect  # noqa: PLC0415  importing takes as long as all else
+
+        for i in np.flatnonzero(signs[1:] * signs[:-1] < 0.0):
+            z = bisect(equation, *places[i : i + 2], xtol=ZERO_ACCURACY * reach)
+            full = completed(system, np.array([z]), alpha)
+            if is_new(self._metric, np.append(full, alpha), known, NEAR_ZERO):
+                yield full
+
+    def _freely(self, y: Array, number: int) -> Found | None:
+        """Return the new solution to which a free alpha leads from where a pursuit stalled."""
+        free = self._free(y, generic(len(y), float(number)))
+        (lo, hi), scale = self._interval, self._scale
+        if free is None or not lo <= free[-1] * self._metric.width <= hi:
+            return None
+        near = self._known.near(free * scale, self._metric)
+        direction = None if near is None else self._direction(free)
+        if near is not None and direction is not None:
+            found = self._across(near / scale, free, direction)
+            off = np.inf if found is None else _length(self._apart(found, free))
+            if off <= 10.0 * LAST_STEP * (1.0 + _length(free)):
+                return None  # the point lies on a known branch
+        return self._standing(self._along(free))
+
+    def _standing(self, y: Array) -> Found | None:
+        """Return the exact solution near a rough solution, None for a start that ran away."""
+        metric, x = self._metric, y * self._scale
+        direction = self._direction(y)
+        if direction is None or self._is_flat(y, direction):
+            return None
+        row, near = metric.covector(direction * metric.scale), x
+        for _ in range(MOST_CELLS):
+            own = Selection(self._system, self._system.character(near[:-1], float(near[-1])))
+            curve = Curve(own, metric)
+            root = newton(curve, lambda at: (float(row.dot(at - x)), row), near, MOST_STANDING)
+            if isinstance(root, Failure):
+                return None
+            near = root.x
+            rounding = CONVERGED * product(abs(own.test_gradients(near)), metric.sizes(near))
+            if (own.tests(near) >= -rounding).all():
+                return self._usable((near, root.error[np.newaxis]), x)
+        return None
+
+    def _solutions(self, alpha: float) -> list[Array]:
+        """Return the known solutions at an alpha."""
+        found, scale = [], self._scale
+        for x in self._known.at(alpha):
+            reach = np.minimum(np.abs(x[:-1]), FARTHEST_START * scale[:-1])
+            self._reach = np.maximum(self._reach, reach)
+            y, arrived = self._at_alpha(x / scale, ())
+            found.append(y * scale if arrived else x)
+        return found
+
+    def _distinct(self, points: list[Array]) -> list[Array]:
+        """Return points, each once: a solution that is deflated away twice attracts from afar."""
+        found: list[Array] = []
+        for x in points:
+            found += [x] if is_new(self._metric, x, found, DISTINCT) else []
+        return found
+
+    def _corrected(self, y: Array, alpha: float) -> Found | None:
+        """Return the solution near a rough solution, None if not found or without a digit."""
+        x = y * self._scale
+        found = solution_from(self._system, self._metric, x[:-1], alpha, ())
+        return found and self._usable(found, x)
+
+    def _usable(self, found: Found, rough: Array) -> Found | None:
+        """Return a solution with digits, inside the bounds and near a rough solution, else None."""
+        metric, (x, error) = self._metric, found
+        if metric.norm(metric.difference(x, rough)) > MOST_CORRECTED * (1.0 + metric.norm(rough)):
+            return None
+        x[:-1] = self._box.wrapped(x[:-1])
+        error, scale = np.atleast_2d(error), metric.scale
+        if not has_digits(x, error, scale) or not is_inside(self._box, x, error, scale):
+            return None
+        tests = self._system.test_functions(x[:-1], float(x[-1]))
+        if not np.isfinite(tests).all():
+            return None
+        own = Selection(self._system, Character.of(tests))  # of the cell in which the root lies
+        is_root = is_solved(own, metric, x, own.jacobian(x), own.residual(x))
+        return (x, error) if is_root else None
+
+    # -- pursuits by rough Newton steps, all in typical magnitudes ------------------------------
+
+    def _at_alpha(self, y: Array, known: Sequence[Array]) -> tuple[Array, bool]:
         """Return where Newton's method at fixed alpha leads, and whether a solution is there.
 
         ``known``: solutions (z, alpha) that are deflated away.
@@ -79,7 +259,7 @@ class Pursuit:
 
         return self._pursued(y, step_at, known)
 
-    def free(self, y: Array, direction: Array) -> Array | None:
+    def _free(self, y: Array, direction: Array) -> Array | None:
         """Return the point of a curve to which steps of least length lead, within the interval.
 
         The steps begin aside of a point, in a direction.
@@ -114,18 +294,7 @@ class Pursuit:
             y = moved
         return y, False
 
-    def leads_to(self, start: Array, y: Array) -> bool:
-        """Tell whether Newton's method leads from a point beside a curve to a point of the curve.
-
-        Each Newton step is normal to the curve at the point ``y``.
-        """
-        direction = self.direction(y)
-        found = None if direction is None else self.across(start, y, direction)
-        if found is None:
-            return False
-        return _length(self._apart(found, y)) <= 10.0 * LAST_STEP * (1.0 + _length(y))
-
-    def across(self, start: Array, y: Array, direction: Array) -> Array | None:
+    def _across(self, start: Array, y: Array, direction: Array) -> Array | None:
         """Return the point of a curve to which Newton leads in the plane normal to a direction.
 
         The plane passes through ``y``.
@@ -143,26 +312,26 @@ class Pursuit:
                 return start
         return None
 
-    def along(self, y: Array) -> Array:
+    def _along(self, y: Array) -> Array:
         """Return another point of the curve through a point, which may be a special point."""
-        direction = self.direction(y)
+        direction = self._direction(y)
         if direction is None:
             return y
         for way in (direction, -direction):
             beside = y + MOVED_ALONG * (1.0 + _length(y)) * way
             if not self._ends[0] <= beside[-1] <= self._ends[1]:
                 continue
-            found = self.across(beside, beside, direction)
+            found = self._across(beside, beside, direction)
             if found is not None and self._ends[0] <= found[-1] <= self._ends[1]:
                 return found
         return y
 
-    def direction(self, y: Array) -> Array | None:
+    def _direction(self, y: Array) -> Array | None:
         """Return the direction of the curve at a point, None where H is not finite."""
         here = self._linear(y)
         return None if here is None else np.asarray(np.linalg.svd(here[1])[2][-1])
 
-    def is_flat(self, y: Array, direction: Array) -> bool:
+    def _is_flat(self, y: Array, direction: Array) -> bool:
         """Tell whether alpha hardly changes along the curve, at a point and farther out.
 
         Far away, alpha hardly changes if a pursuit has run to infinity.
@@ -172,7 +341,7 @@ class Pursuit:
         least, way = (ALMOST, 0.5 * _length(y)) if far else (LEAN, MOVED_ASIDE)
         if abs(direction[-1]) > least:
             return False
-        beside = self.direction(y + way * outwards)
+        beside = self._direction(y + way * outwards)
         return beside is None or abs(beside[-1]) <= least
 
     def _linear(self, y: Array) -> tuple[Array, Array] | None:
@@ -213,15 +382,35 @@ class Pursuit:
         return apart / self._scale
 
 
+def solution_from(
+    system: PiecewiseSystem, metric: Metric, guess: Array, alpha: float, known: Sequence[Array]
+) -> Found | None:
+    """Return the solution to which semismooth Newton leads, None for a failure."""
+    found = semismooth_newton(system, metric, guess, alpha, known)
+    return None if isinstance(found, Failure) else settled(system, metric, found)
+
+
+def is_new(metric: Metric, x: Array, known: Sequence[Array], same: float = SAME_SOLUTION) -> bool:
+    """Tell whether a point is none of the known points."""
+    if not len(known):
+        return True
+    apart = metric.difference(x, np.array(known)) / metric.scale
+    return float(np.linalg.norm(apart, axis=1).min()) > same * (1.0 + metric.norm(x))
+
+
+def _with_tails(even: Array) -> Array:
+    """Return numbers between -1 and 1 spread over all numbers, ever sparser farther out."""
+    spread: Array = even * np.sqrt(2.0 / (1.0 - even**2))
+    return spread
+
+
 def _newton_step(jacobian: Array, residual: Array) -> Array:
     """Return Newton's step, for a singular Jacobian the step of Levenberg and Marquardt."""
     try:
         step: Array = np.asarray(np.linalg.solve(jacobian, -residual), dtype=float)
-        if are_finite(step):
-            return step
     except np.linalg.LinAlgError:
-        pass
-    return _shortest_step(jacobian, residual)
+        return _shortest_step(jacobian, residual)
+    return step if are_finite(step) else _shortest_step(jacobian, residual)
 
 
 def _shortest_step(jacobian: Array, residual: Array) -> Array:

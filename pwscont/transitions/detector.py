@@ -14,9 +14,9 @@ from pwscont.basics.arrays import Array, Indices
 from pwscont.basics.outcome import Failure, FailureReason, Kind
 from pwscont.basics.printing import at, counted, named, short
 from pwscont.basics.rounding import CONFIDENCE, CONVERGED, EPS, GUARD
-from pwscont.curve.corrector import falling, zero
+from pwscont.curve.corrector import zero
 from pwscont.curve.curve import Curve, State
-from pwscont.curve.newton import Border, corrected
+from pwscont.curve.newton import Border
 from pwscont.curve.stepper import CurvedSegment, Segment
 from pwscont.transitions.rays import Ray
 
@@ -359,14 +359,7 @@ def locate_zero(
 
 def _newton(segment: Segment, border: Border, guess: float) -> State | Failure:
     """Return the zero that Newton finds from a place; the tangent points to where it falls."""
-    curve, x = segment.curve, segment.near(guess)
-    is_exact = curve.selection.is_straight and not isinstance(segment, CurvedSegment)
-    if is_exact and (known := corrected(curve, x, *border(x))):
-        if known[0].factor.is_singular():
-            return Failure(FailureReason.SINGULAR)
-        found = falling(curve, *known)
-    else:
-        found = zero(curve, border, x)
+    found = zero(segment.curve, border, segment.near(guess))
     return found if isinstance(found, Failure) else found.state
 
 

@@ -35,7 +35,7 @@ from pwscont.basics.character import Character
 from pwscont.basics.outcome import Failure
 from pwscont.basics.rounding import CONFIDENCE, CONVERGED, EPS, GUARD
 from pwscont.curve.curve import Curve, State
-from pwscont.curve.error_samples import magnitude_beside, samples
+from pwscont.curve.error_samples import magnitude, samples
 from pwscont.curve.stepper import Segment
 from pwscont.linear.bordered import GROWTH
 from pwscont.linear.factorise import column, inner, kink_by_columns, last_unit
@@ -376,7 +376,7 @@ class StraightCell:
         error: Array = self._lines[1:].copy()  # and where the rounding of the test puts the point
         last = EPS * np.abs(gradient).dot(sizes) * self._samples[:, -1] - slopes[1:]
         add_multiples(error, last / slopes[0], self._lines[0])
-        size = magnitude_beside(sizes, error)
+        size = magnitude(sizes, error)
         extent = metric.largest(sizes), metric.largest(size)
         point = CorrectedPoint(x - dx, error, size, extent, along, aside)
         return point if metric.admits(point.x) and self._is_rounding(dx, point) else None
