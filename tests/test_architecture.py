@@ -64,7 +64,7 @@ BUDGET = {
     "transitions": (12, 3613),
     "graph": (10, 2608),
     "search": (7, 1630),
-    "continuation": (8, 2741),
+    "continuation": (8, 2721),
     "kit": (4, 940),
     "proof": (15, 2540),
     "scenes": (14, 2650),
