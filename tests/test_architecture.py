@@ -64,7 +64,7 @@ BUDGET = {
     "transitions": (12, 3605),
     "graph": (10, 2609),
     "search": (7, 1630),
-    "continuation": (8, 2744),
+    "continuation": (8, 2724),
     "kit": (4, 940),
     "proof": (15, 2540),
     "scenes": (14, 2650),

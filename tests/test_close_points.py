@@ -224,3 +224,43 @@ def test_seams_beside_a_fold_are_met(chords, begin):
             tests = system.test_functions(solution.z, alpha)
             clear = np.abs(tests) > 1e-9
             np.testing.assert_array_equal((tests >= 0.0)[clear], solution.character.array[clear])
+
+
+class Touching(PiecewiseSystem):
+    """y = x^2 + level, x = alpha while y >= interface: in decimal numbers, level is the interface.
+
+    Beyond the interface the equations have the solutions y - level = -x^2 / (beyond - 1).
+    """
+
+    size = 2
+
+    def __init__(self, level, interface, beyond):
+        self.level, self.interface, self.beyond = level, interface, beyond
+
+    def test_functions(self, z, alpha):
+        return np.array([z[1] - self.interface])
+
+    def residual(self, z, alpha, character):
+        below = 0.0 if character.signs[0] else z[1] - self.interface
+        return np.array([z[1] - z[0] ** 2 - self.level - self.beyond * below, z[0] - alpha])
+
+
+#: Numbers of a user, and the same in another notation, which is larger by a unit in the last place.
+SAME_DECIMALS = [(0.3, 0.1 + 0.2), (3.3, 1.1 + 2.2), (0.6, 6 * 0.1), (1.4, 14 * 0.1)]
+
+
+@pytest.mark.parametrize(("level", "interface"), SAME_DECIMALS)
+@pytest.mark.parametrize("beyond", [1.5, 2.0, 20.0])
+@pytest.mark.parametrize("begin", [-0.9, 0.9])
+@pytest.mark.sweep(3)
+def test_a_curve_that_seems_to_cross_by_rounding_does_not_turn_back(
+    level, interface, beyond, begin
+):
+    """Only rounding tells the touching curves from two non-smooth folds, which end them."""
+    assert 0.0 < interface - level <= np.spacing(level)
+    system = Touching(level, interface, beyond)
+    graph = trace(system, ([begin, begin**2 + level], begin), (-1.0, 1.0))
+    assert not graph.special_points("nonsmooth fold")
+    for alpha in (-0.5, 0.1, 0.5):
+        (solution,) = graph.solutions(alpha)
+        np.testing.assert_allclose(solution.z, [alpha, alpha**2 + level], rtol=1e-12)

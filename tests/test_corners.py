@@ -174,6 +174,19 @@ def test_past_the_apex_within_rounding(seed):
             assert_agrees(graph, alpha, body, (alpha - 0.7) * f1 + miss, friction)
 
 
+@pytest.mark.parametrize("miss", 5.6e-14 * 2.0 ** (np.arange(-7, 4) / 3.0))
+@pytest.mark.sweep(6)
+def test_transitions_beside_the_apex_are_as_uncertain_as_they_are_apart(miss):
+    """One piece ends where some of the tests vanish, another one where the others do: one node."""
+    body = random_body(2, 63)
+    f1 = load_with_several_solutions(body, 1.0, 63, tries=10)
+    aside = miss * random_vector(body.n, 68)
+    graph = explore(affine(body, aside - 0.7 * f1, f1, 1.0), (-2.0, 3.0))
+    assert graph.guarantee == "complete"
+    for alpha in (0.69, 2.0):
+        assert_agrees(graph, alpha, body, (alpha - 0.7) * f1 + aside, 1.0)
+
+
 @pytest.mark.parametrize(
     ("seed", "friction", "side", "distance"),
     [

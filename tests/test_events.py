@@ -350,3 +350,42 @@ def test_an_event_that_cannot_be_located_is_kept_with_its_error(monkeypatch):
     (event,) = graph.special_points("event")
     assert event.name == "g"
     assert abs(event.alpha - (1.0 + 0.3 * np.sin(1.0))) <= event.error[-1] < 0.1
+
+
+# -- clusters of zeros -----------------------------------------------------------------------------
+
+SINE = Switched(1, lambda z, t, sw: [0.3 * np.sin(3.0 * t) + t - z[0] - 0.1 * z[0] ** 3])
+LINE = Switched(1, lambda z, t, sw: [z[0] - t], linear=True)
+KINK = Switched(1, lambda z, t, sw: [z[0] - t + sw.relu(t - 0.3)], linear=True)
+#: Curves with seeds of clusters. The first zeros are seen by comparing g with a single zero, the
+#: next ones on graded places around the least value, the last ones at the lowest places.
+CLUSTERS = [
+    *((LINE, seed) for seed in (40, 41, 4, 64, 10, 93, 0, 7)),
+    *((SINE, seed) for seed in (7, 10, 14, 36, 5, 15, 41, 67)),
+    *((KINK, seed) for seed in (4, 15, 67, 1)),
+]
+
+
+def clusters(rng):
+    """Return up to nine zeros in (0, 1), in clusters as narrow as 1e-6."""
+    zeros = []
+    for _ in range(rng.integers(1, 4)):
+        number, width = rng.integers(1, 4), 10.0 ** -rng.uniform(0.5, 6)
+        zeros += list(rng.uniform(0.05, 0.95) + width * rng.uniform(-1, 1, number))
+    return np.sort([zero for zero in zeros if 0.001 < zero < 0.999])
+
+
+@pytest.mark.parametrize(("system", "seed"), CLUSTERS)
+@pytest.mark.sweep(1)
+def test_all_zeros_in_clusters_are_found(system, seed):
+    """A polynomial, its saturation, or the polynomial times a factor that grows by 150."""
+    zeros = clusters(np.random.default_rng(seed))
+
+    def g(z, t):
+        product = np.prod(t - zeros)
+        shapes = product, np.tanh(50.0 * product), product * np.exp(5.0 * t)
+        return float(shapes[seed % 3])
+
+    graph = trace(system, ([0.0], 0.0), (0.0, 1.0), events={"g": g})
+    found = sorted(point.alpha for point in graph.special_points() if point.name == "g")
+    assert found == pytest.approx(zeros, rel=0.0, abs=1e-9)

@@ -10,6 +10,7 @@ from sweeps import swept
 
 from pwscont import LCP, Switched, plane
 from pwscont.basics.errors import InvalidInputError, InvalidSystemError
+from pwscont.extending import Polyhedron
 
 pytest.importorskip("shapely", reason="exact maps need the extra 'maps'")
 
@@ -149,6 +150,32 @@ def test_integer_families_against_rational_enumeration(seed, window):
         alpha, mu = a + x * (b - a), c + y * (f - c)
         expected = number_of_solutions(M, q, d, e, Fraction(alpha), Fraction(mu))
         assert expected is None or found.count(alpha, mu) == expected
+
+
+@pytest.mark.parametrize("power", [36, 38, 40])
+def test_a_family_without_solutions_beside_thin_singular_cells(power):
+    """Singular cells have solutions next to the origin, if inequalities may be off by 1e-10.
+
+    Where alpha, mu and q are multiplied by one factor, the number of solutions stays.
+    """
+    M, q = np.array([[-3, -3, 3], [4, 0, -4], [4, 0, -4]]), np.array([-4, -1, 2])
+    d, e = np.array([-1, 4, -5]), np.array([-1, 0, 5])
+    found = plane(lambda mu: LCP(M.astype(float), q * 2.0**-power + mu * e, d), UNIT, UNIT)
+    for x, y in [(-3, 2), (3, 2), (-1, 4), (1, 2), (1, 4), (2.0**34, 2.0**33)]:
+        assert number_of_solutions(M, q, d, e, Fraction(x), Fraction(y)) == 0
+        assert found.count(x * 2.0**-power, y * 2.0**-power) == 0
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_the_inside_of_a_polyhedron_has_as_many_directions_however_small(seed):
+    """Values of small integers times 2^-40 are less than the tolerances of a solver."""
+    rng = np.random.default_rng(seed)
+    q = int(rng.integers(2, 4))
+    matrix = np.vstack([rng.integers(-3, 4, (q + 3, q)), np.eye(q), -np.eye(q)]).astype(float)
+    vector = np.concatenate([rng.integers(-2, 4, q + 3), np.full(2 * q, 8.0)])
+    whole, small = (Polyhedron(matrix, f * vector).inside(1e-14) for f in (1.0, 2.0**-40))
+    assert (whole is None) == (small is None)
+    assert whole is None or whole[1].shape == small[1].shape
 
 
 def test_switches_that_coincide_at_an_end_are_refused():

@@ -15,7 +15,7 @@ import numpy as np
 
 from pwscont.basics.arrays import Array
 from pwscont.basics.budget import Budget
-from pwscont.basics.outcome import ON_BOUND, Failure, Kind
+from pwscont.basics.outcome import ON_BOUND, Kind
 from pwscont.basics.rounding import SAME_ALPHA
 from pwscont.continuation.follow import ENDLESS, LONG_CHANGE, FollowedPiece, PieceFollower
 from pwscont.continuation.known import (
@@ -32,8 +32,6 @@ from pwscont.continuation.known import (
     name_of,
     repeats,
 )
-from pwscont.curve.corrector import BorderedNewton
-from pwscont.curve.curve import State
 from pwscont.curve.error_samples import magnitude
 from pwscont.graph.records import Place
 from pwscont.system.abilities import Ending
@@ -100,7 +98,6 @@ class Discovery:
         #: Rays that leave the interval.
         self.leaving: list[Ray] = []
         self._starts: list[Place] = []  # where tracing began on pieces that were forgotten
-        self._again: set[KnownRay] = set()
         self._repeats = False
         self._endless: list[Ray] = []  # back from where paths to infinity were left
 
@@ -319,14 +316,13 @@ class Discovery:
         """Keep the shorter of two pieces that overlap: the longer piece passed over an end.
 
         A step may pass over two branch points, or over a thin cell. The rest of the longer piece is
-        followed from the other end. A longer piece that comes second is forgotten: another piece
-        will arrive on its ray.
+        followed from the end that was passed over. A longer piece that comes second is forgotten:
+        another piece will arrive on its ray.
         """
         beside = [e for e in self.edges if edge.end in (e.start, e.end) and e is not edge]
         for other in beside:
             if self._passes_over(other, edge, ray):
                 self._forget(other)
-                self._follow_again(other, edge.end, ray)
             elif self._passes_over(edge, other, ray):
                 self._forget(edge)
                 left.ray = ray
@@ -347,22 +343,6 @@ class Discovery:
     def _forget(self, edge: Edge) -> None:
         self.edges[:] = [each for each in self.edges if each is not edge]
         self._starts += [] if edge.begun_at is None else [edge.begun_at]
-
-    def _follow_again(self, edge: Edge, shared: int, ray: Ray) -> None:
-        """Follow a forgotten piece from the end that is not shared with a shorter one."""
-        edge = edge if edge.start == shared else edge.reversed()
-        curve = edge.curve(ray.curve.selection.system, ray.curve.metric)
-        end, way = edge.last, edge.points[-2] - edge.last.x
-        found = BorderedNewton().correct(curve, end.x, way)
-        if isinstance(found, Failure):
-            return
-        state = State(end.x, found.state.tangent, end.error[np.newaxis], found.state.orientation)
-        back = Ray(curve, state, edge.cells[1:])
-        known = match(self._known_rays, KnownRay.of(back, end))
-        if known and known not in self._again:
-            self._again.add(known)
-            known.ray = back
-            self._queue.append(known)
 
     def _stands_on_pieces(self, arrival: SpecialPointFound, interior: bool) -> bool:
         """Tell whether a start is a point of known pieces.
