@@ -81,11 +81,11 @@ def consistent(tape: Tape, box: Interval) -> tuple[Interval, Signs]:
     return left, empty | (left.lo > left.hi).any(axis=0)
 
 
-def newton(tape: Tape, box: Interval, slopes: Interval) -> tuple[Interval, Signs]:
+def newton(box: Interval, slopes: Interval, start: Interval) -> tuple[Interval, Signs]:
     """Return boxes contracted by one sweep of interval Newton, and which boxes are empty."""
     middle, each = box.middle(), np.arange(box.lo.shape[1])
     matrix, columns = eliminated(slopes.middle(), box.width())
-    rows, rest = times(matrix, slopes), times(matrix, evaluated(tape, Interval(middle)))
+    rows, rest = times(matrix, slopes), times(matrix, start)
     lo, hi = box.lo.copy(), box.hi.copy()
     empty = np.zeros(len(each), dtype=bool)
     for i, own in enumerate(columns):

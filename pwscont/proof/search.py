@@ -26,6 +26,7 @@ from pwscont.proof.boxes import (
     with_slopes,
 )
 from pwscont.proof.interval import ULP, Interval, above, together
+from pwscont.proof.lines import lines_of
 from pwscont.proof.tape import Tape
 
 #: No coordinate is halved below this part of its magnitude; the magnitude of alpha is the interval.
@@ -125,10 +126,9 @@ def _looked_at(
     """Return the tubes of boxes that are proved, the halves of others, and boxes left open."""
     boxes, empty = consistent(tape, boxes)
     boxes = boxes[:, ~empty]
-    values, slopes = with_slopes(tape.slopes, boxes)
-    boxes, empty = newton(tape, boxes, slopes)
-    keeps = ~(empty | values.excludes_zero().any(axis=0))
-    boxes, slopes = boxes[:, keeps], slopes[:, :, keeps]
+    boxes, empty = newton(boxes, *lines_of(tape, boxes))
+    boxes = boxes[:, ~empty]
+    slopes = with_slopes(tape.slopes, boxes)[1]
 
     by_z = slopes[:, :-1]  # a tube may be proved where these do not vary too much
     spread = np.einsum("ijb,jkb->ikb", np.abs(inverse_of(by_z.middle())), 0.5 * by_z.width())
