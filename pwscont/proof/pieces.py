@@ -54,6 +54,8 @@ def certified_pieces(
     is_few = proof.cells.number <= MOST_CELLS
     cells = list(proof.left_cells()) if is_few and not undecided else None
     undecided += [f"special point {node}" for node in proof.inner if not proof.is_joined(node)]
+    if cells == []:
+        undecided += proof.doubtful_infinities()
     number = f"{counted(len(graph.pieces), 'piece')} and {counted(proof.transitions, 'transition')}"
     others = "too many cells" if cells is None else f"{counted(len(cells), 'cell')} undecided"
     words = f"{number}, proved; of other solutions nothing is proved: {others}"
@@ -217,6 +219,17 @@ class _Pieces:
             is_on = self._graph.count(float(ends[0][-1])) == inf
             self.rays |= {ends[0]} if is_on else set()
         return is_on
+
+    def doubtful_infinities(self) -> list[str]:
+        """Return where the graph has infinitely many solutions without a vertical piece or ray."""
+        graph = self._graph
+        places = [piece.interval[0] for piece in graph.verticals]
+        places += [float(x[-1]) for x in self.rays]
+        return [
+            f"infinitely many solutions for alpha in ({lo:.8g}, {hi:.8g})"
+            for lo, hi, _ in graph.infinite
+            if not any(graph.same(lo, at) and graph.same(hi, at) for at in places)
+        ]
 
     def _holds(self, k: int, x: Point) -> bool:
         """Tell whether a solution of the common rows is a solution of the cell of a piece."""
