@@ -2,7 +2,7 @@
 
 Where a switch may be in either mode, a derivative is the hull of the derivatives of both branches,
 so that the mean value form holds across kinks (docs/theory, F20). Hull consistency is HC4; interval
-Newton multiplies the mean value form by a matrix that nearly makes unit columns of the n most
+Newton multiplies a linear enclosure by a matrix that nearly makes unit columns of the n most
 important of n + 1 coordinates, so that every row bounds one coordinate by the others (references on
 the page "Proofs" of the manual).
 """
@@ -82,7 +82,10 @@ def consistent(tape: Tape, box: Interval) -> tuple[Interval, Signs]:
 
 
 def newton(box: Interval, slopes: Interval, start: Interval) -> tuple[Interval, Signs]:
-    """Return boxes contracted by one sweep of interval Newton, and which boxes are empty."""
+    """Return boxes contracted by one sweep of interval Newton, and which boxes are empty.
+
+    On the boxes, H(x) lies in slopes (x - middle) + start, shapes (n, n + 1, B) and (n, B).
+    """
     middle, each = box.middle(), np.arange(box.lo.shape[1])
     matrix, columns = eliminated(slopes.middle(), box.width())
     rows, rest = times(matrix, slopes), times(matrix, start)

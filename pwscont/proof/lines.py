@@ -7,8 +7,8 @@ leaves (affine arithmetic; Stolfi and de Figueiredo, *Self-validated numerical m
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from functools import cache
+from collections.abc import Callable, Sequence
+from functools import cache, partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -17,12 +17,11 @@ from pwscont.basics.arrays import Array
 from pwscont.proof.boxes import evaluated
 from pwscont.proof.interval import ULP, Interval, chosen, together, upper
 from pwscont.proof.operations import OPERATIONS
-from pwscont.proof.tape import Tape
+from pwscont.proof.tape import Step, Tape
 
-NOTHING = Interval(np.zeros(1))
-SUMS = {"negative": (-1.0,), "add": (1.0, 1.0), "subtract": (1.0, -1.0)}
 #: Bound of the rounding of a product and of sums of two, in roundings.
 ROUNDINGS = 8.0
+NOTHING = Interval(np.zeros(1))
 
 
 class Line(NamedTuple):
@@ -50,7 +49,10 @@ def lines_of(tape: Tape, box: Interval) -> tuple[Interval, Interval]:
         else:
             args = [lines[arg] for arg in step.args]
             values = OPERATIONS[step.name].values(*(x.values for x in args), *step.numbers)
-            line = _line(step.name, step.numbers, args, values, far)
+            if step.name in RULES:
+                line = RULES[step.name](args, far)
+            else:
+                line = _smooth(step, args[0], values, far)
             # what may have no value stays unknown: a switch may take the other argument
             own = line.values.where(values.lo <= values.hi)
             line = line._replace(values=values.meet(own))
@@ -59,27 +61,6 @@ def lines_of(tape: Tape, box: Interval) -> tuple[Interval, Interval]:
     slopes = np.stack([np.broadcast_to(x.slopes, shape) for x in outputs])
     rests = (x.rest.arranged(lambda end: np.broadcast_to(end, shape[1:])) for x in outputs)
     return Interval(slopes), together(np.stack, *rests)
-
-
-def _line(
-    name: str, numbers: tuple[Any, ...], x: Sequence[Line], values: Interval, far: Array
-) -> Line:
-    """Return the line of a step from the lines of the arguments."""
-    if name in SUMS:
-        return _sum(x, SUMS[name], NOTHING, far)
-    if name == "multiply":
-        return _product(*x, far)
-    if name == "divide":
-        bottom = x[1].values
-        return _product(x[0], _smooth("power", (-1.0,), x[1], 1.0 / bottom, far), far)
-    if name == "abs":
-        slope, rest = _magnitude(x[0].values)
-        return _sum(x, (slope,), rest, far)
-    if name in ("max", "min"):
-        return _larger(*x, 1.0 if name == "max" else -1.0, far)
-    if name in ("where", "select"):
-        return _either(x[0].values, *x[1:], far)
-    return _smooth(name, numbers, x[0], values, far)
 
 
 def _sum(lines: Sequence[Line], factors: Sequence[Any], rest: Interval, far: Array) -> Line:
@@ -97,14 +78,19 @@ def _sum(lines: Sequence[Line], factors: Sequence[Any], rest: Interval, far: Arr
     return Line(slopes, rest, rest + Interval(-reach, reach))
 
 
-def _product(a: Line, b: Line, far: Array) -> Line:
-    """Return a product: b0 a + a0 b - a0 b0 + (a - a0)(b - b0), with numbers a0 and b0."""
-    for one, other in ((a, b), (b, a)):
+def _product(x: Sequence[Line], far: Array) -> Line:
+    """Return a product a b: b0 a + a0 b - a0 b0 + (a - a0)(b - b0), with numbers a0 and b0."""
+    for one, other in (x, x[::-1]):
         if isinstance(one.slopes, float) and one.rest.lo is one.rest.hi:
             return _sum([other], [one.rest.lo], NOTHING, far)
-    a0, b0 = a.values.middle(), b.values.middle()
-    rest = (a.values - a0) * (b.values - b0) - Interval(a0) * b0
-    return _sum([a, b], [b0, a0], rest, far)
+    a, b = (each.values for each in x)
+    a0, b0 = a.middle(), b.middle()
+    return _sum(x, [b0, a0], (a - a0) * (b - b0) - Interval(a0) * b0, far)
+
+
+def _quotient(x: Sequence[Line], far: Array) -> Line:
+    inverse = _smooth(Step("power", numbers=(-1.0,)), x[1], 1.0 / x[1].values, far)
+    return _product([x[0], inverse], far)
 
 
 def _magnitude(x: Interval) -> tuple[Array, Interval]:
@@ -117,18 +103,24 @@ def _magnitude(x: Interval) -> tuple[Array, Interval]:
     return slope, Interval(np.zeros_like(top), top)
 
 
-def _larger(a: Line, b: Line, sign: float, far: Array) -> Line:
-    """Return the larger argument, (a + b + abs(a - b)) / 2, or with a minus the smaller."""
-    apart = _sum([a, b], [1.0, -1.0], NOTHING, far).values.meet(a.values - b.values)
-    slope, rest = _magnitude(apart)
-    rounding = Interval(-ULP, ULP) * (abs(a.values) + abs(b.values))
+def _absolute(x: Sequence[Line], far: Array) -> Line:
+    slope, rest = _magnitude(x[0].values)
+    return _sum(x, [slope], rest, far)
+
+
+def _larger(x: Sequence[Line], far: Array, sign: float = 1.0) -> Line:
+    """Return the larger argument, (a + b + abs(a - b)) / 2, or with sign -1 the smaller."""
+    a, b = (each.values for each in x)
+    apart = _sum(x, [1.0, -1.0], NOTHING, far).values
+    slope, rest = _magnitude(apart.meet(a - b))
+    rounding = (abs(a) + abs(b)) * Interval(-ULP, ULP)
     factors = [0.5 + 0.5 * sign * slope, 0.5 - 0.5 * sign * slope]
-    return _sum([a, b], factors, rest * (0.5 * sign) + rounding, far)
+    return _sum(x, factors, rest * (0.5 * sign) + rounding, far)
 
 
-def _either(test: Interval, a: Line, b: Line, far: Array) -> Line:
+def _either(x: Sequence[Line], far: Array) -> Line:
     """Return one of two branches; if the test is undecided, their mean and half their distance."""
-    half = np.full(1, 0.5)
+    test, (a, b), half = x[0].values, x[1:], np.full(1, 0.5)
     apart = _sum([a, b], [half, -half], NOTHING, far).values.reach()
     mean = _sum([a, b], [half, half], Interval(-apart, apart), far)
     is_a, is_b = test.lo >= 0.0, test.hi < 0.0
@@ -138,22 +130,34 @@ def _either(test: Interval, a: Line, b: Line, far: Array) -> Line:
 
 
 @cache
-def _alone(name: str, numbers: tuple[Any, ...]) -> Tape:
+def _alone(step: Step) -> Tape:
     """Return the tape of a function of one variable."""
     tape = Tape(0)
-    tape.outputs = [tape.node(name, tape.node("variable", numbers=(0,)), numbers=numbers).place]
+    x = tape.node("variable", numbers=(0,))
+    tape.outputs = [tape.node(step.name, x, numbers=step.numbers).place]
     return tape
 
 
-def _smooth(
-    name: str, numbers: tuple[Any, ...], x: Line, values: Interval, far: Array
-) -> Line:
+def _smooth(step: Step, x: Line, values: Interval, far: Array) -> Line:
     """Return f(m) + f'(m) (x - m) + f''(somewhere) (x - m)^2 / 2, with m the middle of x."""
-    tape, middle = _alone(name, numbers), Interval(x.values.middle())
+    tape, middle = _alone(Step(step.name, (), step.numbers)), Interval(x.values.middle())
     both = evaluated(tape.slopes, middle[np.newaxis])
-    start, rise = both[0], both[1]
     unit = Interval(np.ones_like(x.values.lo))
     bent = evaluated(tape.bent, together(np.stack, x.values, unit))[0]
-    slope, off = rise.middle(), x.values - middle
-    rest = start - Interval(slope) * middle + (rise - slope) * off + bent * off**2 * 0.5
+    slope, off = both[1].middle(), x.values - middle
+    rest = both[0] - Interval(slope) * middle + (both[1] - slope) * off + bent * off**2 * 0.5
     return _sum([x], [slope], rest.where(values.lo <= values.hi), far)
+
+
+#: The lines of operations from the lines of arguments; all other operations are smooth functions.
+RULES: dict[str, Callable[[Sequence[Line], Array], Line]] = {
+    "negative": lambda x, far: _sum(x, [-1.0], NOTHING, far),
+    "add": lambda x, far: _sum(x, [1.0, 1.0], NOTHING, far),
+    "subtract": lambda x, far: _sum(x, [1.0, -1.0], NOTHING, far),
+    "multiply": _product,
+    "divide": _quotient,
+    "abs": _absolute,
+    "max": _larger,
+    "min": partial(_larger, sign=-1.0),
+    **dict.fromkeys(["where", "select"], _either),
+}
