@@ -66,7 +66,7 @@ BUDGET = {
     "search": (7, 1630),
     "continuation": (8, 2745),
     "kit": (4, 940),
-    "proof": (16, 2715),
+    "proof": (16, 2718),
     "scenes": (14, 2650),
     "view": (6, 940),
     "evolution": (14, 3000),

@@ -112,7 +112,7 @@ def covered(
                 continue
             boxes += some.lo.shape[1]
             found, rest, finished = _looked_at(tape, some, whole, scale)
-            tubes.append(found)
+            tubes += found
             left.append(finished)
             following += rest
         waiting = together(np.hstack, *following)
@@ -122,7 +122,7 @@ def covered(
 
 def _looked_at(
     tape: Tape, boxes: Interval, whole: Interval, scale: Array
-) -> tuple[Tubes, list[Interval], Interval]:
+) -> tuple[list[Tubes], list[Interval], Interval]:
     """Return the tubes of boxes that are proved, the halves of others, and boxes left open."""
     boxes, empty = consistent(tape, boxes)
     boxes = boxes[:, ~empty]
@@ -133,9 +133,12 @@ def _looked_at(
     by_z = slopes[:, :-1]  # a tube may be proved where these do not vary too much
     spread = np.einsum("ijb,jkb->ikb", np.abs(inverse_of(by_z.middle())), 0.5 * by_z.width())
     tried = boxes[:-1].is_within(whole[:-1]).all(axis=0) & (spread.sum(axis=1).max(axis=0) < TRIED)
-    tubes, is_proved = _around(tape, boxes[:, tried], slopes[:, :, tried], LEAST * scale[:-1])
-    rest = ~tried
-    rest[tried] = ~is_proved
+    rest, found = ~tried, list[Tubes]()
+    if tried.any():
+        least = LEAST * scale[:-1]
+        tubes, is_proved = _around(tape, boxes[:, tried], slopes[:, :, tried], least)
+        rest[tried] = ~is_proved
+        found = [tubes.only(is_proved)]
     boxes, slopes = boxes[:, rest], slopes[:, :, rest]
 
     width, size = boxes.width(), scale[:, np.newaxis]
@@ -143,7 +146,7 @@ def _looked_at(
     is_thin = width <= np.append(np.full(tape.size, THIN), FINEST_ALPHA)[:, np.newaxis] * size
     is_small |= is_thin.all(axis=0)
     halves = _halved(boxes[:, ~is_small], slopes[:, :, ~is_small], size)
-    return tubes.only(is_proved), halves, boxes[:, is_small]
+    return found, halves, boxes[:, is_small]
 
 
 def _halved(boxes: Interval, slopes: Interval, scale: Array) -> list[Interval]:
