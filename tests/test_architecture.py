@@ -55,16 +55,16 @@ LONGEST_FILE = 500
 #: Most files and lines of each room, a little above the figures when they were set. When a room
 #: becomes smaller, its budget becomes smaller.
 BUDGET = {
-    "basics": (10, 1170),
+    "basics": (10, 1166),
     "system": (10, 2170),
-    "linear": (11, 1570),
+    "linear": (11, 1567),
     "notation": (13, 2860),
     "curve": (14, 2795),
-    "enumeration": (11, 2615),
-    "transitions": (12, 3615),
-    "graph": (10, 2622),
+    "enumeration": (11, 2614),
+    "transitions": (12, 3613),
+    "graph": (10, 2608),
     "search": (7, 1630),
-    "continuation": (8, 2745),
+    "continuation": (8, 2741),
     "kit": (4, 940),
     "proof": (16, 2718),
     "scenes": (14, 2650),
@@ -76,7 +76,7 @@ BUDGET = {
     "commands": (10, 1150),
 }
 #: Most files and classes that the README's arch meets; a change that needs more says why.
-MOST_FILES_MET, MOST_CLASSES_MET = 49, 63
+MOST_FILES_MET, MOST_CLASSES_MET = 49, 61
 
 
 def module_of(path):

@@ -55,6 +55,34 @@ def test_as_many_as_the_closed_form_says(name):
     assert sum(len(piece.alpha) for piece in graph.pieces) <= 2000
 
 
+class Waves(Curve):
+    """A pole, and an unknown that oscillates along the branches to infinity; both are turned."""
+
+    size = 2
+
+    def __init__(self):
+        self.turn = np.array([[np.cos(1.4), np.sin(1.4)], [-np.sin(1.4), np.cos(1.4)]])
+
+    def bounds(self):
+        return PiecewiseSystem.bounds(self)
+
+    def test_functions(self, z, alpha):
+        return z[:1] + 70.0
+
+    def residual(self, z, alpha, character):
+        y, wave = self.turn @ z
+        return np.array([y * (0.3 - (alpha - 0.42) ** 2) - 1.9, wave - 0.9 * np.sin(y + 1.0)])
+
+
+@pytest.mark.slow
+def test_branches_to_infinity_along_which_an_unknown_oscillates():
+    graph = explore(Waves(), (-0.38, 1.44))
+    assert [graph.count(alpha) for alpha in (-0.3, 0.1, 0.4, 0.9, 1.3)] == [1, 1, 1, 1, 1]
+    assert "runs to infinity" in graph.guarantee
+    assert "twice" not in graph.guarantee
+    assert sum(len(piece.alpha) for piece in graph.pieces) <= 8000
+
+
 def test_a_loop_with_kinks():
     graph = explore(Switched(1, lambda z, t, sw: sw.abs(z) + t * t - 1.0), (-1.5, 1.5))
     assert [graph.count(t) for t in (-0.97, 0.1, 0.7, 1.2)] == [2, 2, 2, 0]

@@ -8,7 +8,6 @@ from reference_enumeration import exact_pieces
 
 from pwscont import InvalidSystemError, PiecewiseLinearSystem, explore
 from pwscont.bench.calls import counted
-from pwscont.continuation import run
 from pwscont.curve.curve import Curve
 from pwscont.curve.error_samples import magnitude
 from pwscont.curve.metric import Metric
@@ -16,7 +15,6 @@ from pwscont.curve.newton import newton, uncertainty
 from pwscont.linear.factorise import last_unit
 from pwscont.search.all_transitions import Lines
 from pwscont.system.selection import Selection
-from pwscont.transitions import ends
 
 pytestmark = pytest.mark.sweep(2)  # the others take too long for the README's command
 
@@ -133,21 +131,6 @@ def test_one_jacobian_for_each_cell_and_one_for_each_point(monkeypatch):
     points = len({float(x[-1]) for _, (x, _) in found})
     assert calls["jacobian"] <= 16 + 2 * points
     assert calls["test_jacobian"] <= 3 + 5 * points
-
-
-@pytest.mark.parametrize("seed", range(4))
-def test_transitions_that_are_known_are_not_left_once_more(seed, monkeypatch):
-    left, depart = [], ends.departures
-
-    def departures(corner):
-        left.append(corner)
-        return depart(corner)
-
-    monkeypatch.setattr(run, "departures", departures)
-    graph = explore(problem(*path(2, seed)), INTERVAL)
-    assert len(graph.special_points("transition")) + len(graph.special_points("nonsmooth fold")) > 2
-    starts_and_ends = len(graph.special_points("start")) + len(graph.special_points("end"))
-    assert len(left) <= starts_and_ends
 
 
 class IllConditionedBelow(PiecewiseLinearSystem):

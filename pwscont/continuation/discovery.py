@@ -17,7 +17,7 @@ from pwscont.basics.arrays import Array
 from pwscont.basics.budget import Budget
 from pwscont.basics.outcome import ON_BOUND, Failure, Kind
 from pwscont.basics.rounding import SAME_ALPHA
-from pwscont.continuation.follow import FollowedPiece, PieceFollower
+from pwscont.continuation.follow import ENDLESS, LONG_CHANGE, FollowedPiece, PieceFollower
 from pwscont.continuation.known import (
     EVERY,
     JOIN,
@@ -41,7 +41,7 @@ from pwscont.system.selection import Selection
 from pwscont.transitions.corner import opposite
 from pwscont.transitions.detector import SpecialPointFound, worded
 from pwscont.transitions.ends import points_inside
-from pwscont.transitions.rays import Corner, Ray
+from pwscont.transitions.rays import Ray
 
 
 def place_of_arrival(arrival: SpecialPointFound) -> Place:
@@ -51,6 +51,19 @@ def place_of_arrival(arrival: SpecialPointFound) -> Place:
         return Place(x, magnitude(x, np.zeros((1, len(x)))))
     first, *others = [ray.state.size for ray in arrival.rays]
     return Place(x, reduce(np.maximum, [size for size in others if size is not first], first))
+
+
+#: Of unknowns that grow without bound others may depend periodically: how far out a path is may
+#: shrink by this factor for a while.
+NEARLY_AS_FAR = 0.5
+
+
+def _is_past(x: Array, back: Ray) -> bool:
+    """Tell whether a path to infinity passes a point, from the ray back from where it was left."""
+    scale, rest = back.curve.metric.scale, LONG_CHANGE * back.curve.metric.width
+    end, point = (back.state.x / scale)[:-1], (x / scale)[:-1]
+    ahead = (x[-1] - back.state.alpha) * -np.sign(back.state.tangent[-1])
+    return bool(0.0 <= ahead <= rest and end @ point >= NEARLY_AS_FAR * (end @ end))
 
 
 #: Closer to an end of a piece than this distance, in the metric, two branches of a fold are hard to
@@ -88,6 +101,7 @@ class Discovery:
         self._starts: list[Place] = []  # where tracing began on pieces that were forgotten
         self._again: set[KnownRay] = set()
         self._repeats = False
+        self._endless: list[Ray] = []  # back from where paths to infinity were left
 
     def add(self, arrival: SpecialPointFound) -> None:
         """Start from a special point, and follow everything that can be reached from it."""
@@ -114,29 +128,14 @@ class Discovery:
             self._remember(rays)
         self._follow_all()
 
-    def has(self, corner: Corner) -> bool:
-        """Tell whether a solution on an interface is a known transition between the two cells.
-
-        One ray leaves into each (F1): there is nothing else to be found, and no ray is computed.
-        """
-        if len(corner.zero) != 1:
-            return False
-        cells = (name_of(curve.selection.cell) for curve in corner.sides())
-        one, other = ({ray.node for ray in self._known_rays.get(cell, ())} for cell in cells)
-        size = magnitude(corner.x, corner.error)
-        known = (self.nodes[node] for node in one & other)
-        return any(
-            len(node.rays) == 2
-            and node.kind in CROSSED
-            and node.rays[0].is_at(corner.metric, corner.x, size)
-            for node in known
-        )
-
     def is_beyond(self, x: Array) -> bool:
         """Tell whether a start lies farther out than an endless path was followed.
 
-        From there the same path would be followed again, to where that path repeats itself.
+        From there the same path would be followed again, to infinity or to where the path repeats
+        itself.
         """
+        if any(_is_past(x, back) for back in self._endless):
+            return True
         if not self._repeats:
             return False
         points = np.vstack([edge.points for edge in self.edges])[:, :-1]
@@ -189,6 +188,8 @@ class Discovery:
             return
         if piece.arrival.kind == Kind.END:
             self.leaving.append(piece.arrival.rays[0].reversed())
+        if piece.arrival.message == ENDLESS:
+            self._endless.append(piece.arrival.rays[0])
         end = place_of_arrival(piece.arrival)
         reached = self._reach(piece, end, left)
         edge = Edge.of(ray, left, piece.inner, reached, end)
@@ -235,7 +236,9 @@ class Discovery:
         """
         rays = [KnownRay.of(ray, place) for ray in piece.arrival.rays]
         left, node = None, self._node_of(piece.arrival, rays)
-        if node is not None and _has_stayed(piece, begun):
+        back = piece.arrival.rays[0]
+        metric, size = back.curve.metric, back.state.size
+        if node is not None and all(begun.is_at(metric, x, size) for x in piece.points[::-1]):
             left, node = begun, self._node_of(piece.arrival, rays, left=begun)
         if node is None:
             node = self._new(piece.arrival, place, rays, first=1)
@@ -244,8 +247,8 @@ class Discovery:
         self._absorb(node, piece.arrival, rays, left if node == begun.node else None)
         if node == begun.node and piece.arrival.kind == Kind.STOPPED:
             self.nodes[node].stop(piece.arrival.message)
-        if back := match(self._known_rays, rays[0], left):
-            back.ray = None
+        if known := match(self._known_rays, rays[0], left):
+            known.ray = None
         return node
 
     def _node_of(
@@ -412,9 +415,3 @@ class Discovery:
 def _passes_place(edge: Edge, ray: Ray, place: Place, same: float = SAME) -> bool:
     """Tell whether a place lies on a piece; ``ray`` is any ray of the run."""
     return edge.passes(ray.curve, place.x, magnitude(place.x, place.error[np.newaxis]), same)
-
-
-def _has_stayed(piece: FollowedPiece, begun: KnownRay) -> bool:
-    """Tell whether a piece never was clearly away from the ray that begins the piece."""
-    end = piece.arrival.rays[0]
-    return all(begun.is_at(end.curve.metric, x, end.state.size) for x in piece.points[::-1])

@@ -99,8 +99,10 @@ ENDLESS_FROM, PARTS, ENDLESS_RATIO = 20.0, (0.7, 0.85), 0.8
 #: from the limit is a power of 1 / z of at least 1/2, are at most this part of the interval,
 ENDLESS_REST, ENDLESS_CHANGE = 13.0, 1e-3
 #: or the piece has more steps than these. Such a piece may run to infinity nearer by, too, where
-#: alpha approaches a limit evenly; the changes next to a fold are uneven.
-ENDLESS_STEPS, LONG_PARTS, LONG_RATIO = 600, (0.343, 0.49, 0.7), 0.85
+#: alpha approaches a limit evenly, and all changes to come, which then shrink as the changes before
+#: did, are at most this part of the interval; the changes next to a fold are uneven.
+ENDLESS_STEPS, LONG_PARTS, LONG_RATIO, LONG_CHANGE = 600, (0.343, 0.49, 0.7), 0.85, 1e-2
+ENDLESS = FailureReason.ENDLESS.value
 #: A piece creeps after this many tiny steps in turn: steps below this part of the longest step.
 MOST_TINY, TINY_PART = 300, 1e-5
 #: A piece is singular after this many steps too long to tell which event comes first.
@@ -153,59 +155,67 @@ class FollowedPiece:
 
 
 @final
-@dataclass(frozen=True, slots=True)
 class PieceFollower:
-    """Follows rays to the ends of their pieces, within an interval of alpha and bounds of z.
+    """Follows rays, one after the other, to the ends of their pieces; the steps are the stepper's.
 
-    Where nothing is watched but straight pieces and the ends of the interval, ``straight`` leads
-    from cell to cell by itself. A ``gauge`` sees every step.
+    Parameters
+    ----------
+    stepper : Stepper
+    watch : Watch
+    interval : tuple of float
+        The interval of alpha in which pieces are followed.
+    bounds : Bounds, optional
+        The bounds of z.
+    straight : StraightTests, optional
+        Leads from cell to cell by itself, where nothing is watched but straight pieces and the ends
+        of the interval.
+    gauge : Gauge, optional
+        Sees every step.
+    events : Events, optional
+        The events that a user gave.
     """
 
-    stepper: Stepper
-    watch: Watch
-    interval: tuple[float, float]
-    bounds: Bounds | None
-    straight: StraightTests | None = None
-    gauge: Gauge | None = None
-    events: Events | None = None
+    def __init__(
+        self,
+        stepper: Stepper,
+        watch: Watch,
+        interval: tuple[float, float],
+        bounds: Bounds | None = None,
+        straight: StraightTests | None = None,
+        gauge: Gauge | None = None,
+        events: Events | None = None,
+    ) -> None:
+        self._stepper, self._watch, self.interval, self.bounds = stepper, watch, interval, bounds
+        self._straight, self._gauge, self._events = straight, gauge, events
 
     def follow(self, ray: Ray) -> FollowedPiece:
         """Return the piece that ``ray`` begins, as far as the budget of the run allows."""
-        reached = None
+        self._begin(ray)
         try:
             check_budget()
-            if arrival := self.straight and self.straight.next(ray, self.interval):
+            if arrival := self._straight and self._straight.next(ray, self.interval):
                 return FollowedPiece((ray.state.x, arrival.x), arrival)
-            reached, selection = _Reached(self, leaning(ray)), ray.curve.selection
+            self._state, selection = leaning(ray).state, ray.curve.selection
             if not selection.is_straight:
                 refuse_wrong_jacobian(selection.system, selection.character, ray.state.x)
-            return reached.to_the_end()
+            return self._to_the_end()
         except KeyboardInterrupt as why:
-            cut = (reached or _Reached(self, ray)).stopped(current_budget().end(why))
-            return replace(cut, is_cut=True)
+            return replace(self._stopped(current_budget().end(why)), is_cut=True)
 
-
-@final
-class _Reached:
-    """A piece that is being followed: the points so far, and the last state.
-
-    The policy is here, the step is the stepper's.
-    """
-
-    def __init__(self, follower: PieceFollower, ray: Ray) -> None:
-        self._follower, self.curve = follower, ray.curve
-        self.state, self.points = ray.state, [ray.state.x]
+    def _begin(self, ray: Ray) -> None:
+        """Forget the last piece, and begin a piece with a ray."""
+        self._curve, self._state, self._points = ray.curve, ray.state, [ray.state.x]
         self._state_before = ray.state
         self._step_before: CurvedSegment | None = None
         self._blocked = self._tiny = self._shortened = 0
-        self._part = part_of(self.curve)
+        self._part = part_of(ray.curve)
         self._stops: EventsAlong | None = None
 
-    def to_the_end(self) -> FollowedPiece:
+    def _to_the_end(self) -> FollowedPiece:
         """Return the piece, step after step."""
-        watch, curve, events = self._follower.watch, self.curve, self._follower.events
-        self._stops = events and events.stops_along(curve, self.state)
-        reading, longest, blocked = watch.read(curve, self.state), np.inf, None
+        watch, curve, events = self._watch, self._curve, self._events
+        self._stops = events and events.stops_along(curve, self._state)
+        reading, longest, blocked = watch.read(curve, self._state), np.inf, None
         for _ in range(MOST_STEPS):
             check_budget()
             if aimed := self._aimed(longest, reading):
@@ -214,7 +224,7 @@ class _Reached:
             if isinstance(step, Failure):
                 if not blocked and step.trouble in BY_DERIVATIVES and self._refines():
                     continue
-                return self.stopped(str(blocked or step))
+                return self._stopped(str(blocked or step))
             event, after = self._first_event(step, reading)
             if isinstance(event, Event):
                 if self._step_before is None and watch.is_rounding(event, curve):
@@ -223,7 +233,7 @@ class _Reached:
                 return self._ended(step, event)
             is_final = event and event.trouble is FailureReason.TWICE
             if is_final or not isinstance(step, CurvedSegment):  # or a ray without an event
-                return self.stopped(str(event))
+                return self._stopped(str(event))
             if event:  # a failure: the step is too long to tell which event comes first
                 self._blocked += 1
                 if self._blocked > MOST_BLOCKED:
@@ -234,30 +244,30 @@ class _Reached:
                 return end
             self._go_to(step)
             reading, longest, blocked = after, np.inf, None
-        return self.stopped(str(Failure(FailureReason.TOO_MANY_STEPS)))
+        return self._stopped(str(Failure(FailureReason.TOO_MANY_STEPS)))
 
     def _first_event(
         self, step: Segment, reading: Reading
     ) -> tuple[Event | Failure | None, Reading]:
         """Return the first event on a step, and the reading at the end of the step."""
-        watch = self._follower.watch
+        watch = self._watch
         if not isinstance(step, CurvedSegment):
             return first_on_ray(watch, step, reading), reading
-        after = watch.read(self.curve, step.end)
+        after = watch.read(self._curve, step.end)
         return first_on_curve(watch, step, reading, after), after
 
     def _step(self, longest: float) -> Segment | Failure:
         """Return the next step; the farther a long piece has gone, the longer the step."""
-        stepper, number = self._follower.stepper, len(self.points)
+        stepper, number = self._stepper, len(self._points)
         if number % ENDLESS_CHECK_EVERY == 0 and self._is_endless():
             return Failure(FailureReason.ENDLESS)
         if self._tiny > MOST_TINY:
             return Failure(FailureReason.CREEPING)
         if number > MANY_STEPS:
-            factor = self.curve.metric.norm(self.state.x - self.points[0]) / STRETCHED_FROM
+            factor = self._curve.metric.norm(self._state.x - self._points[0]) / STRETCHED_FROM
             stepper = stepper.stretched(factor) if factor > 1.0 else stepper
-        interval, before = self._follower.interval, self._step_before
-        step = stepper.step(self.curve, interval, self.state, before, longest)
+        interval, before = self.interval, self._step_before
+        step = stepper.step(self._curve, interval, self._state, before, longest)
         if isinstance(step, CurvedSegment):
             largest = (step_size_of(stepper) or StepSize()).largest
             self._tiny = self._tiny + 1 if step.length < TINY_PART * largest else 0
@@ -267,13 +277,13 @@ class _Reached:
 
     def _aimed(self, longest: float, reading: Reading) -> tuple[CurvedSegment, Event] | None:
         """Return the step to the event that seems to come next, None if that event is not next."""
-        curve, watch, stepper = self.curve, self._follower.watch, self._follower.stepper
+        curve, watch, stepper = self._curve, self._watch, self._stepper
         ahead = watch.ahead(reading)
         if ahead is None or ahead[0] > longest:
             return None
         distance, detector, index = ahead
         border = detector.border(curve, index)
-        step = border and stepper.aim(curve, self.state, self._step_before, distance, border)
+        step = border and stepper.aim(curve, self._state, self._step_before, distance, border)
         if step is None:
             return None
         if not isinstance(step, CurvedSegment):
@@ -288,28 +298,28 @@ class _Reached:
     def _broken(self, method: str, what: str, got: object) -> InvalidInputError:
         """Return the error that says what the stepper returned instead of what it must."""
         return InvalidInputError(
-            f"{type(self._follower.stepper).__name__}.{method} must return {what}, got {got!r}; "
+            f"{type(self._stepper).__name__}.{method} must return {what}, got {got!r}; "
             "check_stepper tells what else is wrong"
         )
 
     def _go_to(self, step: CurvedSegment) -> None:
         """Add the end of a step; the step may be shorter than the step before suggested."""
         before, self._step_before = self._step_before, step
-        self._state_before, self.state = self.state, step.end
-        self.points.append(step.end.x)
+        self._state_before, self._state = self._state, step.end
+        self._points.append(step.end.x)
         if before and step.length < SHORTENED * before.suggestion:
             self._shortened += 1
         elif before and before.suggestion > before.length:  # else kept short for another reason
             self._shortened = max(self._shortened - 1, 0)
         if before and self._shortened == MOST_SHORTENED:
             self._refines()
-        if self._follower.gauge:
-            self._follower.gauge.see(step.start.x, step.end.x)
+        if self._gauge:
+            self._gauge.see(step.start.x, step.end.x)
 
     def _refines(self) -> bool:
         """Let differences have shorter steps if shorter steps help; return whether so."""
         self._shortened = 0
-        return refined(self.curve, self.state.x)
+        return refined(self._curve, self._state.x)
 
     # -- ends ------------------------------------------------------------------------------------
 
@@ -317,8 +327,8 @@ class _Reached:
         """Return the piece that an event on the last step ends, with the ways on allowed there."""
         if end := self._ended_by_user(step, event.position):
             return end
-        watch, events = self._follower.watch, self._follower.events
-        arrival = watch.ended(event.arrive(self.curve))
+        watch, events = self._watch, self._events
+        arrival = watch.ended(event.arrive(self._curve))
         arrival = events.ended(arrival) if events else arrival
         final = ended_by_system(arrival)
         arrival = arrival if final is arrival else final.leading(final.rays[:1])
@@ -326,59 +336,61 @@ class _Reached:
 
     def _ended_by_user(self, step: Segment, length: float) -> FollowedPiece | None:
         """Return the piece up to the event of a user that ends the branch on a stretch, if any."""
-        events = self._follower.events
+        events = self._events
         if not (events and self._stops and length > 0.0):
             return None
-        marks = self._stops.look(step, length, len(self.points))
+        marks = self._stops.look(step, length, len(self._points))
         if not marks:
             return None
         points = self._points_to(step, marks[0].position, marks[0].state)
-        return FollowedPiece(points, events.stopped(self.curve, marks[0]))
+        return FollowedPiece(points, events.stopped(self._curve, marks[0]))
 
     def _points_to(self, step: Segment, position: float, end: State) -> list[Array]:
         """Return the points of a piece that ends on a step.
 
         A curved piece of two points would look straight, and gets a third point.
         """
-        if isinstance(step, CurvedSegment) and len(self.points) == 1:
+        if isinstance(step, CurvedSegment) and len(self._points) == 1:
             middle = step.point(0.5 * position, end.located_by)
             if middle is not None:
-                if self._follower.gauge:  # as where the piece is read from a journal
-                    self._follower.gauge.see(self.state.x, middle)
-                return [*self.points, middle, end.x]
-        return [*self.points, end.x]
+                if self._gauge:  # as where the piece is read from a journal
+                    self._gauge.see(self._state.x, middle)
+                return [*self._points, middle, end.x]
+        return [*self._points, end.x]
 
     def _is_endless(self) -> bool:
         """Tell whether a long piece leads to infinity while alpha stays inside the interval.
 
         Parts of the way out are compared. Changes of alpha shrink where alpha approaches a limit
         like a power of 1 / z, not like a logarithm. All changes that are still to come are next to
-        nothing together, or the piece is very long and z far away.
+        nothing together, or the piece is very long.
         """
-        points, width = np.array(self.points), self.curve.metric.width
-        sizes = np.linalg.norm((points / self.curve.metric.scale)[:, :-1], axis=1)
+        points, width = np.array(self._points), self._curve.metric.width
+        sizes = np.linalg.norm((points / self._curve.metric.scale)[:, :-1], axis=1)
         is_long = len(points) > ENDLESS_STEPS
         ways = (ENDLESS_FROM, PARTS, ENDLESS_RATIO), (0.0, LONG_PARTS, LONG_RATIO)
         for least, parts, ratio in ways if is_long else ways[:1]:
             if sizes[-1] < max(least, sizes.max()) or sizes[0] > parts[0] * sizes[-1]:
                 continue  # not far out, or farther out before
             ends = [*(int(np.argmax(sizes >= part * sizes[-1])) for part in parts), -1]
-            changes = np.abs(np.diff(points[ends, -1]))
-            is_next_to_nothing = ENDLESS_REST * changes[-1] <= ENDLESS_CHANGE * width
-            is_enough = is_next_to_nothing or (is_long and parts is PARTS)
+            *_, before, last = changes = np.abs(np.diff(points[ends, -1])) / width
+            is_near = last * last <= LONG_CHANGE * (before - last)  # last (r + r^2 + ...), evenly
+            is_enough = ENDLESS_REST * last <= ENDLESS_CHANGE or (
+                is_long and (parts is PARTS or is_near)
+            )
             if is_enough and (changes[1:] <= ratio * changes[:-1]).all():
                 return True
         return False
 
-    def stopped(self, why: str) -> FollowedPiece:
+    def _stopped(self, why: str) -> FollowedPiece:
         """Return the piece that ends here; finer differences have been of no use."""
-        part = part_of(self.curve)
-        self.curve.selection.system.refine_differences(self._part)
-        if why == str(Failure(FailureReason.NOT_FINITE)) and len(self.points) > 2:
+        part = part_of(self._curve)
+        self._curve.selection.system.refine_differences(self._part)
+        if why == str(Failure(FailureReason.NOT_FINITE)) and len(self._points) > 2:
             self._end_inside(part)
-        back = Ray(self.curve, self.state).reversed()
-        arrival = SpecialPointFound(Kind.STOPPED, self.state.x, why, (back,))
-        return FollowedPiece(self.points, arrival)
+        back = Ray(self._curve, self._state).reversed()
+        arrival = SpecialPointFound(Kind.STOPPED, self._state.x, why, (back,))
+        return FollowedPiece(self._points, arrival)
 
     def _end_inside(self, part: float) -> None:
         """End at the last point at which H is finite; the end of the model is a few steps farther.
@@ -386,17 +398,17 @@ class _Reached:
         The last correction may have led beyond the end, where H was not asked for. Differences took
         this part of the usual steps, and H is not finite at the ends of these.
         """
-        last, residual = self.state, self.curve.selection.residual
-        while len(self.points) > 2 and not are_finite(residual(self.points[-1])):
+        last, residual = self._state, self._curve.selection.residual
+        while len(self._points) > 2 and not are_finite(residual(self._points[-1])):
             last = self._state_before
-            self.points.pop()
-        steps = [self.points[-1] - self.points[-2]]
-        if not self.curve.selection.system.knows_jacobian:
+            self._points.pop()
+        steps = [self._points[-1] - self._points[-2]]
+        if not self._curve.selection.system.knows_jacobian:
             # along the tangent, each component moves by a step of differences
-            along = np.abs(last.tangent / self.curve.metric.scale)
+            along = np.abs(last.tangent / self._curve.metric.scale)
             steps.append(part * STEP / along[along > NEARLY_STILL].min() * last.tangent)
         error = np.vstack([last.error, *(REST_OF_THE_WAY * step for step in steps)])
-        self.state = State(self.points[-1], last.tangent, error, last.orientation)
+        self._state = State(self._points[-1], last.tangent, error, last.orientation)
 
 
 def alone(watched: Sequence[TransitionDetector]) -> StraightTests | None:

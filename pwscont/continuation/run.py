@@ -292,11 +292,11 @@ def follow_starts(plan: Plan, starts: Iterable[Found], searched: SearchScope) ->
     plan.branches.edges = discovery.edges
     if searched.promise == Guarantee.NOTHING and searched != NOT_SEARCHED:
         starts = chain(starts, _reentries(discovery, plan))
-    without_digits: list[Found] = []
+    without_digits: list[Array] = []
     # trial points may lie where H cannot be computed; values that are not finite are refused
     with plan.few_threads(), np.errstate(all="ignore"):
         try:
-            _follow_from(_usable(plan, starts, without_digits), plan, discovery)
+            _follow_from(starts, plan, discovery, without_digits)
             if gauge and not budget.spent:
                 gauge.close()
         except KeyboardInterrupt as why:
@@ -313,30 +313,25 @@ def follow_starts(plan: Plan, starts: Iterable[Found], searched: SearchScope) ->
     return _graph(plan, discovery, _scope(plan, searched, len(without_digits)), infinite)
 
 
-def _usable(plan: Plan, starts: Iterable[Found], without_digits: list[Found]) -> Iterator[Found]:
-    """Yield the starts within the bounds with a certain digit, and keep those without a digit."""
+def _follow_from(
+    starts: Iterable[Found], plan: Plan, discovery: Discovery, without_digits: list[Array]
+) -> None:
+    """Follow the starts within the bounds, and keep those of which no digit is certain."""
     scale = plan.metric.scale
     for x, given in starts:
         error = np.atleast_2d(given)  # searches may give one sample as a vector
         if not has_digits(x, error, scale):
-            without_digits.append((x, error))
-        elif is_inside(plan.box, x, error, scale):
-            yield x, error
-
-
-def _follow_from(starts: Iterable[Found], plan: Plan, discovery: Discovery) -> None:
-    for x, error in starts:
-        if discovery.is_beyond(x):
+            without_digits.append(x)
+            continue
+        if not is_inside(plan.box, x, error, scale) or discovery.is_beyond(x):
             continue
         if plan.gauge:
             plan.gauge.begin()
-        corner = Corner.of_start(plan.reduced_system, plan.metric, x, error)
-        if not discovery.has(corner):
-            arrival = departures(corner)
-            for each in plan.foreign:  # a start may be a special point of a detector
-                arrival = each.begun(arrival)
-            arrival = plan.events.begun(arrival) if plan.events else arrival
-            discovery.add(ended_by_system(arrival))
+        arrival = departures(Corner.of_start(plan.reduced_system, plan.metric, x, error))
+        for each in plan.foreign:  # a start may be a special point of a detector
+            arrival = each.begun(arrival)
+        arrival = plan.events.begun(arrival) if plan.events else arrival
+        discovery.add(ended_by_system(arrival))
         if plan.budget.spent or (plan.system.unique and discovery.spans(*plan.interval)):
             return
 
@@ -398,26 +393,20 @@ def _reentries(discovery: Discovery, plan: Plan) -> Iterator[Found]:
 
     The discovery grows while solutions are taken.
     """
-    for ray in islice(discovery.leaving, MOST_PATHS):
+    (lo, hi), (low, high) = plan.interval, plan.reduced_system.domain
+    same, further = SAME_ALPHA * (hi - lo), PART_BEYOND * (hi - lo)
+    beyond = {lo: (max(lo - further, low), lo), hi: (hi, min(hi + further, high))}
+    straight = (ray for ray in discovery.leaving if ray.curve.selection.is_straight)
+    for ray in islice(straight, MOST_PATHS):
         limits = Limits(pieces=max(FEW_PIECES, len(discovery.edges)))
-        for end, beyond in _intervals_beyond(plan, ray):
+        for end, there in beyond.items():
+            if abs(ray.state.alpha - end) > same or not there[0] < there[1]:
+                continue
             try:
-                found = _coming_back(plan, ray, end, beyond, limits)
+                found = _coming_back(plan, ray, end, there, limits)
             except Exception:
                 continue
             yield from found
-
-
-def _intervals_beyond(plan: Plan, ray: Ray) -> Iterator[tuple[float, Interval]]:
-    """Yield the end of the interval at which a straight ray leaves, and the interval beyond."""
-    if not ray.curve.selection.is_straight:
-        return
-    (lo, hi), (low, high), alpha = plan.interval, plan.reduced_system.domain, ray.state.alpha
-    same, further = SAME_ALPHA * (hi - lo), PART_BEYOND * (hi - lo)
-    if abs(alpha - lo) <= same and low < lo:
-        yield lo, (max(lo - further, low), lo)
-    if abs(alpha - hi) <= same and high > hi:
-        yield hi, (hi, min(hi + further, high))
 
 
 def _coming_back(plan: Plan, ray: Ray, end: float, beyond: Interval, limits: Limits) -> list[Found]:

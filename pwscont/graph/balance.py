@@ -215,6 +215,7 @@ def _causes(graph: ConnectedPieces, gaps: list[Gap]) -> Iterator[str]:
     if twice:
         yield f"a solution stands twice in {_listed(twice)}"
     yield from _stops(graph, stopped)
+    yield from _touches(graph)
     yield from _places(IN_PART, graph, partial)
     yield from _places("a branch ends on purpose", graph, on_purpose)
 
@@ -254,10 +255,15 @@ def _doubts(graph: ConnectedPieces) -> Iterator[str]:
     filled = [p for p in graph.nodes if FILL in p.message and p not in of_many]
     left = [p for p in filled if not all(piece.is_vertical for piece in graph.pieces_at(p.id))]
     yield from _places("solutions fill more than curves", graph, left)
-    touching = [point for point in graph.nodes if TOUCH in point.message]
-    yield from _places("curves touch, or more than two cross,", graph, touching)
+    yield from _touches(graph)
     vague = [point for point in graph.nodes if point.digits < TOO_FEW_DIGITS]
     yield from _places("hardly a digit is known", graph, vague)
+
+
+def _touches(graph: ConnectedPieces) -> Iterator[str]:
+    """Yield where only the curves that arrive are known to go on."""
+    touching = [point for point in graph.nodes if TOUCH in point.message]
+    yield from _places("curves touch, or more than two cross,", graph, touching)
 
 
 def _stops(graph: ConnectedPieces, points: list[SpecialPoint]) -> Iterator[str]:

@@ -129,14 +129,11 @@ def data_frame(graph: ConnectedPieces, rows: str) -> Any:
     tables = {"pieces": _pieces, "points": _points, "special": _special}
     if rows not in tables:
         raise InvalidInputError(f"rows must be one of {', '.join(tables)}, got {rows!r}")
-    return tables[rows](graph, _pandas())
-
-
-def _pandas() -> Any:
     try:
-        return import_module("pandas")
+        pandas = import_module("pandas")
     except ImportError as error:
         raise MissingPackageError("to_dataframe needs pandas: pip install pandas") from error
+    return tables[rows](graph, pandas)
 
 
 def _component(graph: ConnectedPieces) -> dict[int, int]:

@@ -13,7 +13,7 @@ import numpy as np
 from pwscont.basics.arrays import Array
 from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidInputError, SystemNeededError
-from pwscont.basics.outcome import Failure
+from pwscont.basics.outcome import Failure, FailureReason
 from pwscont.curve.corrector import MOST_NEWTON, BorderedNewton
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.metric import Metric
@@ -61,57 +61,40 @@ def solve_between(
     """
     a, b = _around(points, alpha)
     curve = Curve(Selection(system, character), Metric.of(system, interval))
+    row = -last_unit(len(a))
+
+    def border(x: Array) -> tuple[float, Array]:
+        """Return what falls to zero where a point has the alpha."""
+        return alpha - float(x[-1]), row
+
     for _ in range(MOST_HALVINGS_OF_STEP):
-        segment, s, found = _located(curve, a, b, alpha)
-        if found is not None and _is_sure(segment, s, alpha):
-            return found
-        middle = _middle(segment)
-        if middle is None:
-            found = None
+        for segment in _cubics(curve, a, b):
+            s = _where(segment, alpha)
+            found = locate_zero(segment, border, (0.0, segment.length), s)
+            if isinstance(found, State):
+                break
+        if isinstance(found, State) and _is_sure(segment, border, s):
             break
-        a, b = _around(np.array([a, middle, b]), alpha)
-    if found is None:
-        x = segment.near(s)
-        x[-1] = alpha
-        found = x, np.abs(segment.end.x - segment.start.x)
-    return found
+        x = segment.near(0.5 * segment.length)
+        middle = BorderedNewton().correct(curve, x, segment.chord)
+        if isinstance(middle, Failure) or middle.contraction > SLOWEST:
+            found = Failure(FailureReason.NOT_CONVERGED)
+            break
+        a, b = _around(np.array([a, middle.state.x, b]), alpha)
+    if isinstance(found, State):
+        x, error = found.x, found.size
+    else:
+        x, error = segment.near(s), np.abs(segment.end.x - segment.start.x)
+    x[-1] = alpha
+    return x, error
 
 
-def _located(
-    curve: Curve, a: Array, b: Array, alpha: float
-) -> tuple[CurvedSegment, float, tuple[Array, Array] | None]:
-    """Return the cubic between two points, the position of an alpha, and the solution there."""
-    for segment in _cubics(curve, a, b):
-        s = _where(segment, alpha)
-        found = locate_zero(segment, _border(alpha, len(a)), (0.0, segment.length), s)
-        if isinstance(found, State):
-            found.x[-1] = alpha
-            return segment, s, (found.x, found.size)
-    return segment, s, None
-
-
-def _border(alpha: float, size: int) -> Border:
-    """Return the border that falls to zero where a point has an alpha."""
-    row = -last_unit(size)
-    return lambda x: (alpha - float(x[-1]), row)
-
-
-def _is_sure(segment: CurvedSegment, s: float, alpha: float) -> bool:
+def _is_sure(segment: CurvedSegment, border: Border, s: float) -> bool:
     """Tell whether Newton contracts at once: else the cubic may be nearer to another sheet."""
     if segment.curve.selection.is_straight:
         return True
-    x = segment.near(s)
-    root = newton(segment.curve, _border(alpha, len(x)), x, MOST_NEWTON)
+    root = newton(segment.curve, border, segment.near(s), MOST_NEWTON)
     return not isinstance(root, Failure) and root.contraction <= SLOWEST
-
-
-def _middle(segment: CurvedSegment) -> Array | None:
-    """Return the point of the curve in the middle of a segment, None where Newton is not sure."""
-    x = segment.near(0.5 * segment.length)
-    found = BorderedNewton().correct(segment.curve, x, segment.chord)
-    if isinstance(found, Failure) or found.contraction > SLOWEST:
-        return None
-    return found.state.x
 
 
 def fine_points(

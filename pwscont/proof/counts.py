@@ -34,26 +34,33 @@ AGREEING_SELECTIONS = "; selections of a class that agree where tests vanish"
 
 
 def counted_proof(
-    tape: Tape, box: Interval, scale: Array, tubes: Tubes | None, open_boxes: Interval, boxes: int
+    tape: Tape,
+    box: Interval,
+    scale: Array,
+    tubes: Tubes | None,
+    open_boxes: Interval,
+    boxes: int,
+    *,
+    is_whole: bool = False,
 ) -> BoxProof:
     """Return what tubes and open boxes, with all solutions in a box (n + 1,), prove.
 
-    ``scale`` are the magnitudes of (z, alpha), and ``boxes`` is how many boxes were looked at.
+    ``scale``: the magnitudes of (z, alpha); ``boxes``: how many boxes were looked at; ``is_whole``:
+    whether a proof of a part is of no use, so that nothing is counted where a box is open.
     """
     hulls, passed, turns = grouped(tape, open_boxes, box, scale)
     unsaid = _united(hulls[-1], FINEST_ALPHA * float(scale[-1]))
     interval = float(box.lo[-1]), float(box.hi[-1])
     ends = [interval[0], *(end for each in unsaid for end in each), interval[1]]
-    pairs = [(lo, hi) for lo, hi in zip(ends[::2], ends[1::2], strict=True) if lo < hi]
-    has_class = any(step.name == "select" for step in tape.steps)
+    pairs = zip(ends[::2], ends[1::2], strict=True) if passed.all() or not is_whole else ()
     return BoxProof(
         (box.lo[:-1], box.hi[:-1]),
         interval,
-        [_counted(tape, box, tubes, each) for each in pairs],
+        [_counted(tape, box, tubes, each) for each in pairs if each[0] < each[1]],
         [(*each, _turn_of(turns, hulls[-1], *each)) for each in unsaid],
         list(zip(hulls.lo.T[~passed], hulls.hi.T[~passed], strict=True)),
         boxes,
-        ASSUMED + (AGREEING_SELECTIONS if has_class else ""),
+        ASSUMED + (AGREEING_SELECTIONS if any(s.name == "select" for s in tape.steps) else ""),
     )
 
 

@@ -138,7 +138,8 @@ class Everywhere(Search):
             return last
         check_tape(tape, system, box)
         with np.errstate(all="ignore"):
-            proof = counted_proof(tape, box, scale, *covered(tape, box, scale, self.seconds, most))
+            found = covered(tape, box, scale, self.seconds, most)
+            proof = counted_proof(tape, box, scale, *found, is_whole=most is not None)
         formula = formula_of(system) or system
         self._last.update(formula=formula, interval=interval, key=key, proof=proof)
         return proof

@@ -264,16 +264,19 @@ def rays_of_slices(corner: Corner) -> tuple[list[Direction], int] | None:
 def _in_parts(corner: Corner) -> ConeProblem | None:
     """Return the cone problem in parts, with the length fixed by alpha.
 
-    None where a ray may be vertical: no ray is, if every part is regular in all cells.
+    None where parts would hardly have fewer cells, or a ray may be vertical: no ray is, if every
+    part is regular in all cells.
     """
     if not has_named_cells(corner.system):
         return None
     problem = ConeProblem(corner, last_unit(len(corner.x)))
-    if number_of_cells(problem.blocks()) <= FEW_CELLS:
+    blocks = problem.blocks()
+    if (cells := number_of_cells(blocks)) <= FEW_CELLS:
         return None
     parts = parts_of_table(problem.table)
-    regular = len(parts) > 1 and is_regular(problem.table, parts, corner.metric.scale)
-    return problem if regular else None
+    if FEW_CELLS * most_cells(parts, blocks) > cells:
+        return None
+    return problem if is_regular(problem.table, parts, corner.metric.scale) else None
 
 
 def index_along(ray: Ray, zero: frozenset[int]) -> int:

@@ -95,12 +95,13 @@ def departures(corner: Corner) -> SpecialPointFound:
 
     A point inside a cell has two rays on the same curve and the kind START.
     """
-    x, error, zero = corner.x, corner.error, corner.zero
-    here, *beyond = corner.sides()
+    x, error, zero, metric = corner.x, corner.error, corner.zero, corner.metric
+    here = Curve(Selection(corner.system, corner.character), metric)
     if not zero:
         return _inside(here, x, error)
-    if beyond:
-        (other,), (test,) = beyond, zero
+    if len(zero) == 1:
+        (test,) = zero
+        other = Curve(Selection(corner.system, corner.character.flip(test)), metric)
         one, two = (inward_ray(side, x, error, test) for side in (here, other))
         check_continuity(here, other.selection, one and two, x, error)
         if one and two:

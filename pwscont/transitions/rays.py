@@ -220,12 +220,6 @@ class Corner:
         bounding = (system.bounding_tests(cell) for cell in (here, *map(here.flip, zero)))
         return replace(corner, zero=frozenset()) if all(map(zero.isdisjoint, bounding)) else corner
 
-    def sides(self) -> list[Curve]:
-        """Return the curve of the cell, and of the cell beyond where exactly one test vanishes."""
-        here = self.character
-        cells = here, *(map(here.flip, self.zero) if len(self.zero) == 1 else ())
-        return [Curve(Selection(self.system, cell), self.metric) for cell in cells]
-
     @property
     def character(self) -> Character:
         """The character of the signs of the tests, those that vanish included."""
