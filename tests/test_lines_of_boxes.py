@@ -8,10 +8,10 @@ import pytest
 from high_precision import exact
 from sweeps import swept
 
-import pwscont.proof.lines
+import pwscont.proof.enclosures
+from pwscont.proof.enclosures import lines_of
 from pwscont.proof.formulas import traced
 from pwscont.proof.interval import Interval
-from pwscont.proof.lines import lines_of
 
 EXACT = SimpleNamespace(
     max=max, min=min, abs=abs, relu=lambda x: max(x, 0), where=lambda s, a, b: a if s >= 0 else b
@@ -86,10 +86,10 @@ def test_lines_without_a_term_are_caught(monkeypatch):
         slope, rest = magnitude(x)
         return slope, Interval(rest.hi)
 
-    magnitude = pwscont.proof.lines._magnitude
-    monkeypatch.setattr(pwscont.proof.lines, "_magnitude", chord)
+    magnitude = pwscont.proof.enclosures._magnitude
+    monkeypatch.setattr(pwscont.proof.enclosures, "_magnitude", chord)
     assert lost("abs") > 0
     assert lost("max and min") > 0
     monkeypatch.undo()
-    monkeypatch.setattr(pwscont.proof.lines, "upper", lambda x, terms: 0.0 * x)
+    monkeypatch.setattr(pwscont.proof.enclosures, "upper", lambda x, terms: 0.0 * x)
     assert lost("products") > 0

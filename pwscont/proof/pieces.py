@@ -20,15 +20,7 @@ from pwscont.basics.arrays import Array, Indices
 from pwscont.basics.printing import counted
 from pwscont.enumeration.echelon import independent
 from pwscont.graph.branch_graph import BranchGraph
-from pwscont.proof.cells import (
-    MOST_CELLS,
-    Choice,
-    ExactCells,
-    Point,
-    Ranges,
-    segment_of,
-    value,
-)
+from pwscont.proof.cells import MOST_CELLS, Choice, ExactCells, Point, Ranges, segment_of, value
 from pwscont.proof.certificate import ASSUMED, Certificate
 from pwscont.proof.interval import Interval
 from pwscont.system.abilities import ExactMode, completed_point

@@ -85,7 +85,6 @@ def prove(given: Any, alpha: float | None = None) -> Certificate:
 
 
 def _given(given: Any, alpha: float | None) -> tuple[Any, float | None, Sequence[Solution]]:
-    """Return the system, alpha and the solutions to be proved."""
     if isinstance(given, BranchGraph):
         if alpha is None:
             return given.system, None, []

@@ -33,7 +33,6 @@ def certified_rates(evolution: Any) -> Certificate:
 
 
 def _doubts(evolution: Any) -> list[str]:
-    """Return what stands in the way of a proof."""
     paths, losses = len(evolution.paths()), len(evolution.losses())
     if paths != 1 or losses or not evolution.is_complete:
         return [f"{counted(paths, 'evolution')} found: {evolution.guarantee}"]

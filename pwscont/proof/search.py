@@ -14,19 +14,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Signs
+from pwscont.basics.arrays import Array, Indices, Signs
 from pwscont.basics.budget import check_budget
-from pwscont.proof.boxes import (
-    consistent,
-    eliminated,
-    evaluated,
-    inverse_of,
-    newton,
-    times,
-    with_slopes,
-)
-from pwscont.proof.interval import ULP, Interval, above, together
-from pwscont.proof.lines import lines_of
+from pwscont.proof.enclosures import evaluated, lines_of, with_slopes
+from pwscont.proof.interval import ULP, Interval, above, inverses, together
 from pwscont.proof.tape import Tape
 
 #: No coordinate is halved below this part of its magnitude; the magnitude of alpha is the interval.
@@ -44,8 +35,8 @@ MOST_BOXES = 300_000
 LENGTHY = 4.0
 #: Contraction of the Jacobian, to rounding, above which no tube is tried.
 TRIED = 0.9
-#: How much wider than the box a tube is tried, and how many times the residual besides.
-WIDER, ROOM = 1.1, 2.0
+#: How much wider than the box a tube is tried.
+WIDER = 1.1
 #: The least radius of a tube, relative to typical magnitudes.
 LEAST = 2.0**-44
 #: How much wider than necessary a tube is, in roundings of the tube's centre.
@@ -124,9 +115,8 @@ def _looked_at(
     tape: Tape, boxes: Interval, whole: Interval, scale: Array
 ) -> tuple[list[Tubes], list[Interval], Interval]:
     """Return the tubes of boxes that are proved, the halves of others, and boxes left open."""
-    boxes, empty = consistent(tape, boxes)
-    boxes = boxes[:, ~empty]
-    boxes, empty = newton(boxes, *lines_of(tape, boxes))
+    boxes = boxes[:, ~evaluated(tape, boxes).excludes_zero().any(axis=0)]
+    boxes, empty = contracted(boxes, *lines_of(tape, boxes))
     boxes = boxes[:, ~empty]
     slopes = with_slopes(tape.slopes, boxes)[1]
 
@@ -149,10 +139,58 @@ def _looked_at(
     return found, halves, boxes[:, is_small]
 
 
+def contracted(box: Interval, slopes: Interval, start: Interval) -> tuple[Interval, Signs]:
+    """Return boxes contracted by one sweep of interval Newton, and which boxes are empty.
+
+    On the boxes, H(x) lies in slopes (x - middle) + start, shapes (n, n + 1, B) and (n, B).
+    """
+    middle, each = box.middle(), np.arange(box.lo.shape[1])
+    matrix, columns = preconditioned(slopes.middle(), box.width())
+    rows, rest = times(matrix, slopes), times(matrix, start)
+    lo, hi = box.lo.copy(), box.hi.copy()
+    empty = np.zeros(len(each), dtype=bool)
+    for i, own in enumerate(columns):
+        terms = rows[i] * (Interval(lo, hi) - middle)
+        empty |= (rest[i] + terms.total()).excludes_zero()
+        terms.lo[own, each] = terms.hi[own, each] = 0.0
+        away = (rest[i] + terms.total()) / rows[i][own, each]
+        found = middle[own, each] - away
+        lo[own, each] = np.fmax(lo[own, each], found.lo)
+        hi[own, each] = np.fmin(hi[own, each], found.hi)
+    return Interval(lo, hi), empty | (lo > hi).any(axis=0)
+
+
+def times(matrix: Array, right: Interval) -> Interval:
+    """Return matrices of numbers (n, n, B) times intervals (n, ..., B)."""
+    n, _, count = matrix.shape
+    factors = Interval(matrix.reshape(n, n, *(1,) * (right.lo.ndim - 2), count))
+    return (factors * right).total(axis=1)
+
+
+def preconditioned(middle: Array, width: Array) -> tuple[Array, Indices]:
+    """Return finite matrices that turn n of n + 1 columns into unit columns, and the columns.
+
+    ``middle`` (n, n + 1, B) is about the derivatives; the columns are those with the largest
+    determinant, times ``width`` (n + 1, B). No rule needs exact results, shapes (n, n, B), (n, B).
+    """
+    rows = np.where(np.isfinite(middle), middle, 0.0).transpose(2, 0, 1)
+    each = range(len(width))
+    choices = np.array([[k for k in each if k != left_out] for left_out in each])
+    sizes = [np.abs(np.linalg.det(rows[..., own])) * width[own].prod(axis=0) for own in choices]
+    columns = choices[np.argmax(sizes, axis=0)]
+    inverse = inverses(np.take_along_axis(rows, columns[:, np.newaxis], axis=2))
+    return np.where(np.isfinite(inverse), inverse, 0.0).transpose(1, 2, 0), columns.T
+
+
+def inverse_of(middle: Array) -> Array:
+    """Return about the inverse of square matrices (n, n, B); any numbers will do."""
+    return inverses(middle.transpose(2, 0, 1)).transpose(1, 2, 0)
+
+
 def _halved(boxes: Interval, slopes: Interval, scale: Array) -> list[Interval]:
     """Return both halves of boxes, along the coordinate that changes preconditioned rows most."""
     width = boxes.width()
-    matrix, _ = eliminated(slopes.middle(), width)
+    matrix, _ = preconditioned(slopes.middle(), width)
     effect = times(matrix, slopes).reach() * width
     effect = (effect / effect.sum(axis=1, keepdims=True)).sum(axis=0)
     relative = width / scale
@@ -176,11 +214,7 @@ def _around(tape: Tape, box: Interval, slopes: Interval, least: Array) -> tuple[
     slope = -np.einsum("ijb,jb->ib", matrix, guess[:, -1])
     centre = polished(tape, middle, matrix)
     tubes = Tubes(alpha.lo, middle[-1], alpha.hi, centre, slope, centre, centre)
-    rough = np.zeros_like(centre)
-    for end in (alpha.lo, alpha.hi):  # about how far solutions are from the line
-        x = np.vstack([tubes.at(Interval(end)).middle(), end])
-        rough = np.maximum(rough, np.abs(polished(tape, x, matrix, 1) - x[:-1]))
-    radius = WIDER * tubes.far(box[:-1], alpha) + ROOM * rough + slack(centre)
+    radius = WIDER * tubes.far(box[:-1], alpha) + slack(centre)
     tubes, is_proved = proved(tape, tubes, radius + least[:, np.newaxis], matrix)
     return tubes, is_proved & tubes.hold(box[:-1], alpha)
 
@@ -190,10 +224,10 @@ def slack(centre: Array) -> Array:
     return SLACK * ULP * np.abs(centre)
 
 
-def polished(tape: Tape, x: Array, matrix: Array, steps: int = POLISHED) -> Array:
+def polished(tape: Tape, x: Array, matrix: Array) -> Array:
     """Return the z of points (n + 1, B), moved towards solutions by steps of Newton."""
     x = x.copy()
-    for _ in range(steps):
+    for _ in range(POLISHED):
         step = np.einsum("ijb,jb->ib", matrix, evaluated(tape, Interval(x)).middle())
         x[:-1] -= np.where(np.isfinite(step), step, 0.0)
     centre: Array = x[:-1]

@@ -78,23 +78,6 @@ class Tape:
         place: int = thing.place
         return place
 
-    def parted(self, thing: Any) -> tuple[Any, float]:
-        """Return a number, with a sign, and a constant: their sum is a node, exactly."""
-        place = self.place_of(thing)
-        step = self.steps[place]
-        if step.name == "constant":
-            return None, step.numbers[0]
-        if step.name == "negative":
-            return (step.args[0], -1.0), 0.0
-        if step.name in ("add", "subtract"):
-            sign = 1.0 if step.name == "add" else -1.0
-            (first, one), (second, other) = ((arg, self.steps[arg]) for arg in step.args)
-            if one.name == "constant":
-                return (second, sign), one.numbers[0]
-            if other.name == "constant":
-                return (first, 1.0), sign * other.numbers[0]
-        return (place, 1.0), 0.0
-
     @cached_property
     def fixed(self) -> dict[int, Interval]:
         """The values of steps that depend on no variable, by their places."""
@@ -102,7 +85,7 @@ class Tape:
         for place, step in enumerate(self.steps):
             if step.name != "variable" and all(arg in fixed for arg in step.args):
                 args = (fixed[arg] for arg in step.args)
-                fixed[place] = OPERATIONS[step.name].values(*args, *step.numbers)
+                fixed[place] = OPERATIONS[step.name](*args, *step.numbers)
         return fixed
 
     @cached_property

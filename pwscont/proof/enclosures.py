@@ -1,20 +1,19 @@
-"""Linear enclosures of a tape on boxes: every step lies in slopes (x - centre) + rest.
+"""Enclosures of a tape on boxes: values, derivatives, and lines slopes (x - centre) + rest.
 
-Terms that cancel are subtracted before anything is enclosed, and a smooth function leaves half its
-second derivative only: in a box of the same width the rest is a quarter of what the mean value form
-leaves (affine arithmetic; Stolfi and de Figueiredo, *Self-validated numerical methods*, 1997).
+In lines, terms that cancel are subtracted before anything is enclosed, and a smooth function leaves
+half its second derivative only: a quarter of what the mean value form leaves (affine arithmetic;
+Stolfi and de Figueiredo, *Self-validated numerical methods*, 1997).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cache, partial
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from pwscont.basics.arrays import Array
-from pwscont.proof.boxes import evaluated
 from pwscont.proof.interval import ULP, Interval, chosen, together, upper
 from pwscont.proof.operations import OPERATIONS
 from pwscont.proof.tape import Step, Tape
@@ -22,6 +21,40 @@ from pwscont.proof.tape import Step, Tape
 #: Bound of the rounding of a product and of sums of two, in roundings.
 ROUNDINGS = 8.0
 NOTHING = Interval(np.zeros(1))
+
+
+def evaluated(
+    tape: Tape, box: Interval, rules: Mapping[str, Callable[..., Interval]] = OPERATIONS
+) -> Interval:
+    """Return the outputs of a tape on boxes (n + 1, B), shape (outputs, B)."""
+    values: list[Interval] = []
+    for place, step in enumerate(tape.steps):
+        if place in tape.fixed:
+            values.append(tape.fixed[place])
+        elif step.name == "variable":
+            values.append(box[step.numbers[0]])
+        else:
+            values.append(rules[step.name](*(values[arg] for arg in step.args), *step.numbers))
+    shape = (len(tape.outputs), *box.lo.shape[1:])
+    found = Interval(np.empty(shape), np.empty(shape))
+    for k, place in enumerate(tape.outputs):
+        found.lo[k], found.hi[k] = values[place].lo, values[place].hi
+    return found
+
+
+def with_slopes(
+    tape: Tape, box: Interval, rules: Mapping[str, Callable[..., Interval]] = OPERATIONS
+) -> tuple[Interval, Interval]:
+    """Return m outputs and their derivatives by (z, alpha), shapes (m, B) and (m, n + 1, B).
+
+    The tape is ``slopes`` or ``tests`` of another tape. Where a switch may be in either mode, a
+    derivative is the hull of the derivatives of both branches, so that the mean value form holds
+    across kinks (docs/theory, F20).
+    """
+    found, by = evaluated(tape, box, rules), tape.size + 1
+    count = len(tape.outputs) // (by + 1)
+    shape = (count, by, *box.lo.shape[1:])
+    return found[:count], found[count:].arranged(lambda end: end.reshape(shape))
 
 
 class Line(NamedTuple):
@@ -48,7 +81,7 @@ def lines_of(tape: Tape, box: Interval) -> tuple[Interval, Interval]:
             line = Line(units[i], Interval(centre[i]), box[i])
         else:
             args = [lines[arg] for arg in step.args]
-            values = OPERATIONS[step.name].values(*(x.values for x in args), *step.numbers)
+            values = OPERATIONS[step.name](*(x.values for x in args), *step.numbers)
             if step.name in RULES:
                 line = RULES[step.name](args, far)
             else:
@@ -131,7 +164,6 @@ def _either(x: Sequence[Line], far: Array) -> Line:
 
 @cache
 def _alone(step: Step) -> Tape:
-    """Return the tape of a function of one variable."""
     tape = Tape(0)
     x = tape.node("variable", numbers=(0,))
     tape.outputs = [tape.node(step.name, x, numbers=step.numbers).place]
