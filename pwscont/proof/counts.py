@@ -14,6 +14,7 @@ several switches are undecided, or a fold is near a kink or a face of the box.
 
 from __future__ import annotations
 
+from itertools import islice
 from typing import final
 
 import numpy as np
@@ -30,17 +31,13 @@ from pwscont.proof.tape import Tape
 
 #: How many times the residual an enclosure reaches.
 ROOM = 2.0
-#: Places, as parts of a stretch between groups, where solutions are counted one after the other,
-#: until counts are certain.
-PLACES = (0.5, 0.381966, 0.61803, 0.26, 0.74)
-#: How many of these counts have to agree.
-AGREEING = 2
+#: Parts of a stretch where solutions are counted, one after the other; so many counts must agree.
+PLACES, AGREEING = (0.5, 0.381966, 0.61803, 0.26, 0.74), 2
 ASSUMED = (
     "assumed: a formula without state, the same for numbers and for the tape; arithmetic of "
     f"IEEE 754 to nearest; elementary functions of numpy within {FUNCTION_ULPS:g} units in "
     "the last place"
 )
-#: Assumed of classes besides.
 AGREEING_SELECTIONS = "; selections of a class that agree where tests vanish"
 
 
@@ -104,16 +101,12 @@ def _united(ranges: Interval, apart: float) -> list[Range]:
 def _counted(tape: Tape, box: Interval, tubes: Tubes | None, stretch: Range) -> CountedStretch:
     """Return a stretch with the solutions, whose numbers at several places agree."""
     lo, hi = stretch
-    known: dict[float, list[Corners]] = {}
-    for alpha in (lo + (hi - lo) * part for part in PLACES):
-        found = _solutions(tape, box, tubes, alpha) if lo < alpha < hi else None
-        if found is not None:
-            known[alpha] = found
-        if len(known) == AGREEING:
-            break
-    if len({len(found) for found in known.values()}) != 1:
+    places = (lo + (hi - lo) * part for part in PLACES)
+    found = ((x, _solutions(tape, box, tubes, x)) for x in places if lo < x < hi)
+    known = list(islice(((x, some) for x, some in found if some is not None), AGREEING))
+    if len({len(some) for _, some in known}) != 1:
         return CountedStretch(lo, hi, 0.5 * (lo + hi), None)
-    return CountedStretch(lo, hi, *next(iter(known.items())))
+    return CountedStretch(lo, hi, *known[0])
 
 
 @np.errstate(all="ignore")
@@ -227,15 +220,14 @@ class _Passage:
         for k in range(WEIGHTS):
             weight = Interval(np.full(1, k / WEIGHTS), np.full(1, (k + 1) / WEIGHTS))
             mixed = chosen(self._undecided == 1, other + weight * (one - other), one)
-            passed &= np.isfinite(_solved(mixed, self._along, Interval(0.0 * self._along)).lo).all(
-                axis=0
-            )
+            found = _solved(mixed, self._along, Interval(0.0 * self._along))
+            passed &= np.isfinite(found.lo).all(axis=0)
         return passed
 
     def turns(self, whole: Interval) -> Array:
         """Return the turns of groups that are passed."""
-        unit = np.zeros_like(self._along)
-        unit[-1] = 1.0  # tangents t, with K t = (0, ..., 0, 1)
+        # tangents t, with K t = (0, ..., 0, 1)
+        unit = np.eye(len(self._along))[:, -1:] + 0.0 * self._along
         ways = [_solved(each, self._along, Interval(unit)) for each in self._modes]
         slope, other = (_sign(each[-1]) for each in ways)
         inside = self.hulls[:-1].is_within(whole[:-1, np.newaxis]).all(axis=0)
@@ -258,12 +250,12 @@ class _Passage:
 
     def _of_faces(self, whole: Interval, ways: list[Interval]) -> Array:
         """Return the turns of hulls in which the curve goes on in alpha, by the faces touched."""
-        touched, turns = np.zeros(len(self._undecided)), np.zeros(len(self._undecided))
+        touched = turns = 0.0 * self._undecided
         for i in range(self._tape.size):
             one, other = (_sign(each[i]) * _sign(each[-1]) for each in ways)
             speed = np.where(one == other, one, np.nan)
             at_least, at_most = self.hulls.lo[i] <= whole.lo[i], self.hulls.hi[i] >= whole.hi[i]
-            touched += 1.0 * at_least + at_most
+            touched = touched + at_least + at_most
             turns = np.where(at_least, speed, np.where(at_most, -speed, turns))
         return np.where(touched > 1.0, np.nan, turns)
 

@@ -155,7 +155,6 @@ class Everywhere(Search):
 
 
 def _checked_box(box: Any) -> tuple[Any, Any]:
-    """Return the ends of a box as numbers or tuples, or refuse what is no box."""
     is_pair = isinstance(box, tuple | list) and len(box) == 2
     lower, upper = (finite_array("box", end) for end in (box if is_pair else (1.0, 0.0)))
     sizes = {end.shape for end in (lower, upper)} - {(), (1,)}

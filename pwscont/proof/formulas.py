@@ -105,8 +105,7 @@ def traced(f: Callable[[Any, Any, Any], Any], size: int) -> Tape:
                 found = f(np.array(nodes[:-1], dtype=object), nodes[-1], TracedSwitches(each))
             for error in each.refused:  # the formula went on without the number
                 raise error
-            found = np.asarray(found, dtype=object).ravel()
-            each.outputs = [each.place_of(entry) for entry in found]
+            each.outputs = [each.place_of(x) for x in np.asarray(found, dtype=object).ravel()]
         if (tape.steps, tape.outputs) != (again.steps, again.outputs):
             raise NotTracedError("the formula is another one each time")
     except Exception as error:

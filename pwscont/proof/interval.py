@@ -103,7 +103,6 @@ class Interval:
         return self._over(other, np.divide).where(other.excludes_zero())
 
     def _over(self, other: Interval, operation: Ends) -> Interval:
-        """Return the hull of an operation on all pairs of ends."""
         found = [operation(x, y) for x in self._ends() for y in other._ends()]
         return Interval.rounded(reduce(np.minimum, found), reduce(np.maximum, found))
 

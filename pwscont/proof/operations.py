@@ -71,12 +71,6 @@ INCREASING = {
     "arctanh": (-INF, INF, -1.0, 1.0),
 }
 RISING_COSH = _increasing("cosh", 1.0, INF, 0.0, INF)
-TAN_BETWEEN_POLES = _increasing("tan", -INF, INF, -FAR, FAR)
-
-
-def _tan(x: Interval) -> Interval:
-    pole = _has_crest(x, 0.5 * np.pi) | _has_crest(x, -0.5 * np.pi)
-    return TAN_BETWEEN_POLES(x).where(~pole)
 
 
 def branch(test: Interval, a: Interval, b: Interval, either: Interval | None = None) -> Interval:
@@ -89,7 +83,6 @@ ELEMENTARY: dict[str, Map] = {
     **{name: _increasing(name, *ends) for name, ends in INCREASING.items()},
     "sin": _wave(np.sin, 0.5 * np.pi),
     "cos": _wave(np.cos, 0.0),
-    "tan": _tan,
     "cosh": lambda x: RISING_COSH(abs(x)),
 }
 #: Intervals of results from intervals of arguments; a power takes its exponent last. "slope" and

@@ -27,11 +27,10 @@ FINEST = 2.0**-24
 FINEST_ALPHA, THIN = 2.0**-40, 2.0**-12
 #: Boxes that are worked on at once: their numbers fit into the cache of a processor.
 TOGETHER = 2048
-#: Most boxes in all for up to three unknowns; for n unknowns (n - 2)**2 times as many. Then a
-#: double root or an area of solutions ends the search.
+#: Most boxes in all for up to three unknowns; for n unknowns (n - 2)**2 times as many.
 MOST_BOXES = 300_000
-#: A coordinate is halved only if no other coordinate is this many times as wide, in typical
-#: magnitudes: else a coordinate that hardly matters to any row would never be halved.
+#: No coordinate is halved while another one is this many times as wide, in typical magnitudes:
+#: else a coordinate that hardly matters to any row would never be halved.
 LENGTHY = 4.0
 #: Contraction of the Jacobian, to rounding, above which no tube is tried.
 TRIED = 0.9
@@ -131,10 +130,9 @@ def _looked_at(
         found = [tubes.only(is_proved)]
     boxes, slopes = boxes[:, rest], slopes[:, :, rest]
 
-    width, size = boxes.width(), scale[:, np.newaxis]
-    is_small = (width <= FINEST * size).all(axis=0)
-    is_thin = width <= np.append(np.full(tape.size, THIN), FINEST_ALPHA)[:, np.newaxis] * size
-    is_small |= is_thin.all(axis=0)
+    size, (*unknowns, alpha) = scale[:, np.newaxis], boxes.width() / scale[:, np.newaxis]
+    widest = np.max(unknowns, axis=0)
+    is_small = (np.maximum(widest, alpha) <= FINEST) | (widest <= THIN) & (alpha <= FINEST_ALPHA)
     halves = _halved(boxes[:, ~is_small], slopes[:, :, ~is_small], size)
     return found, halves, boxes[:, is_small]
 
