@@ -7,9 +7,9 @@ stretch.
 
 A group is *passed* if all solutions in its hull are proved to lie on one curve without branch
 points; other groups stay open. The *turn* of a group that is passed says how the number of
-solutions can change in the hull when alpha grows: the number only grows (around folds that open to
-larger alpha, or where the curve enters the box), only falls, or stays. The turn is not known where
-several switches are undecided, or a fold is near a kink or a face of the box.
+solutions changes in the hull when alpha grows: the number only grows (1), only falls (-1), or stays
+(0). The turn is not a number where several switches are undecided, or a fold is near a kink or a
+face of the box.
 """
 
 from __future__ import annotations
@@ -22,11 +22,10 @@ from scipy.sparse.csgraph import connected_components
 
 from pwscont.basics.arrays import Array, Signs
 from pwscont.graph.proved import BoxProof, Corners, CountedStretch, Range
-from pwscont.graph.structure import connected
 from pwscont.proof.enclosures import evaluated, with_slopes
 from pwscont.proof.interval import FUNCTION_ULPS, Interval, chosen, solved, together
 from pwscont.proof.operations import OPERATIONS, branch
-from pwscont.proof.search import FINEST_ALPHA, Tubes, inverse_of, polished, proved, slack
+from pwscont.proof.search import FINEST_ALPHA, SLACK, Tubes, inverse_of, polished, proved
 from pwscont.proof.tape import Tape
 
 #: How many times the residual an enclosure reaches.
@@ -55,14 +54,13 @@ def counted_proof(
     tape: Tape,
     box: Interval,
     scale: Array,
-    found: tuple[Tubes | None, Interval, int],
+    found: tuple[Tubes, Interval, int],
     *,
     is_whole: bool = False,
 ) -> BoxProof:
-    """Return what tubes and open boxes, with all solutions in a box (n + 1,), prove.
+    """Return what tubes and open boxes with all solutions prove, from the answer of ``covered``.
 
-    ``scale``: the magnitudes of (z, alpha); ``found``: what :func:`covered` returned; ``is_whole``:
-    whether a proof of a part is of no use, so that nothing is counted where a box is open.
+    ``is_whole``: a proof of a part is of no use, so that nothing is counted where a box is open.
     """
     tubes, open_boxes, boxes = found
     hulls, passed, turns = grouped(tape, open_boxes, box, scale)
@@ -98,7 +96,7 @@ def _united(ranges: Interval, apart: float) -> list[Range]:
     return united
 
 
-def _counted(tape: Tape, box: Interval, tubes: Tubes | None, stretch: Range) -> CountedStretch:
+def _counted(tape: Tape, box: Interval, tubes: Tubes, stretch: Range) -> CountedStretch:
     """Return a stretch with the solutions, whose numbers at several places agree."""
     lo, hi = stretch
     places = (lo + (hi - lo) * part for part in PLACES)
@@ -110,15 +108,11 @@ def _counted(tape: Tape, box: Interval, tubes: Tubes | None, stretch: Range) -> 
 
 
 @np.errstate(all="ignore")
-def _solutions(
-    tape: Tape, box: Interval, tubes: Tubes | None, alpha: float
-) -> list[Corners] | None:
+def _solutions(tape: Tape, box: Interval, tubes: Tubes, alpha: float) -> list[Corners] | None:
     """Return an enclosure (least, largest) of every solution in the box at alpha, off all groups.
 
     None where solutions are not told apart for certain.
     """
-    if tubes is None:
-        return []
     tubes = tubes.only((tubes.first <= alpha) & (alpha <= tubes.last))
     found, whole = _enclosed(tape, tubes, alpha), box[:-1, np.newaxis]
     outside = np.any((found.hi < whole.lo) | (found.lo > whole.hi), axis=0)
@@ -133,10 +127,10 @@ def _enclosed(tape: Tape, tubes: Tubes, alpha: float) -> Interval:
     known = tubes.at(point, tubes.image)
     slopes = with_slopes(tape.slopes, together(np.vstack, known, point))[1]
     matrix = inverse_of(slopes.middle()[:, :-1])
-    centre = polished(tape, np.vstack([known.middle(), point.lo]), matrix)
+    centre = polished(tape, known.middle(), point.lo, matrix)
     value = evaluated(tape, Interval(np.vstack([centre, point.lo])))
     far = np.einsum("ijb,jb->ib", np.abs(matrix), value.reach())
-    radius = ROOM * far + slack(centre) + slack(tubes.radius)
+    radius = ROOM * far + SLACK * (np.abs(centre) + tubes.radius)
     thin = Tubes(point.lo, point.lo, point.lo, centre, np.zeros_like(centre), radius, radius)
     thin, is_proved = proved(tape, thin, radius, matrix)
     found = thin.at(point, thin.image)
@@ -149,26 +143,28 @@ def _distinct(tubes: Tubes, found: Interval, alpha: float) -> list[int] | None:
     Solutions whose enclosures do not meet are different. Two enclosures that lie in one tube hold
     the same solution.
     """
-    count, pairs = len(tubes.first), []
-    for i in range(count):
-        others = np.arange(i + 1, count)
-        apart = (found.lo[:, others] > found.hi[:, [i]]) | (found.hi[:, others] < found.lo[:, [i]])
-        others = others[~apart.any(axis=0)]
-        mine, point = np.full(len(others), i), Interval(np.full(len(others), alpha))
-        is_same = tubes.only(mine).hold(found[:, others], point)
-        if not (is_same | tubes.only(others).hold(found[:, mine], point)).all():
-            return None
-        pairs += [(i, int(j)) for j in others]
-    return [min(group) for group in connected(range(count), pairs)]
+    touching = _touching(found)
+    one, other = np.nonzero(np.triu(touching, 1))
+    point = Interval(np.full(len(one), alpha))
+    is_same = tubes.only(one).hold(found[:, other], point)
+    is_same |= tubes.only(other).hold(found[:, one], point)
+    group = connected_components(touching, directed=False)[1]
+    first: list[int] = np.unique(group, return_index=True)[1].tolist()
+    return first if is_same.all() else None
+
+
+def _touching(boxes: Interval) -> Signs:
+    """Tell which of boxes (n, k) touch which, shape (k, k)."""
+    touch = np.ones((boxes.lo.shape[1],) * 2, dtype=bool)
+    for lo, hi in zip(boxes.lo, boxes.hi, strict=True):
+        touch &= lo <= hi[:, np.newaxis]
+    return touch & touch.T
 
 
 def _hulls(boxes: Interval) -> Interval:
     """Return the hulls of groups of boxes (n + 1, k) that touch, in the order of alpha."""
     boxes = boxes[:, np.argsort(boxes.lo[-1])]
-    touch = np.ones((boxes.lo.shape[1],) * 2, dtype=bool)
-    for lo, hi in zip(boxes.lo, boxes.hi, strict=True):
-        touch &= lo <= hi[:, np.newaxis]
-    count, group = connected_components(touch & touch.T, directed=False)
+    count, group = connected_components(_touching(boxes), directed=False)
     lo, hi = (np.full((count, len(boxes.lo)), far) for far in (np.inf, -np.inf))
     np.minimum.at(lo, group, boxes.lo.T)
     np.maximum.at(hi, group, boxes.hi.T)
@@ -180,9 +176,8 @@ def grouped(
 ) -> tuple[Interval, Signs, Array]:
     """Return the hulls of groups of open boxes (n + 1, k), which are passed, and their turns.
 
-    ``whole`` is the whole box (n + 1,), and ``scale`` are the magnitudes of coordinates. A turn
-    says whether the number of solutions only grows with alpha (1), only falls (-1), or stays (0); a
-    turn that is not known is not a number. Where many boxes are open, every box is a group.
+    ``whole`` is the whole box (n + 1,), and ``scale`` are the magnitudes of coordinates. Where many
+    boxes are open, every box is a group.
     """
     if not 0 < (count := boxes.lo.shape[1]) <= MOST_GROUPED:
         return boxes, np.zeros(count, dtype=bool), np.full(count, np.nan)

@@ -34,11 +34,9 @@ from pwscont.transitions.ends import settled
 FAR = 1e3
 #: Most unknowns of a formula that is tried.
 MANY_UNKNOWNS = 3
-#: Most work: boxes, times operations and derivatives of each box. Then the answer is the same on
-#: every machine, and comes within about a second.
-MOST_WORK = 3_000_000
-#: Operations that every box needs besides those of the formula.
-BESIDES = 10
+#: Most work, within about a second: boxes, times operations and derivatives of each box; and the
+#: operations that every box needs besides those of the formula. The answer depends on no clock.
+MOST_WORK, BESIDES = 3_000_000, 10
 #: The last limit, on a machine that is very slow.
 SECONDS = 5.0
 
@@ -250,10 +248,9 @@ class AlsoProved(Search):
     def searched(self, system: PiecewiseSystem) -> SearchScope:
         """Return the scope of the search."""
         scope = scope_of(self.search, system)
-        if shown_size(system) > MANY_UNKNOWNS:
-            return scope
-        what = f"{scope.what}; between the ends only if not all branches were proved before"
-        return SearchScope(what, scope.promise)
+        words = "; between the ends only if not all branches were proved before"
+        is_tried = shown_size(system) <= MANY_UNKNOWNS
+        return SearchScope(scope.what + words, scope.promise) if is_tried else scope
 
     def proved(self, system: PiecewiseSystem, interval: Range) -> BoxProof | None:
         """Return what the last run proved if everything is proved, else nothing."""

@@ -58,16 +58,14 @@ def _wave(function: Callable[[Array], Array], top: float) -> Map:
 
 #: Increasing functions by the names of numpy: the least and largest value and argument.
 INCREASING = {
+    **dict.fromkeys(["arctan", "sinh", "arcsinh"], (-INF, INF, -INF, INF)),
     "sqrt": (0.0, INF, 0.0, INF),
     "exp": (0.0, INF, -INF, INF),
     "expm1": (-1.0, INF, -INF, INF),
     "log": (-INF, INF, 0.0, INF),
     "log1p": (-INF, INF, -1.0, INF),
     "arcsin": (-INF, INF, -1.0, 1.0),
-    "arctan": (-INF, INF, -INF, INF),
-    "sinh": (-INF, INF, -INF, INF),
     "tanh": (-1.0, 1.0, -INF, INF),
-    "arcsinh": (-INF, INF, -INF, INF),
     "arctanh": (-INF, INF, -1.0, 1.0),
 }
 RISING_COSH = _increasing("cosh", 1.0, INF, 0.0, INF)

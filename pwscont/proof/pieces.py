@@ -33,8 +33,6 @@ HOLDS = 1e-7
 DUST = 1e-6
 #: Most unknowns of a piece that is looked at in rational numbers.
 MOST_RATIONAL = 80
-#: The least size of a term, to divide by.
-LEAST = 1e-300
 
 
 def certified_pieces(
@@ -48,11 +46,12 @@ def certified_pieces(
     undecided += [f"special point {node}" for node in proof.inner if not proof.is_joined(node)]
     if cells == []:
         undecided += proof.doubtful_infinities()
-    number = f"{counted(len(graph.pieces), 'piece')} and {counted(proof.transitions, 'transition')}"
-    others = "too many cells" if cells is None else f"{counted(len(cells), 'cell')} undecided"
-    words = f"{number}, proved; of other solutions nothing is proved: {others}"
+    words = f"{counted(len(graph.pieces), 'piece')} and {counted(proof.transitions, 'transition')}"
     if cells == []:
-        words = f"complete, proved: {number}"
+        words = f"complete, proved: {words}"
+    else:
+        others = "too many cells" if cells is None else f"{counted(len(cells), 'cell')} undecided"
+        words += f", proved; of other solutions nothing is proved: {others}"
     if proof.rays:
         places = ", ".join(f"{float(x[-1]):.8g}" for x in sorted(proof.rays, key=lambda x: x[-1]))
         words += f"; solutions without end at alpha = {places}"
@@ -112,7 +111,7 @@ class _Pieces:
         values = rows[:, :-1] @ x.T + rows[:, -1:]
         sizes = np.abs(rows[:, :-1]) @ self._magnitudes + np.abs(rows[:, -1])
         off = np.abs(values) <= HOLDS * sizes[:, np.newaxis]
-        room = values / np.maximum(sizes, LEAST)[:, np.newaxis]
+        room = values / (sizes + (sizes == 0.0))[:, np.newaxis]
         # the mode whose equations hold; of several, the mode with the most room
         marks = [
             [

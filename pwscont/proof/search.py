@@ -38,8 +38,8 @@ TRIED = 0.9
 WIDER = 1.1
 #: The least radius of a tube, relative to typical magnitudes.
 LEAST = 2.0**-44
-#: How much wider than necessary a tube is, in roundings of the tube's centre.
-SLACK = 64.0
+#: How much wider than necessary a tube is: a few roundings, relative to the tube's centre.
+SLACK = 64.0 * ULP
 #: Newton steps that improve the centre of a tube.
 POLISHED = 2
 
@@ -81,7 +81,7 @@ class Tubes(NamedTuple):
 
 def covered(
     tape: Tape, box: Interval, scale: Array, seconds: float, most: int | None = None
-) -> tuple[Tubes | None, Interval, int]:
+) -> tuple[Tubes, Interval, int]:
     """Return proved tubes and open boxes (n + 1, k) that hold all zeros of a formula in a box.
 
     And how many boxes were looked at, in some ``seconds`` at most. ``scale`` are the typical
@@ -89,7 +89,7 @@ def covered(
     be looked at is not begun.
     """
     whole = waiting = box[:, np.newaxis]
-    tubes: list[Tubes] = []
+    tubes = [Tubes(*np.zeros((3, 0)), *np.zeros((4, tape.size, 0)))]
     left, boxes, end = [whole[:, :0]], 0, perf_counter() + seconds
     most = most or MOST_BOXES * max(tape.size - 2, 1) ** 2
     while count := waiting.lo.shape[1]:
@@ -106,8 +106,8 @@ def covered(
             left.append(finished)
             following += rest
         waiting = together(np.hstack, *following)
-    joined = [np.concatenate(each, axis=-1) for each in zip(*tubes, strict=True)]
-    return Tubes(*joined) if tubes else None, together(np.hstack, *left), boxes
+    joined = (np.concatenate(each, axis=-1) for each in zip(*tubes, strict=True))
+    return Tubes(*joined), together(np.hstack, *left), boxes
 
 
 def _looked_at(
@@ -124,10 +124,8 @@ def _looked_at(
     tried = boxes[:-1].is_within(whole[:-1]).all(axis=0) & (spread.sum(axis=1).max(axis=0) < TRIED)
     rest, found = ~tried, list[Tubes]()
     if tried.any():
-        least = LEAST * scale[:-1]
-        tubes, is_proved = _around(tape, boxes[:, tried], slopes[:, :, tried], least)
-        rest[tried] = ~is_proved
-        found = [tubes.only(is_proved)]
+        tubes, is_proved = _around(tape, boxes[:, tried], slopes[..., tried], LEAST * scale[:-1])
+        rest[tried], found = ~is_proved, [tubes.only(is_proved)]
     boxes, slopes = boxes[:, rest], slopes[:, :, rest]
 
     size, (*unknowns, alpha) = scale[:, np.newaxis], boxes.width() / scale[:, np.newaxis]
@@ -210,26 +208,20 @@ def _around(tape: Tape, box: Interval, slopes: Interval, least: Array) -> tuple[
     guess, middle, alpha = slopes.middle(), box.middle(), box[-1]
     matrix = inverse_of(guess[:, :-1])
     slope = -np.einsum("ijb,jb->ib", matrix, guess[:, -1])
-    centre = polished(tape, middle, matrix)
+    centre = polished(tape, middle[:-1], middle[-1], matrix)
     tubes = Tubes(alpha.lo, middle[-1], alpha.hi, centre, slope, centre, centre)
-    radius = WIDER * tubes.far(box[:-1], alpha) + slack(centre)
+    radius = WIDER * tubes.far(box[:-1], alpha) + SLACK * np.abs(centre)
     tubes, is_proved = proved(tape, tubes, radius + least[:, np.newaxis], matrix)
     return tubes, is_proved & tubes.hold(box[:-1], alpha)
 
 
-def slack(centre: Array) -> Array:
-    """Return a distance that is a few roundings of numbers."""
-    return SLACK * ULP * np.abs(centre)
-
-
-def polished(tape: Tape, x: Array, matrix: Array) -> Array:
-    """Return the z of points (n + 1, B), moved towards solutions by steps of Newton."""
-    x = x.copy()
+def polished(tape: Tape, z: Array, alpha: Array, matrix: Array) -> Array:
+    """Return states (n, B) at alpha, moved towards solutions by steps of Newton."""
     for _ in range(POLISHED):
-        step = np.einsum("ijb,jb->ib", matrix, evaluated(tape, Interval(x)).middle())
-        x[:-1] -= np.where(np.isfinite(step), step, 0.0)
-    centre: Array = x[:-1]
-    return centre
+        value = evaluated(tape, Interval(np.vstack([z, alpha]))).middle()
+        step = np.einsum("ijb,jb->ib", matrix, value)
+        z = z - np.where(np.isfinite(step), step, 0.0)
+    return z
 
 
 def proved(tape: Tape, tubes: Tubes, radius: Array, matrix: Array) -> tuple[Tubes, Signs]:
