@@ -118,11 +118,9 @@ class Everywhere(Search):
         tape = tape_of(system)
         scale = np.append(metric.scale[: tape.size], interval[1] - interval[0])
         lower, upper = self.box or _default_box(system, scale[:-1], known or NothingKnown())
-        try:
-            ends = [np.broadcast_to(end, (tape.size,)) for end in (lower, upper)]
-        except ValueError as error:
-            words = f"box must broadcast to {tape.size} unknowns, got {self.box}"
-            raise InvalidInputError(words) from error
+        if not {np.size(lower), np.size(upper)} <= {1, tape.size}:
+            raise InvalidInputError(f"box must broadcast to {tape.size} unknowns, got {self.box}")
+        ends = [np.broadcast_to(end, (tape.size,)) for end in (lower, upper)]
         box = Interval(*(np.append(*each) for each in zip(ends, interval, strict=True)))
         key = [each.tobytes() for each in (box.lo, box.hi, scale)], tape.steps, tape.outputs
         last = self.proved(system, interval)
@@ -155,8 +153,9 @@ class Everywhere(Search):
 def _checked_box(box: Any) -> tuple[Any, Any]:
     is_pair = isinstance(box, tuple | list) and len(box) == 2
     lower, upper = (finite_array("box", end) for end in (box if is_pair else (1.0, 0.0)))
-    sizes = {end.shape for end in (lower, upper)} - {(), (1,)}
-    if len(sizes) > 1 or not (lower < upper).all():
+    shapes = {end.shape for end in (lower, upper)} - {(), (1,)}
+    are_vectors = len(shapes) <= 1 and max(lower.ndim, upper.ndim) <= 1
+    if not are_vectors or not (lower < upper).all():
         raise InvalidInputError(f"box must be a pair, least < largest, that fit, got {box!r}")
     plain: Any = [tuple(end.tolist()) if end.ndim else float(end) for end in (lower, upper)]
     return plain[0], plain[1]
