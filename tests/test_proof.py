@@ -8,7 +8,6 @@ from proof_families import Mixed, PiecewisePolynomial, proved, tubes_of
 from sweeps import swept
 
 import pwscont.proof.counts
-import pwscont.proof.groups
 import pwscont.proof.operations
 import pwscont.proof.search
 from pwscont import (
@@ -304,7 +303,7 @@ def test_two_folds_that_are_too_close_are_no_fold(name):
 
 def test_second_derivatives_are_needed_to_call_a_fold_a_fold(monkeypatch):
     always = lambda self, way: np.ones(way.lo.shape[1])  # noqa: E731
-    monkeypatch.setattr(pwscont.proof.groups._Passage, "_of_folds", always)
+    monkeypatch.setattr(pwscont.proof.counts._Passage, "_of_folds", always)
     with pytest.raises(AssertionError):
         test_two_folds_that_are_too_close_are_no_fold("smooth")
 

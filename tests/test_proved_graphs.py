@@ -18,6 +18,7 @@ from pwscont import (
     PiecewiseSystem,
     Switched,
     explore,
+    prove,
     trace,
 )
 from pwscont.curve.metric import Metric
@@ -289,3 +290,17 @@ def test_a_solution_of_zero_is_as_exact_as_the_branch_is_large():
     line = Switched(1, lambda z, a, sw: z - a)
     graph = explore(line, (-1.0, 1.0), events={"zero": lambda z, a: z[0]})
     assert graph.guarantee == "complete in the box, proved; balanced"
+
+
+def test_a_graph_with_infinitely_many_solutions_by_rounding_is_not_proved():
+    """The matrix is singular to rounding only: the doubles have two solutions at alpha = 0.5."""
+    matrix = [
+        [-0.9999999999999996, 2.0000000000000018, 6.851757162225668e-16],
+        [-0.9999999999999991, 2.0, 0.999999999999998],
+        [-1.0000000000000018, 1.9999999999999987, 0.9999999999999999],
+    ]
+    graph = explore(LCP(matrix, [-0.2, 0.0, 0.0], [1.0, 0.0, 0.0]), (-1.0, 1.0))
+    proof, count = prove(graph), prove(graph, 0.5)
+    assert count.count == 2
+    assert proof.holds is proof.is_complete is (graph.count(0.5) == 2)
+    assert count.holds is (graph.count(0.5) == 2)

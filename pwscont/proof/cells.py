@@ -18,8 +18,7 @@ from scipy.linalg import qr
 
 from pwscont.basics.arrays import Array, Indices, Signs
 from pwscont.enumeration.echelon import Echelon, integers
-from pwscont.proof.boxes import solved
-from pwscont.proof.interval import INF, Interval, together
+from pwscont.proof.interval import INF, Interval, solved, together
 from pwscont.system.abilities import ExactMode
 
 #: Most cells that are tried.

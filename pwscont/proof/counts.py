@@ -1,53 +1,68 @@
-"""What is proved of the solutions of a formula in a box, counted between folds.
+"""What tubes and open boxes prove of the solutions of a formula in a box.
 
 Theorem (the page "Proofs" of the manual): between groups of open boxes every solution in the
 box lies in a tube and inside the boundary of the box, so that the number of solutions in the box is
 constant on every stretch of alpha between groups; the number is counted at one alpha of the
 stretch.
+
+A group is *passed* if all solutions in its hull are proved to lie on one curve without branch
+points; other groups stay open. The *turn* of a group that is passed says how the number of
+solutions changes in the hull when alpha grows: the number only grows (1), only falls (-1), or stays
+(0). The turn is not a number where several switches are undecided, or a fold is near a kink or a
+face of the box.
 """
 
 from __future__ import annotations
 
-import numpy as np
+from itertools import islice
+from typing import final
 
-from pwscont.basics.arrays import Array
+import numpy as np
+from scipy.sparse.csgraph import connected_components
+
+from pwscont.basics.arrays import Array, Signs
 from pwscont.graph.proved import BoxProof, Corners, CountedStretch, Range
-from pwscont.graph.structure import connected
-from pwscont.proof.boxes import evaluated, inverse_of, with_slopes
-from pwscont.proof.groups import grouped
-from pwscont.proof.interval import FUNCTION_ULPS, Interval, chosen, together
-from pwscont.proof.search import FINEST_ALPHA, ROOM, Tubes, polished, proved, slack
+from pwscont.proof.enclosures import evaluated, with_slopes
+from pwscont.proof.interval import FUNCTION_ULPS, Interval, chosen, solved, together
+from pwscont.proof.operations import OPERATIONS, branch
+from pwscont.proof.search import FINEST_ALPHA, SLACK, Tubes, inverse_of, polished, proved
 from pwscont.proof.tape import Tape
 
-#: Places, as parts of a stretch between groups, where solutions are counted one after the other,
-#: until counts are certain.
-PLACES = (0.5, 0.381966, 0.61803, 0.26, 0.74)
-#: How many of these counts have to agree.
-AGREEING = 2
+#: How many times the residual an enclosure reaches.
+ROOM = 2.0
+#: Parts of a stretch where solutions are counted, one after the other; so many counts must agree.
+PLACES, AGREEING = (0.5, 0.381966, 0.61803, 0.26, 0.74), 2
 ASSUMED = (
     "assumed: a formula without state, the same for numbers and for the tape; arithmetic of "
     f"IEEE 754 to nearest; elementary functions of numpy within {FUNCTION_ULPS:g} units in "
     "the last place"
 )
-#: Assumed of classes besides.
 AGREEING_SELECTIONS = "; selections of a class that agree where tests vanish"
+
+
+#: Most open boxes that are put together.
+MOST_GROUPED = 4000
+#: Into how many parts the weights of two modes are divided.
+WEIGHTS = 8
+#: The rules with which a switch that is undecided has the derivative of one branch.
+MODES = [
+    {**OPERATIONS, "slope": lambda test, a, b, k=k: branch(test, a, b, (a, b)[k])} for k in (0, 1)
+]
 
 
 def counted_proof(
     tape: Tape,
     box: Interval,
     scale: Array,
-    tubes: Tubes | None,
-    open_boxes: Interval,
-    boxes: int,
+    found: tuple[Tubes, Interval, int],
     *,
     is_whole: bool = False,
 ) -> BoxProof:
-    """Return what tubes and open boxes, with all solutions in a box (n + 1,), prove.
+    """Return what tubes and open boxes with all solutions prove, from the answer of ``covered``.
 
-    ``scale``: the magnitudes of (z, alpha); ``boxes``: how many boxes were looked at; ``is_whole``:
-    whether a proof of a part is of no use, so that nothing is counted where a box is open.
+    ``is_whole``: a proof of a part is of no use, so that nothing is counted where a box is open.
     """
+    tubes, open_boxes, boxes = found
     hulls, passed, turns = grouped(tape, open_boxes, box, scale)
     unsaid = _united(hulls[-1], FINEST_ALPHA * float(scale[-1]))
     interval = float(box.lo[-1]), float(box.hi[-1])
@@ -65,7 +80,6 @@ def counted_proof(
 
 
 def _turn_of(turns: Array, alphas: Interval, lo: float, hi: float) -> float:
-    """Return the turn of all groups within a range of alpha together."""
     own = turns[(alphas.lo >= lo) & (alphas.hi <= hi)]
     least, largest = float(own.min()), float(own.max())
     return float(np.sign(least + largest)) if least * largest >= 0.0 else np.nan
@@ -82,31 +96,23 @@ def _united(ranges: Interval, apart: float) -> list[Range]:
     return united
 
 
-def _counted(tape: Tape, box: Interval, tubes: Tubes | None, stretch: Range) -> CountedStretch:
+def _counted(tape: Tape, box: Interval, tubes: Tubes, stretch: Range) -> CountedStretch:
     """Return a stretch with the solutions, whose numbers at several places agree."""
     lo, hi = stretch
-    known: dict[float, list[Corners]] = {}
-    for alpha in (lo + (hi - lo) * part for part in PLACES):
-        found = _solutions(tape, box, tubes, alpha) if lo < alpha < hi else None
-        if found is not None:
-            known[alpha] = found
-        if len(known) == AGREEING:
-            break
-    if len({len(found) for found in known.values()}) != 1:
+    places = (lo + (hi - lo) * part for part in PLACES)
+    found = ((x, _solutions(tape, box, tubes, x)) for x in places if lo < x < hi)
+    known = list(islice(((x, some) for x, some in found if some is not None), AGREEING))
+    if len({len(some) for _, some in known}) != 1:
         return CountedStretch(lo, hi, 0.5 * (lo + hi), None)
-    return CountedStretch(lo, hi, *next(iter(known.items())))
+    return CountedStretch(lo, hi, *known[0])
 
 
 @np.errstate(all="ignore")
-def _solutions(
-    tape: Tape, box: Interval, tubes: Tubes | None, alpha: float
-) -> list[Corners] | None:
+def _solutions(tape: Tape, box: Interval, tubes: Tubes, alpha: float) -> list[Corners] | None:
     """Return an enclosure (least, largest) of every solution in the box at alpha, off all groups.
 
     None where solutions are not told apart for certain.
     """
-    if tubes is None:
-        return []
     tubes = tubes.only((tubes.first <= alpha) & (alpha <= tubes.last))
     found, whole = _enclosed(tape, tubes, alpha), box[:-1, np.newaxis]
     outside = np.any((found.hi < whole.lo) | (found.lo > whole.hi), axis=0)
@@ -121,10 +127,10 @@ def _enclosed(tape: Tape, tubes: Tubes, alpha: float) -> Interval:
     known = tubes.at(point, tubes.image)
     slopes = with_slopes(tape.slopes, together(np.vstack, known, point))[1]
     matrix = inverse_of(slopes.middle()[:, :-1])
-    centre = polished(tape, np.vstack([known.middle(), point.lo]), matrix)
+    centre = polished(tape, known.middle(), point.lo, matrix)
     value = evaluated(tape, Interval(np.vstack([centre, point.lo])))
     far = np.einsum("ijb,jb->ib", np.abs(matrix), value.reach())
-    radius = ROOM * far + slack(centre) + slack(tubes.radius)
+    radius = ROOM * far + SLACK * (np.abs(centre) + tubes.radius)
     thin = Tubes(point.lo, point.lo, point.lo, centre, np.zeros_like(centre), radius, radius)
     thin, is_proved = proved(tape, thin, radius, matrix)
     found = thin.at(point, thin.image)
@@ -137,14 +143,139 @@ def _distinct(tubes: Tubes, found: Interval, alpha: float) -> list[int] | None:
     Solutions whose enclosures do not meet are different. Two enclosures that lie in one tube hold
     the same solution.
     """
-    count, pairs = len(tubes.first), []
-    for i in range(count):
-        others = np.arange(i + 1, count)
-        apart = (found.lo[:, others] > found.hi[:, [i]]) | (found.hi[:, others] < found.lo[:, [i]])
-        others = others[~apart.any(axis=0)]
-        mine, point = np.full(len(others), i), Interval(np.full(len(others), alpha))
-        is_same = tubes.only(mine).hold(found[:, others], point)
-        if not (is_same | tubes.only(others).hold(found[:, mine], point)).all():
-            return None
-        pairs += [(i, int(j)) for j in others]
-    return [min(group) for group in connected(range(count), pairs)]
+    touching = _touching(found)
+    one, other = np.nonzero(np.triu(touching, 1))
+    point = Interval(np.full(len(one), alpha))
+    is_same = tubes.only(one).hold(found[:, other], point)
+    is_same |= tubes.only(other).hold(found[:, one], point)
+    group = connected_components(touching, directed=False)[1]
+    first: list[int] = np.unique(group, return_index=True)[1].tolist()
+    return first if is_same.all() else None
+
+
+def _touching(boxes: Interval) -> Signs:
+    """Tell which of boxes (n, k) touch which, shape (k, k)."""
+    touch = np.ones((boxes.lo.shape[1],) * 2, dtype=bool)
+    for lo, hi in zip(boxes.lo, boxes.hi, strict=True):
+        touch &= lo <= hi[:, np.newaxis]
+    return touch & touch.T
+
+
+def _hulls(boxes: Interval) -> Interval:
+    """Return the hulls of groups of boxes (n + 1, k) that touch, in the order of alpha."""
+    boxes = boxes[:, np.argsort(boxes.lo[-1])]
+    count, group = connected_components(_touching(boxes), directed=False)
+    lo, hi = (np.full((count, len(boxes.lo)), far) for far in (np.inf, -np.inf))
+    np.minimum.at(lo, group, boxes.lo.T)
+    np.maximum.at(hi, group, boxes.hi.T)
+    return Interval(lo.T, hi.T)
+
+
+def grouped(
+    tape: Tape, boxes: Interval, whole: Interval, scale: Array
+) -> tuple[Interval, Signs, Array]:
+    """Return the hulls of groups of open boxes (n + 1, k), which are passed, and their turns.
+
+    ``whole`` is the whole box (n + 1,), and ``scale`` are the magnitudes of coordinates. Where many
+    boxes are open, every box is a group.
+    """
+    if not 0 < (count := boxes.lo.shape[1]) <= MOST_GROUPED:
+        return boxes, np.zeros(count, dtype=bool), np.full(count, np.nan)
+    passage = _Passage(tape, _hulls(boxes), scale)
+    passed = passage.is_passed()
+    return passage.hulls, passed, np.where(passed, passage.turns(whole), np.nan)
+
+
+@final
+class _Passage:
+    """What the derivatives in hulls of groups say of the solutions there.
+
+    The curve is proved if the derivatives of H and of one linear function make a regular matrix,
+    whatever the derivatives in the hull: then H and the function together are injective. If one
+    switch may be in two modes, the derivatives are averages of both modes with any weight; if
+    several switches may be, the derivatives are anything in the hull.
+    """
+
+    def __init__(self, tape: Tape, hulls: Interval, scale: Array) -> None:
+        self._tape, self.hulls, self._scale = tape, hulls, Interval(scale[:, np.newaxis])
+        tests, by = with_slopes(tape.tests, hulls)
+        either = ~((tests.lo >= 0.0) | (tests.hi < 0.0))
+        self._undecided = either.sum(axis=0)
+        self._test = Interval(np.zeros_like(hulls.lo))  # of the switch that is undecided
+        for k in range(len(either)):
+            self._test = chosen(either[k], by[k] * self._scale, self._test)
+        hull, *modes = (with_slopes(tape.slopes, hulls, rules)[1] for rules in (OPERATIONS, *MODES))
+        self._modes = [chosen(self._undecided > 1, hull, each) * self._scale for each in modes]
+        self._along = np.sum([_tangent(each.middle()) for each in self._modes], axis=0)
+
+    def is_passed(self) -> Signs:
+        """Tell in which hulls all solutions lie on one curve without branch points."""
+        one, other = self._modes
+        passed = np.ones(len(self._undecided), dtype=bool)
+        for k in range(WEIGHTS):
+            weight = Interval(np.full(1, k / WEIGHTS), np.full(1, (k + 1) / WEIGHTS))
+            mixed = chosen(self._undecided == 1, other + weight * (one - other), one)
+            found = _solved(mixed, self._along, Interval(0.0 * self._along))
+            passed &= np.isfinite(found.lo).all(axis=0)
+        return passed
+
+    def turns(self, whole: Interval) -> Array:
+        """Return the turns of groups that are passed."""
+        # tangents t, with K t = (0, ..., 0, 1)
+        unit = np.eye(len(self._along))[:, -1:] + 0.0 * self._along
+        ways = [_solved(each, self._along, Interval(unit)) for each in self._modes]
+        slope, other = (_sign(each[-1]) for each in ways)
+        inside = self.hulls[:-1].is_within(whole[:-1, np.newaxis]).all(axis=0)
+        opens = np.where(self._undecided == 0, self._of_folds(ways[0]), self._of_kinks(ways))
+        turning = np.where(inside, opens, np.nan)
+        return np.where(slope == other, self._of_faces(whole, ways), turning)
+
+    def _of_folds(self, way: Interval) -> Array:
+        """Return the signs of the second derivative of alpha along smooth curves."""
+        bent = evaluated(self._tape.bent, together(np.vstack, self.hulls, way * self._scale))
+        right = together(np.vstack, bent, Interval(np.zeros_like(bent.lo[:1])))
+        return -_sign(_solved(self._modes[0], self._along, right)[-1])
+
+    def _of_kinks(self, ways: list[Interval]) -> Array:
+        """Return the signs of the change of the slope of alpha at kinks that are crossed once."""
+        test, other = (_sign((self._test * each).total()) for each in ways)
+        slope, before = (_sign(each[-1]) for each in ways)
+        is_one = (self._undecided == 1) & (test == other) & (slope == -before)
+        return np.where(is_one, test * slope, np.nan)
+
+    def _of_faces(self, whole: Interval, ways: list[Interval]) -> Array:
+        """Return the turns of hulls in which the curve goes on in alpha, by the faces touched."""
+        touched = turns = 0.0 * self._undecided
+        for i in range(self._tape.size):
+            one, other = (_sign(each[i]) * _sign(each[-1]) for each in ways)
+            speed = np.where(one == other, one, np.nan)
+            at_least, at_most = self.hulls.lo[i] <= whole.lo[i], self.hulls.hi[i] >= whole.hi[i]
+            touched = touched + at_least + at_most
+            turns = np.where(at_least, speed, np.where(at_most, -speed, turns))
+        return np.where(touched > 1.0, np.nan, turns)
+
+
+def _sign(x: Interval) -> Array:
+    """Return the signs of intervals, not a number where an interval may hold zero."""
+    return np.where(x.lo > 0.0, 1.0, np.where(x.hi < 0.0, -1.0, np.nan))
+
+
+def _tangent(slopes: Array) -> Array:
+    """Return about the unit tangents of curves, oriented by determinants, shape (n + 1, k)."""
+    rows = np.where(np.isfinite(slopes), slopes, 0.0).transpose(2, 0, 1)
+    tangent = np.linalg.svd(rows)[2][:, -1:]
+    sign = np.linalg.slogdet(np.concatenate([rows, tangent], axis=1))[0]
+    oriented: Array = (sign[:, np.newaxis] * tangent[:, 0]).T
+    return oriented
+
+
+def _solved(slopes: Interval, along: Array, right: Interval) -> Interval:
+    """Return what holds all x, shape (n + 1, k), with K x = right.
+
+    K are the derivatives with the row ``along``, shape (n + 1, n + 1, k); where K may be singular,
+    nothing is said.
+    """
+    square = together(np.concatenate, slopes, Interval(along[np.newaxis]))
+    parts = [each.arranged(lambda end: np.moveaxis(end, -1, 0)) for each in (square, -right)]
+    found = solved(parts[0], parts[1][..., np.newaxis])
+    return found[..., 0].arranged(np.transpose)

@@ -18,7 +18,7 @@ from pwscont.basics.outcome import Failure, Guarantee, SearchScope
 from pwscont.curve.error_samples import Found
 from pwscont.curve.metric import Metric
 from pwscont.curve.semismooth import semismooth_newton
-from pwscont.graph.proved import BoxProof
+from pwscont.graph.proved import BoxProof, Range
 from pwscont.proof.counts import counted_proof
 from pwscont.proof.formulas import check_tape, tape_of
 from pwscont.proof.interval import Interval
@@ -34,11 +34,9 @@ from pwscont.transitions.ends import settled
 FAR = 1e3
 #: Most unknowns of a formula that is tried.
 MANY_UNKNOWNS = 3
-#: Most work: boxes, times operations and derivatives of each box. Then the answer is the same on
-#: every machine, and comes within about a second.
-MOST_WORK = 3_000_000
-#: Operations that every box needs besides those of the formula.
-BESIDES = 10
+#: Most work, within about a second: boxes, times operations and derivatives of each box; and the
+#: operations that every box needs besides those of the formula. The answer depends on no clock.
+MOST_WORK, BESIDES = 3_000_000, 10
 #: The last limit, on a machine that is very slow.
 SECONDS = 5.0
 
@@ -90,31 +88,25 @@ class Everywhere(Search):
         if self.box is not None:
             object.__setattr__(self, "box", _checked_box(self.box))
 
-    def starts(
-        self, system: PiecewiseSystem, metric: Metric, interval: tuple[float, float]
-    ) -> Iterator[Found]:
+    def starts(self, system: PiecewiseSystem, metric: Metric, interval: Range) -> Iterator[Found]:
         """Yield the proved solutions, then what the default search finds if something is open."""
         return self.starts_beside(system, metric, interval, NothingKnown())
 
     def starts_beside(
-        self,
-        system: PiecewiseSystem,
-        metric: Metric,
-        interval: tuple[float, float],
-        known: KnownBranches,
+        self, system: PiecewiseSystem, metric: Metric, interval: Range, known: KnownBranches
     ) -> Iterator[Found]:
         """Yield the proved solutions, then what the default search finds if something is open."""
         proof = self.prove(system, metric, interval, known)
         yield from _proved_starts(proof, system, metric, known)
         if not proof.holds:
-            search = default_search(system, interval)
-            yield from starts_of(search, system, metric, interval, known)
+            others = default_search(system, interval)
+            yield from starts_of(others, system, metric, interval, known)
 
     def prove(
         self,
         system: PiecewiseSystem,
         metric: Metric,
-        interval: tuple[float, float],
+        interval: Range,
         known: KnownBranches | None = None,
         most: int | None = None,
     ) -> BoxProof:
@@ -126,11 +118,9 @@ class Everywhere(Search):
         tape = tape_of(system)
         scale = np.append(metric.scale[: tape.size], interval[1] - interval[0])
         lower, upper = self.box or _default_box(system, scale[:-1], known or NothingKnown())
-        try:
-            ends = [np.broadcast_to(end, (tape.size,)) for end in (lower, upper)]
-        except ValueError as error:
-            words = f"box must broadcast to {tape.size} unknowns, got {self.box}"
-            raise InvalidInputError(words) from error
+        if not {np.size(lower), np.size(upper)} <= {1, tape.size}:
+            raise InvalidInputError(f"box must broadcast to {tape.size} unknowns, got {self.box}")
+        ends = [np.broadcast_to(end, (tape.size,)) for end in (lower, upper)]
         box = Interval(*(np.append(*each) for each in zip(ends, interval, strict=True)))
         key = [each.tobytes() for each in (box.lo, box.hi, scale)], tape.steps, tape.outputs
         last = self.proved(system, interval)
@@ -139,14 +129,14 @@ class Everywhere(Search):
         check_tape(tape, system, box)
         with np.errstate(all="ignore"):
             found = covered(tape, box, scale, self.seconds, most)
-            proof = counted_proof(tape, box, scale, *found, is_whole=most is not None)
+            proof = counted_proof(tape, box, scale, found, is_whole=most is not None)
         formula = formula_of(system) or system
         self._last.update(formula=formula, interval=interval, key=key, proof=proof)
         return proof
 
     prove_again = prove
 
-    def proved(self, system: PiecewiseSystem, interval: tuple[float, float]) -> BoxProof | None:
+    def proved(self, system: PiecewiseSystem, interval: Range) -> BoxProof | None:
         """Return the proof of the last run, if the run was of this formula and interval."""
         last, formula = self._last, formula_of(system) or system
         is_last = last.get("formula") is formula and last.get("interval") == interval
@@ -155,26 +145,19 @@ class Everywhere(Search):
     def searched(self, system: PiecewiseSystem) -> SearchScope:
         """Promise nothing here: what is proved, the graph says by its proof."""
         box = "bounds, or 1000 typical magnitudes" if self.box is None else f"{self.box}"
-        what = (
-            f"all solutions proved in a box of the unknowns ({box}), if within {self.seconds:g} s"
-        )
-        return SearchScope(
-            f"{what}; where something is open, the default search", Guarantee.NOTHING
-        )
+        what = f"all solutions proved in a box of the unknowns ({box})"
+        what += f", if within {self.seconds:g} s; where something is open, the default search"
+        return SearchScope(what, Guarantee.NOTHING)
 
 
 def _checked_box(box: Any) -> tuple[Any, Any]:
-    """Return the ends of a box as numbers or tuples, or refuse what is no box."""
-    if not isinstance(box, tuple | list) or len(box) != 2:
-        raise InvalidInputError(f"box must be a pair (least, largest), got {box!r}")
-    lower, upper = (finite_array("box", end) for end in box)
-    try:
-        is_ordered = bool((lower < upper).all())
-    except ValueError as error:
-        raise InvalidInputError(f"the two ends of box do not fit: {error}") from error
-    if not is_ordered:
-        raise InvalidInputError(f"box needs least < largest, got {box!r}")
-    plain = [tuple(end.tolist()) if end.ndim else float(end) for end in (lower, upper)]
+    is_pair = isinstance(box, tuple | list) and len(box) == 2
+    lower, upper = (finite_array("box", end) for end in (box if is_pair else (1.0, 0.0)))
+    shapes = {end.shape for end in (lower, upper)} - {(), (1,)}
+    are_vectors = len(shapes) <= 1 and max(lower.ndim, upper.ndim) <= 1
+    if not are_vectors or not (lower < upper).all():
+        raise InvalidInputError(f"box must be a pair, least < largest, that fit, got {box!r}")
+    plain: Any = [tuple(end.tolist()) if end.ndim else float(end) for end in (lower, upper)]
     return plain[0], plain[1]
 
 
@@ -234,37 +217,23 @@ class AlsoProved(Search):
     search: Search
     _everywhere: Everywhere = field(default_factory=lambda: Everywhere(seconds=SECONDS), repr=False)
 
-    def starts(
-        self, system: PiecewiseSystem, metric: Metric, interval: tuple[float, float]
-    ) -> Iterator[Found]:
+    def starts(self, system: PiecewiseSystem, metric: Metric, interval: Range) -> Iterator[Found]:
         """Yield what the search finds, then what is proved."""
         return self.starts_beside(system, metric, interval, NothingKnown())
 
     def starts_beside(
-        self,
-        system: PiecewiseSystem,
-        metric: Metric,
-        interval: tuple[float, float],
-        known: KnownBranches,
+        self, system: PiecewiseSystem, metric: Metric, interval: Range, known: KnownBranches
     ) -> Iterator[Found]:
         """Yield what the search finds, then what is proved."""
         prove = partial(self.prove_again, system, metric, interval, known)
-        beside: Any = SimpleNamespace(
-            at=known.at,
-            near=known.near,
-            extremes=known.extremes,
-            are_all=lambda: prove() is not None,
-        )
+        asked = {name: getattr(known, name) for name in ("at", "near", "extremes")}
+        beside: Any = SimpleNamespace(**asked, are_all=lambda: prove() is not None)
         yield from starts_of(self.search, system, metric, interval, beside)
         if proof := prove():
             yield from _proved_starts(proof, system, metric, known)
 
     def prove_again(
-        self,
-        system: PiecewiseSystem,
-        metric: Metric,
-        interval: tuple[float, float],
-        known: KnownBranches,
+        self, system: PiecewiseSystem, metric: Metric, interval: Range, known: KnownBranches
     ) -> BoxProof | None:
         """Return the proof of all solutions, or nothing where anything stays open."""
         if shown_size(system) > MANY_UNKNOWNS or current_budget().is_limited:
@@ -278,12 +247,11 @@ class AlsoProved(Search):
     def searched(self, system: PiecewiseSystem) -> SearchScope:
         """Return the scope of the search."""
         scope = scope_of(self.search, system)
-        if shown_size(system) > MANY_UNKNOWNS:
-            return scope
-        what = f"{scope.what}; between the ends only if not all branches were proved before"
-        return SearchScope(what, scope.promise)
+        words = "; between the ends only if not all branches were proved before"
+        is_tried = shown_size(system) <= MANY_UNKNOWNS
+        return SearchScope(scope.what + words, scope.promise) if is_tried else scope
 
-    def proved(self, system: PiecewiseSystem, interval: tuple[float, float]) -> BoxProof | None:
+    def proved(self, system: PiecewiseSystem, interval: Range) -> BoxProof | None:
         """Return what the last run proved if everything is proved, else nothing."""
         proof = self._everywhere.proved(system, interval)
         return proof if proof is not None and proof.holds else None

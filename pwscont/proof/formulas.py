@@ -15,7 +15,7 @@ from pwscont.basics.arrays import Array, generic
 from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidInputError
 from pwscont.notation.curved import SwitchedSystem
-from pwscont.proof.boxes import evaluated
+from pwscont.proof.enclosures import evaluated
 from pwscont.proof.interval import Interval
 from pwscont.proof.tape import NotTracedError, Tape, as_array
 from pwscont.system.system import PiecewiseSystem, SlicewiseLinearSystem
@@ -30,7 +30,6 @@ LOOKS, BISECTIONS = 200, 60
 
 
 def _each(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Return a switch of arrays from a function of a tape and numbers."""
     names = signature(function)
 
     def switch(switches: TracedSwitches, *args: Any, **named: Any) -> Any:
@@ -46,18 +45,36 @@ def _select(tape: Tape, s: Any, a: Any, b: Any) -> Any:
     return a if tape.place_of(a) == tape.place_of(b) else tape.node("select", s, a, b)
 
 
+def _parted(tape: Tape, bound: Any) -> tuple[Any, float]:
+    """Return a number, with a sign, and a constant: their sum is a bound, exactly."""
+    place = tape.place_of(bound)
+    step = tape.steps[place]
+    if step.name == "constant":
+        return None, step.numbers[0]
+    if step.name == "negative":
+        return (step.args[0], -1.0), 0.0
+    if step.name in ("add", "subtract"):
+        sign = 1.0 if step.name == "add" else -1.0
+        (first, one), (last, other) = ((arg, tape.steps[arg]) for arg in step.args)
+        if one.name == "constant":
+            return (last, sign), one.numbers[0]
+        if other.name == "constant":
+            return (first, 1.0), sign * other.numbers[0]
+    return (place, 1.0), 0.0
+
+
 def _clip(tape: Tape, a: Any, lower: Any, upper: Any) -> Any:
     """Return a clipped number; with bounds in the wrong order, what the notation returns.
 
     A clip whose bounds may not be in order is decisions, across which nothing is proved.
     """
-    node, are_known = tape.node, [isinstance(each, Real) for each in (lower, upper)]
-    if are_known[0] and lower == -np.inf:
-        return a if are_known[1] and upper == np.inf else node("min", a, upper)
-    if are_known[1] and upper == np.inf:
-        return node("max", a, lower)
-    clipped = node("max", lower, node("min", a, upper))
-    (low, least), (high, most) = (tape.parted(each) for each in (lower, upper))
+    node = tape.node
+    is_open = [isinstance(end, Real) and np.isinf(float(end)) for end in (lower, upper)]
+    clipped = a if is_open[1] else node("min", a, upper)
+    clipped = clipped if is_open[0] else node("max", lower, clipped)
+    if any(is_open):
+        return clipped
+    (low, least), (high, most) = _parted(tape, lower), _parted(tape, upper)
     if low == high and least <= most:
         return clipped
     crossed = node("where", a - lower, upper, node("where", a - upper, a, lower))
@@ -83,7 +100,12 @@ def traced(f: Callable[[Any, Any, Any], Any], size: int) -> Tape:
     tape, again = Tape(size), Tape(size)
     try:
         for each in (tape, again):
-            _write(each, f)
+            nodes = [each.node("variable", numbers=(i,)) for i in range(size + 1)]
+            with np.errstate(all="ignore"):
+                found = f(np.array(nodes[:-1], dtype=object), nodes[-1], TracedSwitches(each))
+            for error in each.refused:  # the formula went on without the number
+                raise error
+            each.outputs = [each.place_of(x) for x in np.asarray(found, dtype=object).ravel()]
         if (tape.steps, tape.outputs) != (again.steps, again.outputs):
             raise NotTracedError("the formula is another one each time")
     except Exception as error:
@@ -93,18 +115,6 @@ def traced(f: Callable[[Any, Any, Any], Any], size: int) -> Tape:
     if len(tape.outputs) != size:
         raise InvalidInputError(f"the formula returned {len(tape.outputs)} numbers, not {size}")
     return tape
-
-
-def _write(tape: Tape, f: Callable[[Any, Any, Any], Any]) -> None:
-    """Write a formula on an empty tape."""
-    nodes = [tape.node("variable", numbers=(i,)) for i in range(tape.size + 1)]
-    z = np.empty(tape.size, dtype=object)
-    z[:] = nodes[:-1]
-    with np.errstate(all="ignore"):
-        found = np.asarray(f(z, nodes[-1], TracedSwitches(tape)), dtype=object).ravel()
-    for error in tape.refused:  # the formula went on without the number
-        raise error
-    tape.outputs = [tape.place_of(each) for each in found]
 
 
 def tape_of(system: PiecewiseSystem) -> Tape:

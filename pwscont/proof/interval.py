@@ -23,6 +23,8 @@ from pwscont.basics.arrays import Array, Signs
 ULP = 2.0**-52
 #: The smallest positive number: products and quotients may err by half of it near zero.
 SMALLEST = 5e-324
+#: The least radius of an enclosure of solutions, far above all numbers that underflow.
+LEAST = 1e-290
 #: How many units in the last place an elementary function of numpy may err: an assumption, see
 #: docs/theory, F21.
 FUNCTION_ULPS = 4.0
@@ -55,7 +57,6 @@ def _error(x: Array, ulps: float) -> Array:
 
 
 def _paired(of_lower: Ends, of_upper: Ends) -> Callable[[Interval, Interval], Interval]:
-    """Return a function of two intervals that takes the ends together."""
     return lambda x, y: Interval(of_lower(x.lo, y.lo), of_upper(x.hi, y.hi))
 
 
@@ -102,7 +103,6 @@ class Interval:
         return self._over(other, np.divide).where(other.excludes_zero())
 
     def _over(self, other: Interval, operation: Ends) -> Interval:
-        """Return the hull of an operation on all pairs of ends."""
         found = [operation(x, y) for x in self._ends() for y in other._ends()]
         return Interval.rounded(reduce(np.minimum, found), reduce(np.maximum, found))
 
@@ -173,9 +173,7 @@ class Interval:
 
     def middle(self) -> Array:
         """Return a number in each interval, near the middle."""
-        middle = 0.5 * self.lo
-        middle += 0.5 * self.hi
-        return middle
+        return 0.5 * self.lo + 0.5 * self.hi
 
     def width(self) -> Array:
         """Return about how wide each interval is."""
@@ -212,3 +210,31 @@ def chosen(condition: Signs, one: Interval, other: Interval) -> Interval:
 def together(function: Callable[[list[Array]], Array], *parts: Interval) -> Interval:
     """Return one interval from several, put together by np.stack, np.vstack or the like."""
     return Interval(function([x.lo for x in parts]), function([x.hi for x in parts]))
+
+
+def inverses(matrices: Array) -> Array:
+    """Return the inverses of matrices (B, n, n) to rounding, nan for singular matrices."""
+    regular = np.linalg.slogdet(matrices)[0][:, np.newaxis, np.newaxis] != 0.0
+    inverse: Array = np.linalg.inv(np.where(regular, matrices, np.eye(matrices.shape[-1])))
+    return np.where(regular, inverse, np.nan)
+
+
+def solved(matrix: Interval, right: Interval) -> Interval:
+    """Return x with matrix x + right = 0 for B systems, shapes (B, n, n) and (B, n, m).
+
+    With R about the inverse, the error e of x solves e = (I - R K) e - R (K x + k): a radius v with
+    |R (K x + k)| + |I - R K| v < v bounds the error, and K is regular (Rump 2010, section 10). Else
+    nothing is said.
+    """
+    middle, n = matrix.middle(), matrix.lo.shape[-1]
+    if matrix.lo.shape[-2] != n:
+        return Interval(np.full((len(middle), n, right.lo.shape[-1]), np.nan))
+    inverse = inverses(middle)
+    x = -(inverse @ right.middle())
+    x = x - inverse @ (middle @ x + right.middle())
+    start = (Interval(inverse) @ (matrix @ Interval(x) + right)).reach()
+    off = (Interval(inverse) @ matrix - np.eye(n)).reach()
+    radius = 2.0 * (start + off @ (2.0 * start)) + LEAST
+    image = upper(start + off @ radius, n + 1)
+    holds: Signs = np.all(image < radius, axis=(-2, -1), keepdims=True)
+    return Interval.rounded(x - image, x + image).where(holds)

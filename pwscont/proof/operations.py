@@ -1,4 +1,4 @@
-"""The operations of a tape, one table: values of intervals, and inverses that contract arguments.
+"""The operations of a tape, one table: values of intervals.
 
 Increasing functions take ends to ends; sine and cosine take the value 1 wherever a crest may lie in
 the interval, as far as rounding of the argument can tell. Derivatives are those of the notation.
@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import operator
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -20,18 +20,7 @@ FAR = 1e6
 #: By how much of a period the place of a crest may be misjudged; rounding of arguments below FAR
 #: makes errors smaller by a factor of a thousand.
 BLUR = 1e-6
-Known = list[Interval]
 Map = Callable[[Interval], Interval]
-
-
-class Rule(NamedTuple):
-    """What is known of an operation y of arguments x; a power takes its exponent last.
-
-    ``values``: intervals x -> y; ``inverse``: intervals y, x -> for each argument what holds it.
-    """
-
-    values: Callable[..., Interval]
-    inverse: Callable[..., Known] | None = None
 
 
 def _increasing(name: str, least: float, most: float, first: float, last: float) -> Map:
@@ -39,14 +28,11 @@ def _increasing(name: str, least: float, most: float, first: float, last: float)
     function, ulps = getattr(np, name), 1.0 if name == "sqrt" else FUNCTION_ULPS
 
     def values(x: Interval) -> Interval:
-        found = _within(Interval.rounded(function(x.lo), function(x.hi), ulps), least, most)
-        return found.where((x.lo >= first) & (x.hi <= last))
+        y = Interval.rounded(function(x.lo), function(x.hi), ulps)
+        y = Interval(np.maximum(y.lo, least), np.minimum(y.hi, most))
+        return y.where((x.lo >= first) & (x.hi <= last))
 
     return values
-
-
-def _within(y: Interval, least: float, most: float) -> Interval:
-    return Interval(np.maximum(y.lo, least), np.minimum(y.hi, most))
 
 
 def _has_crest(x: Interval, place: float) -> Signs:
@@ -70,30 +56,19 @@ def _wave(function: Callable[[Array], Array], top: float) -> Map:
     return values
 
 
-#: Increasing functions by the names of numpy: the least and largest value, the least and largest
-#: argument, and the name of the inverse, if that is increasing everywhere.
+#: Increasing functions by the names of numpy: the least and largest value and argument.
 INCREASING = {
-    "sqrt": (0.0, INF, 0.0, INF, "square"),
-    "exp": (0.0, INF, -INF, INF, "log"),
-    "expm1": (-1.0, INF, -INF, INF, "log1p"),
-    "log": (-INF, INF, 0.0, INF, "exp"),
-    "log1p": (-INF, INF, -1.0, INF, "expm1"),
-    "arcsin": (-INF, INF, -1.0, 1.0, ""),
-    "arctan": (-INF, INF, -INF, INF, ""),
-    "sinh": (-INF, INF, -INF, INF, "arcsinh"),
-    "tanh": (-1.0, 1.0, -INF, INF, "arctanh"),
-    "arcsinh": (-INF, INF, -INF, INF, "sinh"),
-    "arctanh": (-INF, INF, -1.0, 1.0, "tanh"),
+    **dict.fromkeys(["arctan", "sinh", "arcsinh"], (-INF, INF, -INF, INF)),
+    "sqrt": (0.0, INF, 0.0, INF),
+    "exp": (0.0, INF, -INF, INF),
+    "expm1": (-1.0, INF, -INF, INF),
+    "log": (-INF, INF, 0.0, INF),
+    "log1p": (-INF, INF, -1.0, INF),
+    "arcsin": (-INF, INF, -1.0, 1.0),
+    "tanh": (-1.0, 1.0, -INF, INF),
+    "arctanh": (-INF, INF, -1.0, 1.0),
 }
-VALUES: dict[str, Map] = {name: _increasing(name, *ends) for name, (*ends, _) in INCREASING.items()}
-VALUES["square"] = lambda x: x**2
 RISING_COSH = _increasing("cosh", 1.0, INF, 0.0, INF)
-TAN_BETWEEN_POLES = _increasing("tan", -INF, INF, -FAR, FAR)
-
-
-def _tan(x: Interval) -> Interval:
-    pole = _has_crest(x, 0.5 * np.pi) | _has_crest(x, -0.5 * np.pi)
-    return TAN_BETWEEN_POLES(x).where(~pole)
 
 
 def branch(test: Interval, a: Interval, b: Interval, either: Interval | None = None) -> Interval:
@@ -101,58 +76,29 @@ def branch(test: Interval, a: Interval, b: Interval, either: Interval | None = N
     return chosen(test.lo >= 0.0, a, chosen(test.hi < 0.0, b, either or a.hull(b)))
 
 
-def _of_increasing(name: str) -> Callable[[Interval, Interval], Known] | None:
-    least, most, *_, inverse = INCREASING[name]
-    return (lambda y, x: [VALUES[inverse](_within(y, least, most))]) if inverse else None
-
-
-def _of_max(y: Interval, a: Interval, b: Interval) -> Known:
-    """Return y for an argument if the other argument is certainly smaller, else its upper end."""
-    top = Interval(np.full_like(y.lo, -INF), y.hi)
-    return _of_defined([a, b], [chosen(b.hi < y.lo, y, top), chosen(a.hi < y.lo, y, top)])
-
-
-def _of_min(y: Interval, a: Interval, b: Interval) -> Known:
-    return [-each for each in _of_max(-y, -a, -b)]
-
-
-def _of_defined(x: Known, known: Known) -> Known:
-    """Return nothing of arguments that may have no value: a switch may take the other argument."""
-    return [each.where(own.lo <= own.hi) for own, each in zip(x, known, strict=True)]
-
-
-def _of_abs(y: Interval, x: Interval) -> Known:
-    """Return the numbers of magnitude y: on one side of zero if x is certainly on one side."""
-    return [Interval(np.where(x.lo > -y.lo, y.lo, -y.hi), np.where(x.hi < y.lo, -y.lo, y.hi))]
-
-
-def _of_power(y: Interval, x: Interval, k: float) -> Known:
-    return _of_abs(VALUES["sqrt"](_within(y, 0.0, INF)), x) if k == 2.0 else []
-
-
 #: Smooth functions of one argument, by the names of numpy.
-ELEMENTARY = {
-    **{name: Rule(VALUES[name], _of_increasing(name)) for name in INCREASING},
-    "sin": Rule(_wave(np.sin, 0.5 * np.pi)),
-    "cos": Rule(_wave(np.cos, 0.0)),
-    "tan": Rule(_tan),
-    "cosh": Rule(lambda x: RISING_COSH(abs(x))),
+ELEMENTARY: dict[str, Map] = {
+    **{name: _increasing(name, *ends) for name, ends in INCREASING.items()},
+    "sin": _wave(np.sin, 0.5 * np.pi),
+    "cos": _wave(np.cos, 0.0),
+    "cosh": lambda x: RISING_COSH(abs(x)),
 }
-#: "slope" and "jump" are the derivatives of switches: of continuous ones, and of ``where``, across
-#: whose kinks nothing is known, for f may jump.
-OPERATIONS = {
-    "constant": Rule(lambda number: Interval(np.full(1, number))),
-    "negative": Rule(operator.neg, lambda y, x: [-y]),
-    "add": Rule(operator.add, lambda y, a, b: [y - b, y - a]),
-    "subtract": Rule(operator.sub, lambda y, a, b: [y + b, a - y]),
-    "multiply": Rule(operator.mul, lambda y, a, b: [y / b, y / a]),
-    "divide": Rule(operator.truediv, lambda y, a, b: [y * b, a / y]),
-    "power": Rule(operator.pow, _of_power),
-    "abs": Rule(operator.abs, _of_abs),
-    "max": Rule(Interval.maximum, _of_max),
-    "min": Rule(Interval.minimum, _of_min),
-    **dict.fromkeys(["where", "select", "slope"], Rule(branch)),
-    "jump": Rule(lambda test, a, b: branch(test, a, b, Interval(np.nan))),
+#: Intervals of results from intervals of arguments; a power takes its exponent last. "slope" and
+#: "jump" are the derivatives of switches: of continuous ones, and of ``where``, across whose kinks
+#: nothing is known, for f may jump.
+OPERATIONS: dict[str, Callable[..., Interval]] = {
+    "constant": lambda number: Interval(np.full(1, number)),
+    "negative": operator.neg,
+    "add": operator.add,
+    "subtract": operator.sub,
+    "multiply": operator.mul,
+    "divide": operator.truediv,
+    "power": operator.pow,
+    "abs": operator.abs,
+    "max": Interval.maximum,
+    "min": Interval.minimum,
+    **dict.fromkeys(["where", "select", "slope"], branch),
+    "jump": lambda test, a, b: branch(test, a, b, Interval(np.nan)),
     **ELEMENTARY,
 }
 #: Operations with kinks: the test, which is linear, and the derivatives of the branches where the

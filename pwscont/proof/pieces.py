@@ -20,15 +20,7 @@ from pwscont.basics.arrays import Array, Indices
 from pwscont.basics.printing import counted
 from pwscont.enumeration.echelon import independent
 from pwscont.graph.branch_graph import BranchGraph
-from pwscont.proof.cells import (
-    MOST_CELLS,
-    Choice,
-    ExactCells,
-    Point,
-    Ranges,
-    segment_of,
-    value,
-)
+from pwscont.proof.cells import MOST_CELLS, Choice, ExactCells, Point, Ranges, segment_of, value
 from pwscont.proof.certificate import ASSUMED, Certificate
 from pwscont.proof.interval import Interval
 from pwscont.system.abilities import ExactMode, completed_point
@@ -41,8 +33,6 @@ HOLDS = 1e-7
 DUST = 1e-6
 #: Most unknowns of a piece that is looked at in rational numbers.
 MOST_RATIONAL = 80
-#: The least size of a term, to divide by.
-LEAST = 1e-300
 
 
 def certified_pieces(
@@ -54,11 +44,14 @@ def certified_pieces(
     is_few = proof.cells.number <= MOST_CELLS
     cells = list(proof.left_cells()) if is_few and not undecided else None
     undecided += [f"special point {node}" for node in proof.inner if not proof.is_joined(node)]
-    number = f"{counted(len(graph.pieces), 'piece')} and {counted(proof.transitions, 'transition')}"
-    others = "too many cells" if cells is None else f"{counted(len(cells), 'cell')} undecided"
-    words = f"{number}, proved; of other solutions nothing is proved: {others}"
     if cells == []:
-        words = f"complete, proved: {number}"
+        undecided += proof.doubtful_infinities()
+    words = f"{counted(len(graph.pieces), 'piece')} and {counted(proof.transitions, 'transition')}"
+    if cells == []:
+        words = f"complete, proved: {words}"
+    else:
+        others = "too many cells" if cells is None else f"{counted(len(cells), 'cell')} undecided"
+        words += f", proved; of other solutions nothing is proved: {others}"
     if proof.rays:
         places = ", ".join(f"{float(x[-1]):.8g}" for x in sorted(proof.rays, key=lambda x: x[-1]))
         words += f"; solutions without end at alpha = {places}"
@@ -118,7 +111,7 @@ class _Pieces:
         values = rows[:, :-1] @ x.T + rows[:, -1:]
         sizes = np.abs(rows[:, :-1]) @ self._magnitudes + np.abs(rows[:, -1])
         off = np.abs(values) <= HOLDS * sizes[:, np.newaxis]
-        room = values / np.maximum(sizes, LEAST)[:, np.newaxis]
+        room = values / (sizes + (sizes == 0.0))[:, np.newaxis]
         # the mode whose equations hold; of several, the mode with the most room
         marks = [
             [
@@ -217,6 +210,17 @@ class _Pieces:
             is_on = self._graph.count(float(ends[0][-1])) == inf
             self.rays |= {ends[0]} if is_on else set()
         return is_on
+
+    def doubtful_infinities(self) -> list[str]:
+        """Return where the graph has infinitely many solutions without a vertical piece or ray."""
+        graph = self._graph
+        places = [piece.interval[0] for piece in graph.verticals]
+        places += [float(x[-1]) for x in self.rays]
+        return [
+            f"infinitely many solutions for alpha in ({lo:.8g}, {hi:.8g})"
+            for lo, hi, _ in graph.infinite
+            if not any(graph.same(lo, at) and graph.same(hi, at) for at in places)
+        ]
 
     def _holds(self, k: int, x: Point) -> bool:
         """Tell whether a solution of the common rows is a solution of the cell of a piece."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import inf
 from typing import Any, cast
 
 import numpy as np
@@ -71,7 +72,9 @@ def prove(given: Any, alpha: float | None = None) -> Certificate:
         )
     if alpha is not None:
         size = shown_size(cast(PiecewiseSystem, system))
-        return _certified_count(ExactCells(*system.exact_rows(alpha)), alpha, known, size)
+        number = given.count(alpha) if isinstance(given, BranchGraph) else len(known)
+        cells = ExactCells(*system.exact_rows(alpha))
+        return _certified_count(cells, alpha, known, number, size)
     rows = system.exact_lines()
     if rows is None:
         raise InvalidInputError(
@@ -82,7 +85,6 @@ def prove(given: Any, alpha: float | None = None) -> Certificate:
 
 
 def _given(given: Any, alpha: float | None) -> tuple[Any, float | None, Sequence[Solution]]:
-    """Return the system, alpha and the solutions to be proved."""
     if isinstance(given, BranchGraph):
         if alpha is None:
             return given.system, None, []
@@ -96,9 +98,9 @@ def _given(given: Any, alpha: float | None) -> tuple[Any, float | None, Sequence
 
 
 def _certified_count(
-    cells: ExactCells, alpha: float, known: Sequence[Solution], size: int
+    cells: ExactCells, alpha: float, known: Sequence[Solution], number: float, size: int
 ) -> Certificate:
-    """Return what is proved of all solutions at alpha, and of the known ones."""
+    """Return what is proved of all solutions at alpha, and of the known ones, ``number`` in all."""
     if cells.number > MOST_CELLS:
         raise InvalidInputError(
             f"{cells.number} cells are too many: at most {MOST_CELLS} are proved"
@@ -108,10 +110,11 @@ def _certified_count(
     centres += [np.array(point[:size], dtype=float) for point in points]
     count = None if undecided else len(centres)
     found = [with_slack(each, np.abs(each.z).max(initial=0.0)) for each in known]
-    holds = count == len(known) and are_matched([(x, x) for x in centres], found)
+    holds = count == number and are_matched([(x, x) for x in centres], found)
     words = f"exactly {counted(len(centres), 'solution')} at alpha = {alpha:.8g}, proved"
     if not holds:
-        words += f"; the {len(known)} given are not these"
+        given = "infinitely many" if number == inf else number
+        words += f"; the {given} given are not these"
     if undecided:
         words = f"not proved: {counted(len(undecided), 'cell')} undecided at alpha = {alpha:.8g}"
     return Certificate(holds, (words, ASSUMED.format("the data")), undecided, count)

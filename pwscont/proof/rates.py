@@ -24,16 +24,12 @@ MOST_NODES = 10
 def certified_rates(evolution: Any) -> Certificate:
     """Return whether exactly one evolution with finitely many events is proved to exist."""
     doubts = _doubts(evolution)
-    words = (
-        "exactly one evolution with finitely many events, proved: rates are unique at every state"
-    )
-    if doubts:
-        words = f"not proved: {'; '.join(doubts)}"
+    words = "exactly one evolution with finitely many events, proved: rates are unique at every "
+    words = f"not proved: {'; '.join(doubts)}" if doubts else words + "state"
     return Certificate(not doubts, (words, ASSUMED.format("A, N, T and F")), doubts)
 
 
 def _doubts(evolution: Any) -> list[str]:
-    """Return what stands in the way of a proof."""
     paths, losses = len(evolution.paths()), len(evolution.losses())
     if paths != 1 or losses or not evolution.is_complete:
         return [f"{counted(paths, 'evolution')} found: {evolution.guarantee}"]
@@ -45,14 +41,13 @@ def _doubts(evolution: Any) -> list[str]:
         return ["the rows of N and T are no unit vectors of unknowns of their own"]
     if len(rubs) > MOST_NODES:
         return [f"{len(rubs)} nodes with friction are more than {MOST_NODES}"]
-    for signs in product((-1.0, 1.0), repeat=len(rubs)):
-        if not _is_unique(A, N[rubs], T[rubs], np.array(signs) * F[rubs]):
-            return ["rates may not be unique at some state: a form is not positive definite"]
-    return []
+    frictions = (np.array(signs) * F[rubs] for signs in product((-1.0, 1.0), repeat=len(rubs)))
+    if all(_is_unique(A, N[rubs], T[rubs], friction) for friction in frictions):
+        return []
+    return ["rates may not be unique at some state: a form is not positive definite"]
 
 
 def _is_unique(A: Array, N: Array, T: Array, friction: Array) -> bool:
-    """Tell whether the form is certainly positive definite for signed friction."""
     coupled = T.T @ (friction[:, np.newaxis] * (N @ A))
     form = 0.5 * (A + A.T) - 0.5 * (coupled + coupled.T)
     sizes = np.abs(A) + np.abs(T.T) @ (np.abs(friction)[:, np.newaxis] * (np.abs(N) @ np.abs(A)))

@@ -14,18 +14,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Signs
+from pwscont.basics.arrays import Array, Indices, Signs
 from pwscont.basics.budget import check_budget
-from pwscont.proof.boxes import (
-    consistent,
-    eliminated,
-    evaluated,
-    inverse_of,
-    newton,
-    times,
-    with_slopes,
-)
-from pwscont.proof.interval import ULP, Interval, above, together
+from pwscont.proof.enclosures import evaluated, lines_of, with_slopes
+from pwscont.proof.interval import ULP, Interval, above, inverses, together
 from pwscont.proof.tape import Tape
 
 #: No coordinate is halved below this part of its magnitude; the magnitude of alpha is the interval.
@@ -35,20 +27,19 @@ FINEST = 2.0**-24
 FINEST_ALPHA, THIN = 2.0**-40, 2.0**-12
 #: Boxes that are worked on at once: their numbers fit into the cache of a processor.
 TOGETHER = 2048
-#: Most boxes in all for up to three unknowns; for n unknowns (n - 2)**2 times as many. Then a
-#: double root or an area of solutions ends the search.
+#: Most boxes in all for up to three unknowns; for n unknowns (n - 2)**2 times as many.
 MOST_BOXES = 300_000
-#: A coordinate is halved only if no other coordinate is this many times as wide, in typical
-#: magnitudes: else a coordinate that hardly matters to any row would never be halved.
+#: No coordinate is halved while another one is this many times as wide, in typical magnitudes:
+#: else a coordinate that hardly matters to any row would never be halved.
 LENGTHY = 4.0
 #: Contraction of the Jacobian, to rounding, above which no tube is tried.
 TRIED = 0.9
-#: How much wider than the box a tube is tried, and how many times the residual besides.
-WIDER, ROOM = 1.1, 2.0
+#: How much wider than the box a tube is tried.
+WIDER = 1.1
 #: The least radius of a tube, relative to typical magnitudes.
 LEAST = 2.0**-44
-#: How much wider than necessary a tube is, in roundings of the tube's centre.
-SLACK = 64.0
+#: How much wider than necessary a tube is: a few roundings, relative to the tube's centre.
+SLACK = 64.0 * ULP
 #: Newton steps that improve the centre of a tube.
 POLISHED = 2
 
@@ -90,7 +81,7 @@ class Tubes(NamedTuple):
 
 def covered(
     tape: Tape, box: Interval, scale: Array, seconds: float, most: int | None = None
-) -> tuple[Tubes | None, Interval, int]:
+) -> tuple[Tubes, Interval, int]:
     """Return proved tubes and open boxes (n + 1, k) that hold all zeros of a formula in a box.
 
     And how many boxes were looked at, in some ``seconds`` at most. ``scale`` are the typical
@@ -98,7 +89,7 @@ def covered(
     be looked at is not begun.
     """
     whole = waiting = box[:, np.newaxis]
-    tubes: list[Tubes] = []
+    tubes = [Tubes(*np.zeros((3, 0)), *np.zeros((4, tape.size, 0)))]
     left, boxes, end = [whole[:, :0]], 0, perf_counter() + seconds
     most = most or MOST_BOXES * max(tape.size - 2, 1) ** 2
     while count := waiting.lo.shape[1]:
@@ -111,45 +102,91 @@ def covered(
                 continue
             boxes += some.lo.shape[1]
             found, rest, finished = _looked_at(tape, some, whole, scale)
-            tubes.append(found)
+            tubes += found
             left.append(finished)
             following += rest
         waiting = together(np.hstack, *following)
-    joined = [np.concatenate(each, axis=-1) for each in zip(*tubes, strict=True)]
-    return Tubes(*joined) if tubes else None, together(np.hstack, *left), boxes
+    joined = (np.concatenate(each, axis=-1) for each in zip(*tubes, strict=True))
+    return Tubes(*joined), together(np.hstack, *left), boxes
 
 
 def _looked_at(
     tape: Tape, boxes: Interval, whole: Interval, scale: Array
-) -> tuple[Tubes, list[Interval], Interval]:
+) -> tuple[list[Tubes], list[Interval], Interval]:
     """Return the tubes of boxes that are proved, the halves of others, and boxes left open."""
-    boxes, empty = consistent(tape, boxes)
+    boxes = boxes[:, ~evaluated(tape, boxes).excludes_zero().any(axis=0)]
+    boxes, empty = contracted(boxes, *lines_of(tape, boxes))
     boxes = boxes[:, ~empty]
-    values, slopes = with_slopes(tape.slopes, boxes)
-    boxes, empty = newton(tape, boxes, slopes)
-    keeps = ~(empty | values.excludes_zero().any(axis=0))
-    boxes, slopes = boxes[:, keeps], slopes[:, :, keeps]
+    slopes = with_slopes(tape.slopes, boxes)[1]
 
     by_z = slopes[:, :-1]  # a tube may be proved where these do not vary too much
     spread = np.einsum("ijb,jkb->ikb", np.abs(inverse_of(by_z.middle())), 0.5 * by_z.width())
     tried = boxes[:-1].is_within(whole[:-1]).all(axis=0) & (spread.sum(axis=1).max(axis=0) < TRIED)
-    tubes, is_proved = _around(tape, boxes[:, tried], slopes[:, :, tried], LEAST * scale[:-1])
-    rest = ~tried
-    rest[tried] = ~is_proved
+    rest, found = ~tried, list[Tubes]()
+    if tried.any():
+        tubes, is_proved = _around(tape, boxes[:, tried], slopes[..., tried], LEAST * scale[:-1])
+        rest[tried], found = ~is_proved, [tubes.only(is_proved)]
     boxes, slopes = boxes[:, rest], slopes[:, :, rest]
 
-    width, size = boxes.width(), scale[:, np.newaxis]
-    is_small = (width <= FINEST * size).all(axis=0)
-    is_thin = width <= np.append(np.full(tape.size, THIN), FINEST_ALPHA)[:, np.newaxis] * size
-    is_small |= is_thin.all(axis=0)
+    size, (*unknowns, alpha) = scale[:, np.newaxis], boxes.width() / scale[:, np.newaxis]
+    widest = np.max(unknowns, axis=0)
+    is_small = (np.maximum(widest, alpha) <= FINEST) | (widest <= THIN) & (alpha <= FINEST_ALPHA)
     halves = _halved(boxes[:, ~is_small], slopes[:, :, ~is_small], size)
-    return tubes.only(is_proved), halves, boxes[:, is_small]
+    return found, halves, boxes[:, is_small]
+
+
+def contracted(box: Interval, slopes: Interval, start: Interval) -> tuple[Interval, Signs]:
+    """Return boxes contracted by one sweep of interval Newton, and which boxes are empty.
+
+    On the boxes, H(x) lies in slopes (x - middle) + start, shapes (n, n + 1, B) and (n, B).
+    """
+    middle, each = box.middle(), np.arange(box.lo.shape[1])
+    matrix, columns = preconditioned(slopes.middle(), box.width())
+    rows, rest = times(matrix, slopes), times(matrix, start)
+    lo, hi = box.lo.copy(), box.hi.copy()
+    empty = np.zeros(len(each), dtype=bool)
+    for i, own in enumerate(columns):
+        terms = rows[i] * (Interval(lo, hi) - middle)
+        empty |= (rest[i] + terms.total()).excludes_zero()
+        terms.lo[own, each] = terms.hi[own, each] = 0.0
+        away = (rest[i] + terms.total()) / rows[i][own, each]
+        found = middle[own, each] - away
+        lo[own, each] = np.fmax(lo[own, each], found.lo)
+        hi[own, each] = np.fmin(hi[own, each], found.hi)
+    return Interval(lo, hi), empty | (lo > hi).any(axis=0)
+
+
+def times(matrix: Array, right: Interval) -> Interval:
+    """Return matrices of numbers (n, n, B) times intervals (n, ..., B)."""
+    n, _, count = matrix.shape
+    factors = Interval(matrix.reshape(n, n, *(1,) * (right.lo.ndim - 2), count))
+    return (factors * right).total(axis=1)
+
+
+def preconditioned(middle: Array, width: Array) -> tuple[Array, Indices]:
+    """Return finite matrices that turn n of n + 1 columns into unit columns, and the columns.
+
+    ``middle`` (n, n + 1, B) is about the derivatives; the columns are those with the largest
+    determinant, times ``width`` (n + 1, B). No rule needs exact results, shapes (n, n, B), (n, B).
+    """
+    rows = np.where(np.isfinite(middle), middle, 0.0).transpose(2, 0, 1)
+    each = range(len(width))
+    choices = np.array([[k for k in each if k != left_out] for left_out in each])
+    sizes = [np.abs(np.linalg.det(rows[..., own])) * width[own].prod(axis=0) for own in choices]
+    columns = choices[np.argmax(sizes, axis=0)]
+    inverse = inverses(np.take_along_axis(rows, columns[:, np.newaxis], axis=2))
+    return np.where(np.isfinite(inverse), inverse, 0.0).transpose(1, 2, 0), columns.T
+
+
+def inverse_of(middle: Array) -> Array:
+    """Return about the inverse of square matrices (n, n, B); any numbers will do."""
+    return inverses(middle.transpose(2, 0, 1)).transpose(1, 2, 0)
 
 
 def _halved(boxes: Interval, slopes: Interval, scale: Array) -> list[Interval]:
     """Return both halves of boxes, along the coordinate that changes preconditioned rows most."""
     width = boxes.width()
-    matrix, _ = eliminated(slopes.middle(), width)
+    matrix, _ = preconditioned(slopes.middle(), width)
     effect = times(matrix, slopes).reach() * width
     effect = (effect / effect.sum(axis=1, keepdims=True)).sum(axis=0)
     relative = width / scale
@@ -171,30 +208,20 @@ def _around(tape: Tape, box: Interval, slopes: Interval, least: Array) -> tuple[
     guess, middle, alpha = slopes.middle(), box.middle(), box[-1]
     matrix = inverse_of(guess[:, :-1])
     slope = -np.einsum("ijb,jb->ib", matrix, guess[:, -1])
-    centre = polished(tape, middle, matrix)
+    centre = polished(tape, middle[:-1], middle[-1], matrix)
     tubes = Tubes(alpha.lo, middle[-1], alpha.hi, centre, slope, centre, centre)
-    rough = np.zeros_like(centre)
-    for end in (alpha.lo, alpha.hi):  # about how far solutions are from the line
-        x = np.vstack([tubes.at(Interval(end)).middle(), end])
-        rough = np.maximum(rough, np.abs(polished(tape, x, matrix, 1) - x[:-1]))
-    radius = WIDER * tubes.far(box[:-1], alpha) + ROOM * rough + slack(centre)
+    radius = WIDER * tubes.far(box[:-1], alpha) + SLACK * np.abs(centre)
     tubes, is_proved = proved(tape, tubes, radius + least[:, np.newaxis], matrix)
     return tubes, is_proved & tubes.hold(box[:-1], alpha)
 
 
-def slack(centre: Array) -> Array:
-    """Return a distance that is a few roundings of numbers."""
-    return SLACK * ULP * np.abs(centre)
-
-
-def polished(tape: Tape, x: Array, matrix: Array, steps: int = POLISHED) -> Array:
-    """Return the z of points (n + 1, B), moved towards solutions by steps of Newton."""
-    x = x.copy()
-    for _ in range(steps):
-        step = np.einsum("ijb,jb->ib", matrix, evaluated(tape, Interval(x)).middle())
-        x[:-1] -= np.where(np.isfinite(step), step, 0.0)
-    centre: Array = x[:-1]
-    return centre
+def polished(tape: Tape, z: Array, alpha: Array, matrix: Array) -> Array:
+    """Return states (n, B) at alpha, moved towards solutions by steps of Newton."""
+    for _ in range(POLISHED):
+        value = evaluated(tape, Interval(np.vstack([z, alpha]))).middle()
+        step = np.einsum("ijb,jb->ib", matrix, value)
+        z = z - np.where(np.isfinite(step), step, 0.0)
+    return z
 
 
 def proved(tape: Tape, tubes: Tubes, radius: Array, matrix: Array) -> tuple[Tubes, Signs]:

@@ -25,10 +25,6 @@ from pwscont.proof.operations import ELEMENTARY, OPERATIONS, SWITCHES
 
 #: Largest whole number that is taken as a power by repeated multiplication.
 LARGEST_POWER = 64
-PLAIN_NUMBER = (
-    "the formula takes the plain number of, or a decision by, something that depends on "
-    "(z, alpha): write decisions with the switches of sw"
-)
 
 
 class NotTracedError(TypeError):
@@ -73,27 +69,9 @@ class Tape:
 
     def place_of(self, thing: Any) -> int:
         """Return the place of a node or of a constant."""
-        if not isinstance(thing, Traced):
-            thing = self.node("constant", numbers=(_exact(thing),))
-        place: int = thing.place
-        return place
-
-    def parted(self, thing: Any) -> tuple[Any, float]:
-        """Return a number, with a sign, and a constant: their sum is a node, exactly."""
-        place = self.place_of(thing)
-        step = self.steps[place]
-        if step.name == "constant":
-            return None, step.numbers[0]
-        if step.name == "negative":
-            return (step.args[0], -1.0), 0.0
-        if step.name in ("add", "subtract"):
-            sign = 1.0 if step.name == "add" else -1.0
-            (first, one), (second, other) = ((arg, self.steps[arg]) for arg in step.args)
-            if one.name == "constant":
-                return (second, sign), one.numbers[0]
-            if other.name == "constant":
-                return (first, 1.0), sign * other.numbers[0]
-        return (place, 1.0), 0.0
+        if isinstance(thing, Traced):
+            return thing.place
+        return self.node("constant", numbers=(_exact(thing),)).place
 
     @cached_property
     def fixed(self) -> dict[int, Interval]:
@@ -102,7 +80,7 @@ class Tape:
         for place, step in enumerate(self.steps):
             if step.name != "variable" and all(arg in fixed for arg in step.args):
                 args = (fixed[arg] for arg in step.args)
-                fixed[place] = OPERATIONS[step.name].values(*args, *step.numbers)
+                fixed[place] = OPERATIONS[step.name](*args, *step.numbers)
         return fixed
 
     @cached_property
@@ -218,14 +196,9 @@ class Traced(NDArrayOperatorsMixin):
         """Write an operation on this number and others down, or refuse the operation in words."""
         if name in DERIVED:
             return DERIVED[name](*args)
-        if name in ("add", "subtract", "multiply") and all(
-            isinstance(each, Real | Traced) for each in args
-        ):
-            simple = _simpler(name, *args)
-            if simple is not None:
-                return simple
         if name in ELEMENTARY or name in ("negative", "add", "subtract", "multiply", "divide"):
-            return self.tape.node(name, *args)
+            simple = _simpler(name, *args) if name in ("add", "subtract", "multiply") else None
+            return self.tape.node(name, *args) if simple is None else simple
         if name == "power":
             return self._power(*args)
         if name in KINKED:
@@ -245,8 +218,12 @@ class Traced(NDArrayOperatorsMixin):
         return self
 
     def _refuse(self, *args: Any) -> Any:
-        self.tape.refused += [NotTracedError(PLAIN_NUMBER)]
-        raise self.tape.refused[-1]
+        error = NotTracedError(
+            "the formula takes the plain number of, or a decision by, something that depends on "
+            "(z, alpha): write decisions with the switches of sw"
+        )
+        self.tape.refused.append(error)
+        raise error
 
     __hash__ = None  # type: ignore[assignment]
     __bool__ = __float__ = __int__ = __index__ = __complex__ = _refuse
@@ -264,6 +241,8 @@ def as_array(thing: Any) -> Any:
 
 def _simpler(name: str, x: Any, y: Any) -> Any:
     """Return a sum, difference or product that is simpler than it looks, None for others."""
+    if not all(isinstance(each, Real | Traced) for each in (x, y)):
+        return None
     number, other = (x, y) if isinstance(x, Real) else (y, x)
     if not isinstance(number, Real):
         return x**2 if name == "multiply" and x.place == y.place else None
@@ -285,4 +264,5 @@ DERIVED: dict[str, Callable[..., Any]] = {
     "log10": lambda x: x.log() / x.tape.node("log", 10.0),
     "exp2": lambda x: 2.0**x,
     "float_power": lambda x, y: x**y,
+    "tan": lambda x: x.sin() / x.cos(),
 }
