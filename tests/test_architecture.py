@@ -64,7 +64,7 @@ BUDGET = {
     "transitions": (12, 3605),
     "graph": (10, 2609),
     "search": (7, 1630),
-    "continuation": (8, 2724),
+    "continuation": (8, 2726),
     "kit": (4, 940),
     "proof": (14, 2499),
     "scenes": (14, 2650),

@@ -306,6 +306,7 @@ def test_many_branch_points_at_one_point_end_in_words():
     assert "missing in (0, 1); curves touch, or more than two cross, at alpha = " in graph.guarantee
 
 
+@pytest.mark.slow
 def test_a_root_of_another_cell_is_no_start():
     """At alpha = -1 two pieces end at the kink z_3 = 0, which no solution near alpha > -1 has."""
     matrix = np.array([[2.0, -1.0, 0.0], [-1.0, 2.0, -1.0], [0.0, -1.0, 2.0]])

@@ -147,6 +147,7 @@ def test_what_is_zero_but_for_rounding_is_refused(name, start):
 
 @pytest.mark.parametrize("stepper", [None, PseudoArclength()], ids=repr)
 @pytest.mark.parametrize("noisy", [NOISE["trigonometric"], lambda z, a: 0.0], ids=["noise", "zero"])
+@pytest.mark.slow
 def test_a_residual_is_no_event_on_its_branches(stepper, noisy):
     events = {"H": lambda z, a: z[0] - 2.0 * a + noisy(z, a)}  # zero on the first piece only
     graph = trace(Kinked(), ([0.0], 0.0), (0.0, 1.0), stepper=stepper, events=events)

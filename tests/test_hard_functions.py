@@ -138,6 +138,7 @@ def test_the_end_of_a_model_by_differences_is_within_the_error(name):
 # -- endless repetition ----------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_a_periodic_equation_without_periods_ends_in_words():
     graph = explore(Switched(1, lambda z, a, sw: [np.sin(z[0]) - a]), (-2.0, 2.0))
     assert "repeats itself without end" in graph.guarantee

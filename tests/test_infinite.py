@@ -216,6 +216,7 @@ class _Relu:
 
 
 @pytest.mark.parametrize("kind", [Switched, LevelsOff])
+@pytest.mark.slow
 def test_a_function_that_levels_off_has_magnitudes_where_it_bends(kind):
     """relu(z) / (1 + relu(z)) = alpha: half of the interval is reached by rounding alone.
 
@@ -226,6 +227,7 @@ def test_a_function_that_levels_off_has_magnitudes_where_it_bends(kind):
     np.testing.assert_allclose(graph.solutions(0.5)[0].z, [1.0], rtol=1e-9)
 
 
+@pytest.mark.slow
 def test_a_step_that_goes_nowhere_is_no_step():
     """(1 + z^2)^-0.05 = alpha begins at |z| = 1e10."""
     system = LevelsOff(1, lambda z, a, sw: (1 + z**2) ** -0.05 - a)

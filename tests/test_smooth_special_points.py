@@ -420,6 +420,7 @@ def test_curves_that_touch_are_both_followed(order, lift):
 
 
 @pytest.mark.parametrize("root", [lambda z, a: z**2 - a, lambda z, a: z - a])
+@pytest.mark.slow
 def test_a_curve_of_double_roots_ends_in_words_after_few_points(root):
     graph = explore(Switched(1, lambda z, a, sw: root(z, a) ** 2), (-1.0, 2.0))
     assert graph.guarantee.startswith("not balanced")

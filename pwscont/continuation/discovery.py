@@ -373,6 +373,8 @@ class Discovery:
             if not node.rays and far <= metric.slack(x, JOIN):
                 return True
             own = Selection(start.system, start.system.character(at[:-1], float(at[-1])))
+            if any(len(e.cells[0].signs) != len(own.character.signs) for e in self.edges[:1]):
+                return False  # the number of tests must not change: refused when followed
             if far <= metric.slack(x, FARTHEST_TWIN) and own.vanishes(at, metric.sizes(at)):
                 return True
         return False
