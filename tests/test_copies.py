@@ -131,7 +131,7 @@ def same(a, b):
 
 @EVERY_WAY
 @EVERY_CASE
-@pytest.mark.sweep(5)
+@pytest.mark.sweep(12)
 def test_systems_before_and_after_use(case, way):
     """A copy gives the same graph, whatever the original remembers, and so does the original."""
     system, interval, find = CASES[case]()

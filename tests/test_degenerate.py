@@ -277,6 +277,7 @@ def test_a_curved_path_along_an_interface_in_any_units(units, lo):
 
 @pytest.mark.parametrize("seed", range(12))
 @pytest.mark.parametrize("p", [1, 2])
+@pytest.mark.sweep(4)
 def test_no_load_with_friction_as_parameter(p, seed):
     """All tests vanish all along z = 0, and every number there is rounding."""
     body = random_body(p, seed, inner=0)

@@ -78,6 +78,7 @@ def islands():
 
 
 @pytest.mark.parametrize("scene", [fig7, example1, example3, islands])
+@pytest.mark.sweep(2)
 def test_interrupted_after_every_piece(scene, tmp_path, monkeypatch):
     made, walk, left = scene(), PieceFollower.follow, [0]
 

@@ -147,6 +147,7 @@ def refused_or_marks(system):
 
 @pytest.mark.parametrize("factor", [-1.0, 0.0, 2.0, 1.001, 1.0 + 1e-6, 1.0 + 1e-9])
 @pytest.mark.parametrize("n", [1, 5, 30, 70])
+@pytest.mark.sweep(3)
 def test_a_wrong_kink_is_refused_or_makes_no_difference(n, factor):
     true, wrong = followed(Switches(n, 3)), Told(n, 3)
     wrong.factor = factor

@@ -123,6 +123,7 @@ def always(monkeypatch):
 @pytest.mark.parametrize("seed", range(6))
 @pytest.mark.parametrize("kind", [np.asarray, sp.csr_matrix])
 @pytest.mark.parametrize("along", ["load", "curved load", "friction"])
+@pytest.mark.sweep(4)
 def test_static_problems_condense_by_themselves(seed, kind, along):
     """Each solution is one of the enumeration of the whole problem, and no solution is missing."""
     body, (f0, f1) = random_body(seed, kind=kind)

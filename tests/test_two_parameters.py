@@ -294,6 +294,7 @@ def test_sectors_hold_what_enumeration_finds(plane):
                 assert {f.modes for f in found} == {modes_of(label) for label in sector.labels}
 
 
+@pytest.mark.slow
 def test_a_locus_that_no_level_meets_is_seen_beside_an_edge(plane):
     """Node 2 starts to slip beside the slipping node 1 in a corner, below F = 0.71."""
     (part,) = curve(plane, "node 1 slip+, node 2 slip+ | node 1 slip+, node 2 stick")
