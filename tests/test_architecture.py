@@ -59,7 +59,7 @@ BUDGET = {
     "system": (10, 2169),
     "linear": (11, 1567),
     "notation": (13, 2860),
-    "curve": (14, 2745),
+    "curve": (14, 2773),
     "enumeration": (11, 2614),
     "transitions": (12, 3605),
     "graph": (10, 2609),

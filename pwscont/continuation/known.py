@@ -48,14 +48,15 @@ class KnownRay:
 
     place: Place  # where the ray starts
     names: tuple[bytes, ...]  # the cells in which the ray may be met
-    tangent: Array  # the direction of the ray
+    direction: Array  # the sketch of the tangent, see Metric.sketch: of few numbers
     ray: Ray | None = None  # as long as no piece has left or arrived on the ray
     node: int = -1  # the number of the special point
 
     @classmethod
     def of(cls, ray: Ray, place: Place) -> KnownRay:
         """Return what to remember of a ray that leaves a place."""
-        return cls(place, tuple(map(name_of, ray.cells)), ray.state.tangent, ray)
+        sketch = ray.curve.metric.sketch(ray.state.tangent)
+        return cls(place, tuple(map(name_of, ray.cells)), sketch, ray)
 
     def is_at(self, metric: Metric, x: Array, size: Array) -> bool:
         """Tell whether a point with an error of this size is where the ray starts."""
@@ -113,12 +114,11 @@ def match(
     """
     assert new.ray is not None
     metric, state = new.ray.curve.metric, new.ray.state
-    row = metric.covector(state.tangent)
     found = [
         (cosine, each)
         for cell in new.names
         for each in known.get(cell, ())
-        if (cosine := float(row.dot(each.tangent))) > 0.0
+        if (cosine := float(each.direction.dot(new.direction))) > 0.0
         and each.is_at(metric, state.x, state.size)
     ]
     if not found:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import final
 
 import numpy as np
@@ -24,6 +24,9 @@ LARGEST = 1e120
 SHORTEST = 1.0 / LARGEST
 #: Part of the size of alpha that counts where a correction is compared with CONVERGED.
 ROUNDING_OF_ALPHA = GUARD * EPS / CONVERGED
+#: Most unknowns of a direction that is sketched whole, and the number of projections of a longer
+#: direction.
+WHOLE, PROJECTIONS = 64, 16
 EVERYWHERE = (-math.inf, math.inf)
 _NONE = np.zeros(0, dtype=np.intp)
 
@@ -148,6 +151,25 @@ class Metric:
         sizes += self.scale
         return sizes
 
+    def sketch(self, t: Array) -> Array:
+        """Return a unit vector that tells a unit direction t from other directions.
+
+        A long direction is reduced to a few projections, which agree where directions are equal and
+        differ where directions clearly differ.
+        """
+        rows = self._sketching
+        if rows.ndim == 1:
+            return rows * t
+        seen = rows.dot(t)
+        unit: Array = seen / math.sqrt(seen.dot(seen))
+        return unit
+
+    @cached_property
+    def _sketching(self) -> Array:
+        """The factor of a direction: units, or projections of many unknowns."""
+        size = len(self.scale)
+        return (_projections(size) if size > WHOLE else 1.0) / self.scale
+
     def slack(self, x: Array, tolerance: float) -> float:
         """Return the length that a tolerance leaves at a point.
 
@@ -169,6 +191,12 @@ class Metric:
             length = self.norm(t)
         unit: Array = t / length
         return unit
+
+
+@lru_cache(maxsize=4)
+def _projections(size: int) -> Array:
+    """Return fixed random rows, so that two runs are identical."""
+    return np.random.default_rng(size).normal(size=(PROJECTIONS, size))
 
 
 def deflation(metric: Metric, known: Sequence[Array], x: Array) -> float:
