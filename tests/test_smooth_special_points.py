@@ -406,7 +406,6 @@ def test_a_kink_and_branch_points_in_two_cells(stepper, start):
 
 @pytest.mark.parametrize("order", [2, 3, 4])
 @pytest.mark.parametrize("lift", [0.0, 0.1])
-@pytest.mark.sweep(2)
 def test_curves_that_touch_are_both_followed(order, lift):
     """z = lift and z = lift + alpha^order: for odd orders the sign of det[J; t^T] flips."""
     curves = Switched(1, lambda z, a, sw: (z - lift) * (z - lift - a**order))

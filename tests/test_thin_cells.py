@@ -175,7 +175,6 @@ class DipInOtherUnits(PiecewiseSystem):
 
 
 @pytest.mark.parametrize("units", [(1.0, 1.0), (1e-6, 1e6), (1e6, 1e-6)])
-@pytest.mark.sweep(2)
 def test_a_dip_is_seen_whatever_the_units_of_other_tests(units):
     for centre in np.linspace(-0.8, 0.8, 30):
         graph = trace(DipInOtherUnits(centre, units), ([-1.0], -1.0), (-1.0, 1.0))

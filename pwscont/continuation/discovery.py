@@ -51,8 +51,8 @@ def place_of_arrival(arrival: SpecialPointFound) -> Place:
     return Place(x, reduce(np.maximum, [size for size in others if size is not first], first))
 
 
-#: Of unknowns that grow without bound others may depend periodically: how far out a path is may
-#: shrink by this factor for a while.
+#: Along a path to infinity other unknowns may oscillate, so that the distance of the path from zero
+#: shrinks for a while; this is the smallest factor of such a decrease.
 NEARLY_AS_FAR = 0.5
 
 
@@ -67,7 +67,9 @@ def _is_past(x: Array, back: Ray) -> bool:
 #: Closer to an end of a piece than this distance, in the metric, two branches of a fold are hard to
 #: tell apart: nothing is said to have been passed over there.
 BESIDE_AN_END = 1e-3
-FARTHEST_TWIN, BETWEEN = 1e-3, 0.381966  # of solutions that are one, and where H must be rounding
+#: Largest distance in the metric between two roundings of one solution, and the part of the way
+#: between both at which H must be rounding.
+FARTHEST_TWIN, BETWEEN = 1e-3, 0.381966
 #: Kinds of special points at which a curve leaves one cell for another: the change says all.
 CROSSED = (Kind.TRANSITION, Kind.NONSMOOTH_FOLD)
 
@@ -358,24 +360,27 @@ class Discovery:
 
     def _is_known(self, ray: Ray) -> bool:
         """Tell whether a ray starts on a piece that has been followed."""
-        state, names = ray.state, tuple(map(name_of, ray.cells))
+        names, state = tuple(map(name_of, ray.cells)), ray.state
         beside = (edge for edge in self.edges if edge.is_in(names))
         return any(edge.passes(ray.curve, state.x, state.size) for edge in beside)
 
     def _is_twin(self, start: Corner) -> bool:
         """Tell whether a solution is a node with other rays or none: H is rounding in between."""
+        if self.edges and len(self.edges[0].cells[0].signs) != len(start.tests):
+            return False  # the number of tests must not change: refused when followed
         metric, x = start.metric, start.x
         same = SAME_ALPHA * max(abs(float(x[-1])), metric.width)
         for node in self.nodes.values():
             if node.rays and abs(node.place.alpha - x[-1]) > same:
                 continue  # nearly always
-            far, at = metric.norm(way := metric.difference(node.place.x, x)), x + BETWEEN * way
+            far = metric.norm(way := metric.difference(node.place.x, x))
+            if far > metric.slack(x, FARTHEST_TWIN):
+                continue
             if not node.rays and far <= metric.slack(x, JOIN):
                 return True
+            at = x + BETWEEN * way
             own = Selection(start.system, start.system.character(at[:-1], float(at[-1])))
-            if any(len(e.cells[0].signs) != len(own.character.signs) for e in self.edges[:1]):
-                return False  # the number of tests must not change: refused when followed
-            if far <= metric.slack(x, FARTHEST_TWIN) and own.vanishes(at, metric.sizes(at)):
+            if own.vanishes(at, metric.sizes(at)):
                 return True
         return False
 

@@ -158,21 +158,9 @@ class FollowedPiece:
 class PieceFollower:
     """Follows rays, one after the other, to the ends of their pieces; the steps are the stepper's.
 
-    Parameters
-    ----------
-    stepper : Stepper
-    watch : Watch
-    interval : tuple of float
-        The interval of alpha in which pieces are followed.
-    bounds : Bounds, optional
-        The bounds of z.
-    straight : StraightTests, optional
-        Leads from cell to cell by itself, where nothing is watched but straight pieces and the ends
-        of the interval.
-    gauge : Gauge, optional
-        Sees every step.
-    events : Events, optional
-        The events that a user gave.
+    Pieces stay within an interval of alpha and within bounds of z. Where nothing is watched except
+    straight pieces and the ends of the interval, ``straight`` leads from cell to cell by itself. A
+    ``gauge`` sees every step. ``events`` are the events that a user gave.
     """
 
     def __init__(
@@ -375,9 +363,8 @@ class PieceFollower:
             ends = [*(int(np.argmax(sizes >= part * sizes[-1])) for part in parts), -1]
             *_, before, last = changes = np.abs(np.diff(points[ends, -1])) / width
             is_near = last * last <= LONG_CHANGE * (before - last)  # last (r + r^2 + ...), evenly
-            is_enough = ENDLESS_REST * last <= ENDLESS_CHANGE or (
-                is_long and (parts is PARTS or is_near)
-            )
+            is_far = is_long and (parts is PARTS or is_near)
+            is_enough = is_far or ENDLESS_REST * last <= ENDLESS_CHANGE
             if is_enough and (changes[1:] <= ratio * changes[:-1]).all():
                 return True
         return False

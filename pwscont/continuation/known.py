@@ -206,7 +206,7 @@ class Edge(NamedTuple):
             return False
         part, nearest = _nearest(points, x, metric)
         if len(points) > 2:
-            if part > 1.0:  # five times as far as the piece strays from a chord
+            if part > OFF_THE_PIECE:
                 return False
             system, cell = here.selection.system, self.cells[0]
             nearest = solve_between(system, cell, points, alpha, metric.interval)[0]
@@ -219,6 +219,8 @@ class Edge(NamedTuple):
 
 #: A curve strays from the chord between two stored points by less than this part of its length.
 NEAR = 0.2
+#: A point farther from each chord than this part of the chord's length is not on the piece.
+OFF_THE_PIECE = 5.0 * NEAR
 TINY = 1e-300
 
 

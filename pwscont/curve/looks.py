@@ -149,13 +149,13 @@ def _turns(segment: CurvedSegment, factor: Factor, u: Array, alphas: Array) -> b
 
     ``alphas``: nearly of the curve at the parts ``u``; if these turn, points of the curve decide.
     """
-    if not _turn(segment, alphas):
+    if not _alphas_turn(segment, alphas):
         return False  # nearly always
     points = [segment.point(part * segment.length, factor) for part in u]
-    return _turn(segment, np.array([x[-1] for x in points if x is not None]))
+    return _alphas_turn(segment, np.array([x[-1] for x in points if x is not None]))
 
 
-def _turn(segment: CurvedSegment, alphas: Array) -> bool:
+def _alphas_turn(segment: CurvedSegment, alphas: Array) -> bool:
     """Tell whether values of alpha along a step turn more often than the slopes say."""
     start, end = segment.start, segment.end
     steps = np.empty(len(alphas) + 1)

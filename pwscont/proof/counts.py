@@ -37,9 +37,8 @@ ASSUMED = (
     f"IEEE 754 to nearest; elementary functions of numpy within {FUNCTION_ULPS:g} units in "
     "the last place"
 )
+#: What is assumed of classes besides.
 AGREEING_SELECTIONS = "; selections of a class that agree where tests vanish"
-
-
 #: Most open boxes that are put together.
 MOST_GROUPED = 4000
 #: Into how many parts the weights of two modes are divided.

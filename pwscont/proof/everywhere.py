@@ -14,21 +14,20 @@ import numpy as np
 from pwscont.basics.arrays import Array, finite_array
 from pwscont.basics.budget import current_budget
 from pwscont.basics.errors import InvalidInputError
-from pwscont.basics.outcome import Failure, Guarantee, SearchScope
+from pwscont.basics.outcome import Guarantee, SearchScope
 from pwscont.curve.error_samples import Found
 from pwscont.curve.metric import Metric
-from pwscont.curve.semismooth import semismooth_newton
 from pwscont.graph.proved import BoxProof, Range
 from pwscont.proof.counts import counted_proof
 from pwscont.proof.formulas import check_tape, tape_of
 from pwscont.proof.interval import Interval
 from pwscont.proof.search import covered
 from pwscont.search.default_search import default_search
+from pwscont.search.pursuit import solution_from
 from pwscont.search.search import KnownBranches, NothingKnown, Search, scope_of, starts_of
 from pwscont.system.abilities import completed, formula_of, shown_size
 from pwscont.system.box import Box
 from pwscont.system.system import PiecewiseSystem
-from pwscont.transitions.ends import settled
 
 #: How far from zero the default box reaches, in typical magnitudes, if there are no bounds.
 FAR = 1e3
@@ -187,10 +186,8 @@ def _proved_starts(
         middles = [0.5 * (least + largest) for least, largest in stretch.solutions or ()]
         for z in () if _are_known(proof, stretch.alpha, middles, known) else middles:
             guess = completed(system, z, stretch.alpha)
-            found = semismooth_newton(system, metric, guess, stretch.alpha)
-            on_curve = None if isinstance(found, Failure) else settled(system, metric, found)
-            if on_curve:
-                yield on_curve
+            if found := solution_from(system, metric, guess, stretch.alpha, ()):
+                yield found
 
 
 def _are_known(proof: BoxProof, alpha: float, solutions: list[Array], known: KnownBranches) -> bool:
