@@ -33,7 +33,13 @@ from pwscont.transitions.detector import Reading, SpecialPointFound, TransitionD
 from pwscont.transitions.ends import Bounds, IntervalEnds, ended_by_system
 from pwscont.transitions.events import Events, EventsAlong
 from pwscont.transitions.rays import Ray
-from pwscont.transitions.smooth import SmoothBranchPoints, SmoothFolds, leaning
+from pwscont.transitions.smooth import (
+    DISTANCE_TO_SIGN,
+    SmoothBranchPoints,
+    SmoothFolds,
+    crossing_on_end,
+    leaning,
+)
 from pwscont.transitions.straight import StraightTests
 from pwscont.transitions.watch import Event, Watch, first_on_curve, first_on_ray
 
@@ -373,11 +379,27 @@ class PieceFollower:
         """Return the piece that ends here; finer differences have been of no use."""
         part = part_of(self._curve)
         self._curve.selection.system.refine_differences(self._part)
+        if piece := self._up_to_crossing():
+            return piece
         if why == str(Failure(FailureReason.NOT_FINITE)) and len(self._points) > 2:
             self._end_inside(part)
         back = Ray(self._curve, self._state).reversed()
         arrival = SpecialPointFound(Kind.STOPPED, self._state.x, why, (back,))
         return FollowedPiece(self._points, arrival)
+
+    def _up_to_crossing(self) -> FollowedPiece | None:
+        """Return the piece up to a crossing of curves on an end of the interval, None without one.
+
+        So close to a crossing Newton may find points of either curve: such points are left out.
+        """
+        point, metric = crossing_on_end(self._curve, self._state.x), self._curve.metric
+        if point is None or len(self._points) == 1:
+            return None
+        far = [x for x in self._points if metric.norm(x - point.x) > DISTANCE_TO_SIGN]
+        points = far or self._points[:1]
+        way = metric.covector(point.x - points[-1])
+        rays = sorted(point.rays, key=lambda ray: float(way.dot(ray.state.tangent)))
+        return FollowedPiece([*points, point.x], point.leading(tuple(rays)))
 
     def _end_inside(self, part: float) -> None:
         """End at the last point at which H is finite; the end of the model is a few steps farther.

@@ -22,7 +22,7 @@ import numpy as np
 
 from pwscont.basics.arrays import Array, generic_angles, largest, power_of_two
 from pwscont.basics.outcome import Failure, FailureReason
-from pwscont.basics.rounding import CONVERGED, EPS
+from pwscont.basics.rounding import CONFIDENCE, CONVERGED, EPS
 from pwscont.curve.curve import Curve
 from pwscont.linear.factorise import augmented, columns_scaled, largest_in_rows, rows_divided
 
@@ -40,6 +40,8 @@ MEETS = EPS**0.75
 FULL_RANK = EPS ** (1.0 / 3.0)
 #: Least ratio of the eigenvalues of the branching equation if the two directions are told apart.
 APART = EPS**0.5
+#: Error of alpha at a branch point, as a part of the interval, where derivatives are one-sided.
+ERROR_OF_DIFFERENCES = EPS ** (2.0 / 3.0)
 #: Displacement of z, in typical magnitudes, that shows how large the equations are.
 ASIDE = 0.05
 #: Component of a direction, as a part of the length, below which the component is the error of
@@ -78,7 +80,7 @@ class _Null:
 
 def crossing(curve: Curve, x: Array) -> Crossing | Failure:
     """Return the branch point near ``x``, by Newton's method on the extended system."""
-    equations, borders, before = _equations(curve, x), _generic(len(x) - 1), np.inf
+    equations, borders, last = _equations(curve, x), _generic(len(x) - 1), np.inf
     for iteration in range(-FIRST_BORDERS, MOST_ITERATIONS_TO_CROSSING):
         null = _null(curve, x, equations, *borders)
         if null is None:
@@ -92,9 +94,12 @@ def crossing(curve: Curve, x: Array) -> Crossing | Failure:
             return Failure(FailureReason.SINGULAR)
         eta = np.linalg.solve(form, null.g - rows @ null.particular[:-1])
         dx = curve.metric.scale * (null.particular[:-1] + null.right @ eta)
-        differences = curve.selection.system.differences(float(x[-1]))
-        x = x + dx
-        x[-1] = min(max(x[-1], differences.lo), differences.hi)  # nothing is evaluated outside
+        before, x = x, x + dx
+        differences = curve.selection.system.differences(float(before[-1]))
+        alpha = min(max(x[-1], differences.lo), differences.hi)  # nothing is evaluated outside
+        if abs(x[-1] - alpha) <= CONFIDENCE * ERROR_OF_DIFFERENCES * curve.metric.width:
+            dx[-1] = alpha - before[-1]
+        x[-1] = alpha
         size = curve.metric.relative(dx, x)
         if size <= CONVERGED:
             directions = _directions(curve, null, form)
@@ -102,9 +107,9 @@ def crossing(curve: Curve, x: Array) -> Crossing | Failure:
                 return Failure(FailureReason.SINGULAR)
             mu = abs(float(null.particular[-1] + null.g @ eta))
             return Crossing(x, dx[np.newaxis], directions, mu <= MEETS * (1.0 + null.size))
-        if iteration >= FAR_OFF and size > LINEAR * before:
+        if iteration >= FAR_OFF and size > LINEAR * last:
             break
-        before = size
+        last = size
     return Failure(FailureReason.NOT_CONVERGED)
 
 

@@ -62,7 +62,7 @@ def touching(curve: Curve, state: State, test: int) -> SpecialPointFound | None:
     row = selection.test_gradient(state.x, index)
     further = beside(curve, state, DISTANCE_TO_CURVATURE)
     slope = -float(row.dot(state.tangent))
-    if further is None or not slope > 0.0:
+    if isinstance(further, Failure) or not slope > 0.0:
         return None
     turn = slope + float(selection.test_gradient(further.x, index).dot(further.tangent))
     lowest = DISTANCE_TO_CURVATURE * slope / turn if turn > 0.0 else np.inf
@@ -70,7 +70,7 @@ def touching(curve: Curve, state: State, test: int) -> SpecialPointFound | None:
     if not (lowest <= DISTANCE_TO_CURVATURE and 0.5 * slope * lowest <= rounding):
         return None  # a zero farther from the lowest point than that is a crossing
     found = [beside(curve, state, part * lowest) for part in PARABOLA_PLACES]
-    places = [place for place in found if place is not None]
+    places = [place for place in found if not isinstance(place, Failure)]
     if len(places) < len(found):
         return None
     parts, rising = np.array(PARABOLA_PLACES[:-1]), places[-1]

@@ -29,7 +29,7 @@ import scipy.sparse as sp
 from pwscont.basics.arrays import Array, Matrix, by_rows, dense, generic
 from pwscont.basics.budget import check_budget
 from pwscont.basics.character import Character
-from pwscont.basics.outcome import Kind
+from pwscont.basics.outcome import Failure, Kind
 from pwscont.basics.printing import at
 from pwscont.basics.rounding import EPS
 from pwscont.curve.curve import Curve, State
@@ -160,7 +160,7 @@ def _bends_into(curve: Curve, state: State) -> bool:
     """Tell whether a curve that is tangent to an interface bends into the cell of the curve."""
     check_budget()
     there, selection = beside(curve, state, BENDING_PROBE), curve.selection
-    if there is None:
+    if isinstance(there, Failure):
         return False
     gradients = selection.test_gradients(there.x)
     rounding = rounding_of_tests(gradients, there.x, there.error, curve.metric.scale)

@@ -49,7 +49,13 @@ from pwscont.transitions.detector import (
     locate_zero,
 )
 from pwscont.transitions.rays import Corner, Ray, check_continuity, inward_ray, vanishing
-from pwscont.transitions.smooth import STEEPEST_AT_FOLD, at_branch_point, fold_at_end, fold_point
+from pwscont.transitions.smooth import (
+    STEEPEST_AT_FOLD,
+    at_branch_point,
+    fold_at_end,
+    fold_point,
+    leads_outside,
+)
 
 #: Most steps of Newton that put a solution on its curve.
 MOST_SETTLING = 8
@@ -120,7 +126,8 @@ def _inside(curve: Curve, x: Array, error: Array) -> SpecialPointFound:
     jacobian, row, factor = held
     tangent = curve.metric.normalised(factor.solve(last_unit(len(x))))
     is_upright = abs(tangent[-1]) <= STEEPEST_AT_FOLD * curve.metric.width
-    if is_upright and loses_rank(curve, x) and (point := at_branch_point(curve, x)):
+    is_doubtful = is_upright or (x[-1] in curve.metric.interval and not curve.selection.is_straight)
+    if is_doubtful and loses_rank(curve, x) and (point := at_branch_point(curve, x)):
         return point
     known = np.maximum.reduce(np.abs(error))
     error = uncertainty(Root(x, known, jacobian, row, factor, curve.metric.scale))
@@ -221,7 +228,8 @@ def points_inside(ray: Ray, lo: float, hi: float) -> bool:
     At a fold at an end the rays' own alphas may be beside that end by rounding.
     """
     alpha, slope, same = ray.state.alpha, ray.curve.slope(ray.state), SAME_ALPHA * (hi - lo)
-    return not ((alpha - lo <= same and slope < 0.0) or (hi - alpha <= same and slope > 0.0))
+    is_out = (alpha - lo <= same and slope < 0.0) or (hi - alpha <= same and slope > 0.0)
+    return not (is_out or leads_outside(ray))
 
 
 #: On curved pieces a slope below this, relative to typical magnitudes, is an error of the tangent.

@@ -95,12 +95,12 @@ def rounding_of_tests(gradients: Matrix, x: Array, error: Array, scale: Array) -
     return np.asarray(CONFIDENCE * rounding_of_values(gradients, np.abs(x) + scale, error))
 
 
-def beside(curve: Curve, state: State, s: float) -> State | None:
+def beside(curve: Curve, state: State, s: float) -> State | Failure:
     """Return the curve's own state at a distance along the tangent, within the interval."""
     x = state.x + s * state.tangent
     x[-1] = np.clip(x[-1], *curve.metric.interval)
     found = BorderedNewton().correct(curve, x, state.tangent)
-    return None if isinstance(found, Failure) else found.state
+    return found if isinstance(found, Failure) else found.state
 
 
 def inward_ray(curve: Curve, x: Array, error: Array, test: int) -> Ray | None:

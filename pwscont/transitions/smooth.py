@@ -24,9 +24,15 @@ import numpy as np
 
 from pwscont.basics.arrays import Array
 from pwscont.basics.outcome import TOUCH, Failure, FailureReason, Kind
-from pwscont.basics.rounding import CONVERGED, EPS, GUARD, SAME_ALPHA
+from pwscont.basics.rounding import CONFIDENCE, CONVERGED, EPS, GUARD, SAME_ALPHA
 from pwscont.curve.corrector import polished
-from pwscont.curve.crossing import FULL_RANK, Crossing, crossing, loses_rank
+from pwscont.curve.crossing import (
+    ERROR_OF_DIFFERENCES,
+    FULL_RANK,
+    Crossing,
+    crossing,
+    loses_rank,
+)
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.newton import uncertainty_beside
 from pwscont.curve.stepper import CurvedSegment, Segment
@@ -144,7 +150,7 @@ def fold_at_end(curve: Curve, state: State) -> State | None:
         return None
     inwards = FIRST_SECANT if side * slope > 0.0 else -FIRST_SECANT
     here, there = beside(curve, state, 0.0), beside(curve, state, inwards)
-    if here is None or there is None or _side(curve, there):
+    if isinstance(here, Failure) or isinstance(there, Failure) or _side(curve, there):
         return None
     steepness = before = curve.slope(there)
     r, s, slope, fold = inwards, 0.0, curve.slope(here), here
@@ -152,14 +158,25 @@ def fold_at_end(curve: Curve, state: State) -> State | None:
         if slope in (0.0, before):
             break
         r, s, before = s, s - slope * (s - r) / (slope - before), slope
-        found = beside(curve, state, s) if abs(s) <= FIRST_SECANT else None
-        if found is None:
+        found = abs(s) <= FIRST_SECANT and beside(curve, state, s)
+        if not isinstance(found, State):
             return None
         fold, slope = found, curve.slope(found)
     if not _side(curve, fold):
         return None
     along = max(abs(s), GUARD * EPS * FIRST_SECANT / abs(steepness))
     return _with_slope(fold, 0.0, np.vstack([state.error, fold.error, along * fold.tangent]))
+
+
+def leads_outside(ray: Ray) -> bool:
+    """Tell whether a ray along an end of the interval bends out of the interval."""
+    curve, state = ray.curve, ray.state
+    if not _side(curve, state) or curve.selection.is_straight:
+        return False
+    if abs(curve.slope(state)) > STEEPEST_AT_FOLD:
+        return False
+    found = beside(curve, state, FIRST_SECANT)
+    return isinstance(found, Failure) and found.trouble is FailureReason.OUTSIDE
 
 
 def _with_slope(state: State, slope: float, error: Array) -> State:
@@ -196,8 +213,6 @@ LOCATED_AGAIN = EPS**0.5
 BISECTIONS_BETWEEN = 3
 #: Distance at which the sign of det[J; t^T] is evaluated if no piece carries the sign along.
 DISTANCE_TO_SIGN = EPS**0.25
-#: Error of alpha at a branch point, as a part of the interval, where derivatives are one-sided.
-ERROR_OF_DIFFERENCES = EPS ** (2.0 / 3.0)
 #: What is read, by the sign: not to be written to.
 _READINGS = {sign: Reading(np.array([1.0, -1.0]) * sign, UNKNOWN) for sign in (-1, 0, 1)}
 
@@ -253,7 +268,7 @@ def at_branch_point(curve: Curve, x: Array) -> SpecialPointFound | None:
     if isinstance(found, Failure) or not found.meets or metric.norm(found.x - x) > near:
         return None
     tangent, at = found.directions[0], found.x.copy()
-    if abs(at[-1] - x[-1]) <= ERROR_OF_DIFFERENCES * metric.width:
+    if abs(at[-1] - x[-1]) <= CONFIDENCE * ERROR_OF_DIFFERENCES * metric.width:
         at[-1] = x[-1]
     differences = curve.selection.system.differences(float(at[-1]))
     if not differences.contains(at[-1] - DISTANCE_TO_SIGN * tangent[-1]):
@@ -262,6 +277,16 @@ def at_branch_point(curve: Curve, x: Array) -> SpecialPointFound | None:
     sign = bordered(near, metric.covector(tangent), metric.binary).sign
     error = np.vstack([found.error, at - found.x])
     return branch_point(curve, found, State(at, tangent, error, sign))
+
+
+def crossing_on_end(curve: Curve, x: Array) -> SpecialPointFound | None:
+    """Return the branch point on an end of the interval next to ``x``, None if there is none."""
+    ends = np.array(curve.metric.interval)
+    on_end = np.append(x[:-1], ends[np.abs(ends - x[-1]).argmin()])
+    if curve.selection.is_straight or curve.metric.norm(x - on_end) > DISTANCE_TO_SIGN:
+        return None
+    point = at_branch_point(curve, on_end)
+    return point if point and point.x[-1] == on_end[-1] else None
 
 
 def _locate(
