@@ -47,6 +47,30 @@ def test_points_that_are_none(points, words):
 
 
 @pytest.mark.parametrize(
+    ("name", "method", "words"),
+    [
+        ("scale", lambda self: np.ones(1), r"def scale\(self, lo, hi\), but takes \(\)"),
+        ("residual", lambda self, z, alpha: z, r"def residual\(self, z, alpha, character\)"),
+        ("label", lambda self: "", r"def label\(self, character\)"),
+        ("cells", lambda self, alpha: (), r"def cells\(self\), but takes \(alpha\)"),
+    ],
+)
+def test_methods_with_other_arguments(name, method, words):
+    with pytest.raises(InvalidSystemError, match=words):
+        explore(type("Wrong", (Bent,), {name: method})(), (0.0, 1.0))
+
+
+def test_static_methods_and_private_names_are_free():
+    class Own(Bent):
+        scale = staticmethod(lambda lo, hi: np.ones(1))
+
+        def __init__(self):
+            self._residual = self._some = self._differences = None
+
+    assert explore(Own(), (0.0, 1.0)).count(0.5) == explore(Bent(), (0.0, 1.0)).count(0.5)
+
+
+@pytest.mark.parametrize(
     ("method", "value", "words"),
     [
         ("scale", np.zeros(1), r"scale\(\) must return 1 positive"),

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterable
 from functools import partial
-from inspect import isfunction, signature
+from inspect import isfunction, ismethod, signature
 from itertools import pairwise
 from typing import Any, TypeAlias
 
@@ -136,9 +136,20 @@ def check_attributes(system: PiecewiseSystem) -> None:
         if not callable(found := getattr(system, name, len)):  # another kind has no such method
             words = f"must be a method, def {name}({arguments}), got {short(repr(found))}"
             raise broken(system, name, words)
+        if ismethod(found) and not str(found.__module__).startswith("pwscont."):
+            _check_arguments(found, name, arguments)
     for name in VALUES:
         if callable(getattr(system, name)):
             raise broken(system, name, f"must be a value, not a method: {name} = ...")
+
+
+def _check_arguments(method: Callable[..., Any], name: str, arguments: str) -> None:
+    """Refuse a method that does not take the arguments that a run gives."""
+    try:
+        signature(method).bind(*arguments.split(", ")[1:])
+    except TypeError:
+        words = f"must be def {name}({arguments}), but takes {signature(method)}"
+        raise InvalidSystemError(f"{method.__qualname__} {words}") from None
 
 
 def checked_scale(system: PiecewiseSystem, magnitudes: Any) -> Array:

@@ -63,11 +63,28 @@ def characters(blocks: Sequence[Block], tests: int) -> Iterator[Character]:
         yield positive.with_signs(decided, chain.from_iterable(modes))
 
 
+def _residual_of(system: PiecewiseSystem, x: Array, character: Character) -> Array:
+    """Return H_chi(x) for differences, which would not notice a wrong shape."""
+    value = system.residual(x[:-1], float(x[-1]), character)
+    return own_array(system, "residual", value, (system.size,))
+
+
+def _some_of(system: PiecewiseSystem, rows: Any, alpha: float, which: Indices) -> Any:
+    """Return some rows of the tests, or say that there are fewer here than elsewhere."""
+    try:
+        return rows.take(which, 0) if isinstance(rows, np.ndarray) else by_rows(rows)[which]
+    except IndexError as error:
+        raise InvalidSystemError(
+            f"{type(system).__name__} has {rows.shape[0]} test functions at alpha = "
+            f"{alpha:.10g}, and more elsewhere: their number must not change"
+        ) from error
+
+
 #: Most tests for which the default of ``cells`` tries every sign pattern; with more tests the
 #: default asks for help.
 MOST_TESTS_TO_TRY = 16
 #: Slots that ``within`` does not copy.
-OWN = ("__weakref__", "_differences")
+OWN = ("__weakref__", "_differences_of_run")
 
 
 class PiecewiseSystem(Undefined, ABC):
@@ -112,12 +129,12 @@ class PiecewiseSystem(Undefined, ABC):
     3
     """
 
-    __slots__ = ("__dict__", "__weakref__", "_differences")
+    __slots__ = ("__dict__", "__weakref__", "_differences_of_run")
 
     size: int
     domain: tuple[float, float] = (-np.inf, np.inf)
     degree: int | None = None
-    _differences: Differences
+    _differences_of_run: Differences
     unique: bool = False
     line_styles: Mapping[str, Any] = MappingProxyType({})
 
@@ -135,13 +152,8 @@ class PiecewiseSystem(Undefined, ABC):
         Default: by :meth:`differences`.
         """
         return self.differences(alpha).jacobian(
-            lambda x: self._residual(x, character), np.append(z, alpha)
+            lambda x: _residual_of(self, x, character), np.append(z, alpha)
         )
-
-    def _residual(self, x: Array, character: Character) -> Array:
-        """Return H_chi(x) for differences, which would not notice a wrong shape."""
-        value = self.residual(x[:-1], float(x[-1]), character)
-        return own_array(self, "residual", value, (self.size,))
 
     def test_jacobian(self, z: Array, alpha: float) -> Matrix:
         """Return d kappa / d(z, alpha), shape (m, n + 1); default by :meth:`differences`."""
@@ -158,7 +170,7 @@ class PiecewiseSystem(Undefined, ABC):
         abs(alpha)) for a typical change of alpha.
         """
         if self._is_fitted:
-            return self._differences
+            return self._differences_of_run
         scale = np.append(self.scale(alpha, alpha), max(1.0, abs(alpha)))
         return Differences(scale, *self.domain)
 
@@ -180,13 +192,15 @@ class PiecewiseSystem(Undefined, ABC):
                 object.__setattr__(twin, name, getattr(self, name))
         scale = self.scale(lo, hi) if magnitudes is None else magnitudes
         differences = Differences(joined(scale, hi - lo), lo, hi)
-        object.__setattr__(twin, "_differences", differences)
+        object.__setattr__(twin, "_differences_of_run", differences)
         return twin
 
     def refine_differences(self, part: float) -> None:
         """Multiply the usual steps of the :meth:`differences` of this run by ``part``."""
-        if self._is_fitted and part != self._differences.part:
-            object.__setattr__(self, "_differences", replace(self._differences, part=part))
+        if self._is_fitted and part != self._differences_of_run.part:
+            object.__setattr__(
+                self, "_differences_of_run", replace(self._differences_of_run, part=part)
+            )
 
     @property
     def gives_scale(self) -> bool:
@@ -201,7 +215,7 @@ class PiecewiseSystem(Undefined, ABC):
 
     @property
     def _is_fitted(self) -> bool:
-        return hasattr(self, "_differences")
+        return hasattr(self, "_differences_of_run")
 
     def some_tests(self, z: Array, alpha: float, which: Indices) -> Array:
         """Return only some of the test functions, shape (len(which),).
@@ -210,23 +224,13 @@ class PiecewiseSystem(Undefined, ABC):
         all tests, and take some; override this method, and :meth:`some_test_gradients`, if every
         test costs time.
         """
-        taken: Array = self._some(self.test_functions(z, alpha), alpha, which)
+        taken: Array = _some_of(self, self.test_functions(z, alpha), alpha, which)
         return taken
 
     def some_test_gradients(self, z: Array, alpha: float, which: Indices) -> Matrix:
         """Return only some rows of :meth:`test_jacobian`, shape (len(which), n + 1)."""
-        taken: Matrix = self._some(self.test_jacobian(z, alpha), alpha, which)
+        taken: Matrix = _some_of(self, self.test_jacobian(z, alpha), alpha, which)
         return taken
-
-    def _some(self, rows: Any, alpha: float, which: Indices) -> Any:
-        """Return some rows, or say that there are fewer here than elsewhere."""
-        try:
-            return rows.take(which, 0) if isinstance(rows, np.ndarray) else by_rows(rows)[which]
-        except IndexError as error:
-            raise InvalidSystemError(
-                f"{type(self).__name__} has {rows.shape[0]} test functions at alpha = "
-                f"{alpha:.10g}, and more elsewhere: their number must not change"
-            ) from error
 
     def bounding_tests(self, character: Character) -> Sequence[int] | Indices:
         """Return the indices of the tests whose zero sets bound this cell; default all.
@@ -254,7 +258,7 @@ class PiecewiseSystem(Undefined, ABC):
         Typical magnitudes make arc length, and with arc length every result, independent of units.
         Default: 1.0 for all, or the magnitudes of the solutions that a run finds.
         """
-        return self._differences.scale[:-1] if self._is_fitted else np.ones(self.size)
+        return self._differences_of_run.scale[:-1] if self._is_fitted else np.ones(self.size)
 
     def bounds(self) -> tuple[Any, Any]:
         """Return between which values z makes sense, each broadcastable to (n,); default all.
@@ -311,7 +315,7 @@ class PiecewiseSystem(Undefined, ABC):
     def somewhere(self) -> float:
         """A value of alpha for which the system is defined: in a run, a value in the interval."""
         anywhere = Differences(np.ones(1), *self.domain)
-        return (self._differences if self._is_fitted else anywhere).base
+        return (self._differences_of_run if self._is_fitted else anywhere).base
 
     def character(self, z: Array, alpha: float) -> Character:
         """Return the character of the point."""
@@ -359,7 +363,7 @@ class SlicewiseLinearSystem(PiecewiseSystem):
     def jacobian(self, z: Array, alpha: float, character: Character) -> Matrix:
         """Return d H_chi / d(z, alpha), shape (n, n + 1); the default is exact in z."""
         return self.differences(alpha).exact_in_z(
-            lambda x: self._residual(x, character), np.append(z, alpha)
+            lambda x: _residual_of(self, x, character), np.append(z, alpha)
         )
 
     def test_jacobian(self, z: Array, alpha: float) -> Matrix:
@@ -404,7 +408,7 @@ class PiecewiseLinearSystem(SlicewiseLinearSystem):
 
     def jacobian(self, z: Array, alpha: float, character: Character) -> Matrix:
         """Return the constant matrix d H_chi / d(z, alpha), shape (n, n + 1)."""
-        return self.differences(alpha).exact(lambda x: self._residual(x, character))
+        return self.differences(alpha).exact(lambda x: _residual_of(self, x, character))
 
     def test_jacobian(self, z: Array, alpha: float) -> Matrix:
         """Return the constant matrix d kappa / d(z, alpha), shape (m, n + 1)."""
