@@ -55,6 +55,44 @@ def test_as_many_as_the_closed_form_says(name):
     assert sum(len(piece.alpha) for piece in graph.pieces) <= 2000
 
 
+class FarFromZero(PiecewiseSystem):
+    """A loop around a point far from zero, such as a temperature, in n turned unknowns."""
+
+    def __init__(self, radius, place, rng):
+        self.size, self.radius, self.place = len(place), radius, place
+        self.frame = np.linalg.qr(rng.normal(size=(len(place),) * 2))[0]
+
+    def test_functions(self, z, alpha):
+        return np.ones(1)
+
+    def residual(self, z, alpha, character):
+        y = self.frame.T @ (z - self.place)
+        return np.array([y[0] ** 2 + alpha**2 - self.radius**2, *(y[1:] - np.sin(y[0]))])
+
+
+@pytest.mark.parametrize("size", [30.0, 300.0, 1e4])
+@pytest.mark.parametrize("n", [1, 2, 3])
+@pytest.mark.sweep(9)
+def test_loops_far_from_zero(n, size):
+    rng = np.random.default_rng([n, int(size)])
+    radius = rng.uniform(0.3, 0.8)
+    graph = explore(FarFromZero(radius, size * rng.normal(size=n), rng), (-1.0, 1.0))
+    for alpha in rng.uniform(-1.0, 1.0, 5):
+        assert graph.count(alpha) == (2 if abs(alpha) < radius else 0), graph.guarantee
+
+
+def test_a_bounded_function_far_from_zero_takes_little():
+    calls = 0
+
+    def bounded(z, alpha):
+        nonlocal calls
+        calls += 1
+        return np.tanh(z - 300.0) - 1.4 * alpha
+
+    assert explore(Curve(bounded), (-1.0, 1.0)).count(0.1) == 1
+    assert calls < 60_000  # 230,000 if Newton goes on where tanh is constant
+
+
 class Waves(Curve):
     """A pole, and an unknown that oscillates along the branches to infinity; both are turned."""
 

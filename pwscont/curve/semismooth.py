@@ -45,6 +45,8 @@ MOST_HALVINGS_DEFLATED = 12
 ARMIJO = 1e-4
 #: Most undamped steps from points where no step reduces the merit: a watchdog strategy.
 MOST_LEAPS = 3
+#: Most steps no longer than rounding from points where H is more than rounding.
+MOST_UNSOLVED = 10
 
 
 #: A point (z, alpha), the character of the cell there, and the residual.
@@ -86,7 +88,7 @@ def semismooth_newton(
         of the error where conditioning allows no smaller correction; or a Failure.
     """
     point, linear = _evaluated(system, joined(z, alpha)), None
-    leaps, crossings, is_straight = 0, 0, isinstance(system, PiecewiseLinearSystem)
+    leaps, crossings, unsolved, is_straight = 0, 0, 0, isinstance(system, PiecewiseLinearSystem)
     for iteration in range(1, MOST_ITERATIONS + 1):
         check_budget()
         x, character, residual = point
@@ -107,7 +109,9 @@ def semismooth_newton(
                 point, crossings = _evaluated(system, there), crossings + 1
                 continue
             if not is_solved(Selection(system, character), metric, x, linear.jacobian, residual):
-                point, linear = _evaluated(system, there), None
+                point, linear, unsolved = _evaluated(system, there), None, unsolved + 1
+                if unsolved > MOST_UNSOLVED:  # H is nearly constant here, and not zero
+                    return Failure(FailureReason.NO_DESCENT)
                 continue
             if not _is_regular_zero(linear, metric, x, residual) or _misses(
                 linear, metric, x, residual

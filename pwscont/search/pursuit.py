@@ -44,17 +44,17 @@ from pwscont.system.system import PiecewiseSystem
 from pwscont.transitions.ends import settled
 
 #: Most iterations at fixed alpha, and again with alpha free.
-MOST_PURSUIT_STEPS = 20
+MOST_PURSUIT_STEPS = 40
 #: Most halvings of a step that does not reduce the merit.
 MOST_STEP_HALVINGS = 5
-#: Least fall of the merit, as a part of the fall that a Newton step promises.
+#: Least fall of the merit, as a part of the fall that a Newton step, as far as taken, promises.
 DESCENT = 0.05
 #: Longest step of a pursuit that has arrived, as a part of 1 plus the length of the point.
 LAST_STEP = 1e-6
 #: Longest step, as a multiple of 1 plus the distance of the point from zero.
 LONGEST_STEP = 4.0
 #: Length of a point, in typical magnitudes, from which on a pursuit has run away.
-RUN_AWAY = 1e5
+RUN_AWAY = 1e9
 #: Regularisation of a shortest step, as a part of the merit: steps stay finite where the Jacobian
 #: is singular.
 DAMPED = 1e-2
@@ -252,7 +252,7 @@ class Pursuit:
         ``known``: solutions (z, alpha) that are deflated away.
         """
 
-        def step_at(y: Array, residual: Array, jacobian: Array) -> Array:
+        def step_at(y: Array, residual: Array, jacobian: Array) -> tuple[Array, float]:
             step = np.append(_newton_step(jacobian[:, :-1], residual), 0.0)
             step *= stretch(self._metric, known, y * self._scale, step * self._scale)
             return _limited(step, y)
@@ -265,10 +265,10 @@ class Pursuit:
         The steps begin aside of a point, in a direction.
         """
 
-        def step_at(y: Array, residual: Array, jacobian: Array) -> Array:
-            step = _limited(_shortest_step(jacobian, residual), y)
+        def step_at(y: Array, residual: Array, jacobian: Array) -> tuple[Array, float]:
+            step, part = _limited(_shortest_step(jacobian, residual), y)
             if self._ends[0] <= y[-1] + step[-1] <= self._ends[1]:
-                return step
+                return step, part
             rise = self._ends[0 if step[-1] < 0.0 else 1] - y[-1]  # to the end that is left
             rest = residual + jacobian[:, -1] * rise
             return _limited(np.append(_newton_step(jacobian[:, :-1], rest), rise), y)
@@ -278,17 +278,23 @@ class Pursuit:
         return found if arrived else None
 
     def _pursued(
-        self, y: Array, step_at: Callable[[Array, Array, Array], Array], known: Sequence[Array]
+        self, y: Array, step_at: Callable[..., tuple[Array, float]], known: Sequence[Array]
     ) -> tuple[Array, bool]:
-        """Return where steps lead, and whether a solution is there."""
+        """Return where steps lead, and whether a solution is there.
+
+        ``step_at`` returns a step from a point, its residual and Jacobian, and what part it is of
+        the step that leads to a solution of the linear equations.
+        """
         for _ in range(MOST_PURSUIT_STEPS):
             here = self._linear(y)
-            step = None if here is None else step_at(y, *here)
-            if here is None or step is None or not are_finite(step):
+            if here is None:
+                return y, False
+            step, part = step_at(y, *here)
+            if not are_finite(step):
                 return y, False
             if _length(step) <= LAST_STEP * (1.0 + _length(y)):
                 return y + step, True
-            moved = self._moved(y, here[0], step, known)
+            moved = self._moved(y, here[0], (step, part), known)
             if moved is None or _length(moved) > RUN_AWAY:
                 return y, False
             y = moved
@@ -360,19 +366,22 @@ class Pursuit:
         return (x[:-1], float(x[-1])) if self._metric.admits(x) else None
 
     def _moved(
-        self, y: Array, residual: Array, step: Array, known: Sequence[Array]
+        self, y: Array, residual: Array, way: tuple[Array, float], known: Sequence[Array]
     ) -> Array | None:
-        """Return the first of y + step, y + step / 2, ... that reduces the merit enough."""
+        """Return the first of y + step, y + step / 2, ... that reduces the merit enough.
+
+        ``way``: the step, and what part it is of the step to the solution.
+        """
 
         def merit(y: Array, residual: Array) -> float:
             return _length(residual) * deflation(self._metric, known, y * self._scale)
 
-        before, length = merit(y, residual), 1.0
+        (step, part), before, length = way, merit(y, residual), 1.0
         for _ in range(MOST_STEP_HALVINGS):
             trial = y + length * step
             if place := self._place(trial):
                 off = residual_at(self._system, *place, self._system.character(*place)) / self._rows
-                if merit(trial, off) <= (1.0 - DESCENT * length) * before:
+                if merit(trial, off) <= (1.0 - DESCENT * length * part) * before:
                     return trial
             length *= 0.5
         return None
@@ -424,11 +433,11 @@ def _shortest_step(jacobian: Array, residual: Array) -> Array:
     return step
 
 
-def _limited(step: Array, y: Array) -> Array:
-    """Return a step, shortened if much longer than the way from zero to the point."""
-    most = LONGEST_STEP * (1.0 + _length(y[:-1]))
-    length = _length(step)
-    return step * (most / length) if length > most else step
+def _limited(step: Array, y: Array) -> tuple[Array, float]:
+    """Return a step, shortened if much longer than the way from zero to the point, and the part."""
+    most, length = LONGEST_STEP * (1.0 + _length(y[:-1])), _length(step)
+    part = min(1.0, most / length) if length else 1.0
+    return part * step, part
 
 
 def _length(y: Array) -> float:
