@@ -108,13 +108,15 @@ def semismooth_newton(
             ):
                 point, crossings = _evaluated(system, there), crossings + 1
                 continue
-            if not is_solved(Selection(system, character), metric, x, linear.jacobian, residual):
+            own = Selection(system, character)
+            is_root = is_solved(own, metric, x, linear.jacobian, residual)
+            if not is_root and unsolved < MOST_UNSOLVED:
                 point, linear, unsolved = _evaluated(system, there), None, unsolved + 1
-                if unsolved > MOST_UNSOLVED:  # H is nearly constant here, and not zero
-                    return Failure(FailureReason.NO_DESCENT)
                 continue
-            if not _is_regular_zero(linear, metric, x, residual) or _misses(
-                linear, metric, x, residual
+            if (
+                not is_root  # H is nearly constant here, and not zero
+                or not _is_regular_zero(linear, metric, x, residual)
+                or _misses(linear, metric, x, residual)
             ):
                 return Failure(FailureReason.NO_DESCENT)
             return x + step, np.abs(step)[np.newaxis]
