@@ -81,6 +81,47 @@ def test_loops_far_from_zero(n, size):
         assert graph.count(alpha) == (2 if abs(alpha) < radius else 0), graph.guarantee
 
 
+class WeakLoad(PiecewiseSystem):
+    """Roots at known places, which a weak load hardly moves, in n turned unknowns."""
+
+    def __init__(self, roots, load, n, rng):
+        self.size, self.roots, self.load = n, roots, load
+        self.frame = np.linalg.qr(rng.normal(size=(n, n)))[0]
+
+    def test_functions(self, z, alpha):
+        return np.ones(1)
+
+    def residual(self, z, alpha, character):
+        y = self.frame.T @ z
+        return np.array([np.prod(y[0] - self.roots) - self.load * alpha, *(y[1:] - y[0])])
+
+
+@pytest.mark.parametrize("load", [1e-2, 1e-4, 1e-8])
+@pytest.mark.parametrize(("n", "most"), [(1, 6), (2, 3), (3, 3)])
+@pytest.mark.sweep(9)
+def test_branches_that_a_weak_load_hardly_moves(n, most, load):
+    rng = np.random.default_rng([n, most])
+    for number in range(2, most):
+        roots = np.concatenate([[0.0], np.cumsum(rng.uniform(0.5, 2.0, number - 1))])
+        graph = explore(WeakLoad(roots, load, n, rng), (0.1, 1.0))
+        assert graph.count(0.5) == number, (graph.guarantee, roots)
+
+
+@pytest.mark.parametrize("width", [1e-4, 1e-7, 1e-10])
+@pytest.mark.parametrize("given", [None, 1.0])
+def test_narrow_intervals(width, given):
+    arch = Switched(1, lambda z, t, sw: z * (z - 1.0) * (z - 2.0) - t, scale=given)
+    middle = 0.2 + 0.5 * width
+    graph = explore(arch, (0.2, 0.2 + width))
+    exact = np.sort(np.roots([1.0, -3.0, 2.0, -middle]))
+    assert np.allclose(sorted(float(s.z[0]) for s in graph.solutions(middle)), exact, atol=1e-9)
+
+
+def test_a_search_that_is_given_up_says_so():
+    graph = explore(Curve(lambda z, a: np.sin(z) - 0.5 * a), (-1.0, 1.0))
+    assert "there may be more" in graph.guarantee
+
+
 def test_a_bounded_function_far_from_zero_takes_little():
     calls = 0
 

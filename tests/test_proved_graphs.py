@@ -93,7 +93,7 @@ def test_nothing_is_proved_by_default_where_limits_are_set():
 
 
 def test_the_default_proof_finds_what_the_default_search_misses(monkeypatch):
-    loop = Switched(1, lambda z, t, sw: (sw.abs(z - 30) + 100 * (t - 0.123) ** 2 - 1e-3) * (z + 1))
+    loop = Switched(1, lambda z, t, sw: (sw.abs(z - 30) + 1e4 * (t - 0.123) ** 2 - 1e-3) * (z + 1))
     with monkeypatch.context() as without:
         without.setattr(pwscont.proof.everywhere, "MANY_UNKNOWNS", 0)
         assert explore(loop, (-1.0, 1.0)).count(0.123) == 1

@@ -42,6 +42,11 @@ TOUCH = "curves touch here, or more than two cross: only the curves that arrive 
 #: The message of a point at which only some of the branches stay within the bounds.
 ON_BOUND = "a branch ends on its bound"
 
+#: What is said of a search that ends because there are so many solutions.
+GIVEN_UP = "given up because many solutions were found: there may be more"
+#: What is said of a graph without a solution; the searches follow.
+NOTHING_FOUND = "nothing found"
+
 
 @final
 class FailureReason(Enum):

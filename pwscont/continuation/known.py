@@ -230,6 +230,7 @@ class FollowedBranches(KnownBranches):
 
     def __init__(self) -> None:
         self.edges: Sequence[Edge] = ()
+        self.is_left_off = False  # whether a search was given up because of so many solutions
 
     def at(self, alpha: float) -> list[Array]:
         """Return a point for each known solution, by straight lines between stored points."""
@@ -259,6 +260,10 @@ class FollowedBranches(KnownBranches):
     def are_all(self) -> bool:
         """Tell that nothing is proved by following branches."""
         return False
+
+    def leave_off(self) -> None:
+        """Note that a search is given up."""
+        self.is_left_off = True
 
 
 def _nearest(points: Array, x: Array, metric: Metric) -> tuple[float, Array]:

@@ -31,7 +31,7 @@ from pwscont.basics.arrays import Array, generic
 from pwscont.basics.budget import INTERRUPTED, Budget, Limits
 from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidInputError
-from pwscont.basics.outcome import FILL, FILL_CURVES, Guarantee, Kind, SearchScope
+from pwscont.basics.outcome import FILL, FILL_CURVES, GIVEN_UP, Guarantee, Kind, SearchScope
 from pwscont.basics.quantities import Function
 from pwscont.basics.rounding import SAME_ALPHA
 from pwscont.continuation.assembly import assemble, check_unique, mark
@@ -359,6 +359,8 @@ def _scope(plan: Plan, searched: SearchScope, lost: int) -> SearchScope:
     if lost:
         what += f"; {lost} of the points found not followed, for no digit of them is certain"
         promise = Guarantee.NOTHING
+    if plan.branches.is_left_off:
+        what += f"; {GIVEN_UP}"
     if plan.system.unique:
         what += "; at most one solution, by the system's promise"
         promise = Guarantee.UNIQUE

@@ -55,6 +55,12 @@ MUCH = 0.25
 #: rounding of their magnitude.
 STEADY = EPS**0.5
 
+#: Changes of an unknown, in typical magnitudes, at which H is compared with the linear part of H.
+OUTWARDS = 4.0 ** np.arange(25)
+#: H is clearly nonlinear if the rest is more than this part of the linear change, and of the change
+#: over a typical magnitude.
+BENDS = 0.5
+
 
 class MisjudgedError(Exception):
     """Typical magnitudes, shape (n,), of a path whose own were wrong."""
@@ -298,6 +304,36 @@ def _without_tails(sizes: Array, jacobian: Matrix) -> Array:
     """Return sizes of many unknowns, none tiny beside the largest where columns are balanced."""
     balanced = balanced_columns(jacobian)[:-1]
     return np.maximum(sizes, _finite(TAIL * balanced * float((sizes / balanced).max())))
+
+
+@np.errstate(all="ignore")
+def nonlinear_reach(system: PiecewiseSystem, metric: Metric) -> Array:
+    """Return how far from the centre each unknown goes until H is clearly nonlinear, shape (n,).
+
+    Where a load is weak, other branches are many magnitudes away: z (z - 1) = alpha / 1000. At
+    least the typical magnitude; no more if unknowns are many. Unknowns in which H is linear as far
+    as seen follow the others.
+    """
+    scale, alpha, box = metric.scale[:-1], sum(metric.interval) / 2.0, Box.of(system)
+    z = box.centre(scale)
+    before, factors = _residual(system, z, alpha), np.zeros(system.size)
+    if system.size > MANY or not np.isfinite(before).all():
+        return scale.copy()
+    jacobian = dense(jacobian_at(system, z, alpha, system.character(z, alpha)))[:, :-1]
+    terms = (np.abs(jacobian) * scale).max(axis=1)
+
+    def bends(j: int, change: float) -> bool:
+        check_budget()
+        moved, linear = z.copy(), change * jacobian[:, j]
+        moved[j] += change
+        rest = np.abs(_residual(system, moved, alpha) - before - linear)
+        is_inside = box.lower[j] <= moved[j] <= box.upper[j]
+        return is_inside and bool((rest > BENDS * np.maximum(np.abs(linear), terms)).any())
+
+    for j, size in enumerate(scale):
+        ways = (out for out in OUTWARDS if bends(j, out * size) or bends(j, -out * size))
+        factors[j] = next(ways, 0.0)
+    return scale * np.where(factors > 0.0, factors, max(1.0, factors.max()))
 
 
 # -- from solutions ----------------------------------------------------------------------------

@@ -21,6 +21,8 @@ from pwscont.basics.outcome import (
     ACCUMULATE,
     FILL,
     FILL_CURVES,
+    GIVEN_UP,
+    NOTHING_FOUND,
     ON_BOUND,
     TOUCH,
     FailureReason,
@@ -193,7 +195,7 @@ def verdict(graph: ConnectedPieces) -> str:
     promises = graph.searched.promise not in (Guarantee.NOTHING, Guarantee.UNIQUE)
     found = graph.pieces or graph.infinite or any(p.kind != Kind.STOPPED for p in graph.nodes)
     if not found and not promises:
-        return "; ".join([f"nothing found by {graph.searched.what}", *doubts])
+        return "; ".join([f"{NOTHING_FOUND} by {graph.searched.what}", *doubts])
     words = "balanced" if doubts else WORDS[graph.searched.promise]
     return "; ".join([words, *doubts, *_places("a branch ends on purpose", graph, ends)])
 
@@ -249,6 +251,8 @@ def _doubts(graph: ConnectedPieces) -> Iterator[str]:
     lost = [point for point in graph.nodes if point.kind == Kind.STOPPED or point.lost]
     alone = [p for p in lost if not (FILL_CURVES in p.message and p in of_many)]
     yield from _stops(graph, alone)
+    if GIVEN_UP in graph.searched.what:
+        yield f"the search was {GIVEN_UP}"
     yield from _places(IN_PART, graph, graph.special_points(Kind.PARTIAL_CORNER))
     known = [f"{stretch.ends}" for stretch in graph.infinite if stretch[0] < stretch[1]]
     if known:

@@ -155,7 +155,14 @@ class BranchGraph(ConnectedPieces):
         return exports.as_dict(self, self.guarantee)
 
     def __repr__(self) -> str:
-        return exports.as_text(self, self.guarantee)
+        return exports.as_text(self, self._promise)
 
     def _repr_html_(self) -> str:
-        return exports.as_html(self, self.guarantee)
+        return exports.as_html(self, self._promise)
+
+    @property
+    def _promise(self) -> str:
+        """The guarantee, and of which box it is where a proof holds."""
+        words = self.guarantee
+        is_of_box = self.pieces and "in the box, proved" in words
+        return f"{words}\n  {self.proof.where}" if is_of_box else words

@@ -18,6 +18,7 @@ import numpy as np
 
 from pwscont.basics.arrays import Array
 from pwscont.basics.errors import InvalidInputError, MissingPackageError
+from pwscont.basics.outcome import NOTHING_FOUND
 from pwscont.basics.printing import apart, counted
 from pwscont.graph.balance import balance_values
 from pwscont.graph.queries import multiplicity, runs
@@ -222,9 +223,10 @@ def as_text(graph: ConnectedPieces, guarantee: str) -> str:
         f"components: {len(graph.components())}, pieces: {len(graph.pieces)}, "
         f"special points: {len(graph.special_points())}"
     ]
+    is_found = not guarantee.startswith(NOTHING_FOUND)  # no number is known otherwise
     lines += [
         f"  {counted(stretch[2], 'solution')} for {name} in {stretch.ends}"
-        for stretch in multiplicity(graph)
+        for stretch in (multiplicity(graph) if is_found else ())
     ]
     lines.append(f"  {guarantee}")
     return "\n".join(lines)

@@ -164,15 +164,19 @@ class BoxProof:
         )
 
     @property
+    def where(self) -> str:
+        """The box, in words."""
+        return f"the box: {self._ranges}; nothing is said of solutions outside"
+
+    @property
     def statements(self) -> tuple[str, ...]:
         """What is proved, of which box, and what is assumed, a sentence each."""
-        where = f"the box: {self._ranges}; nothing is said of solutions outside"
         folds = (
             f"folds in {counted(len(self.folds), 'range')} of alpha of width up to "
             f"{_widest(self.folds):.1g}: there the number of solutions goes from the number before "
             "to the number after without turning"
         )
-        return (self.words, *([folds] if self.folds else ()), where, self.assumed)
+        return (self.words, *([folds] if self.folds else ()), self.where, self.assumed)
 
     def judged(self, graph: ConnectedPieces, words: str) -> str:
         """Return the guarantee of a graph with what is proved, from the guarantee without."""

@@ -16,6 +16,7 @@ from pwscont.basics.budget import current_budget
 from pwscont.basics.errors import InvalidInputError
 from pwscont.basics.outcome import Guarantee, SearchScope
 from pwscont.curve.error_samples import Found
+from pwscont.curve.magnitudes import nonlinear_reach
 from pwscont.curve.metric import Metric
 from pwscont.graph.proved import BoxProof, Range
 from pwscont.proof.counts import counted_proof
@@ -29,7 +30,8 @@ from pwscont.system.abilities import completed, formula_of, shown_size
 from pwscont.system.box import Box
 from pwscont.system.system import PiecewiseSystem
 
-#: How far from zero the default box reaches, in typical magnitudes, if there are no bounds.
+#: How far from zero the default box reaches, if there are no bounds, in distances at which H is
+#: clearly nonlinear.
 FAR = 1e3
 #: Most unknowns of a formula that is tried.
 MANY_UNKNOWNS = 3
@@ -116,7 +118,7 @@ class Everywhere(Search):
         """
         tape = tape_of(system)
         scale = np.append(metric.scale[: tape.size], interval[1] - interval[0])
-        lower, upper = self.box or _default_box(system, scale[:-1], known or NothingKnown())
+        lower, upper = self.box or _default_box(system, metric, tape.size, known or NothingKnown())
         if not {np.size(lower), np.size(upper)} <= {1, tape.size}:
             raise InvalidInputError(f"box must broadcast to {tape.size} unknowns, got {self.box}")
         ends = [np.broadcast_to(end, (tape.size,)) for end in (lower, upper)]
@@ -143,7 +145,11 @@ class Everywhere(Search):
 
     def searched(self, system: PiecewiseSystem) -> SearchScope:
         """Promise nothing here: what is proved, the graph says by its proof."""
-        box = "bounds, or 1000 typical magnitudes" if self.box is None else f"{self.box}"
+        box = (
+            "bounds, or 1000 times as far as H becomes nonlinear"
+            if self.box is None
+            else f"{self.box}"
+        )
         what = f"all solutions proved in a box of the unknowns ({box})"
         what += f", if within {self.seconds:g} s; where something is open, the default search"
         return SearchScope(what, Guarantee.NOTHING)
@@ -161,14 +167,14 @@ def _checked_box(box: Any) -> tuple[Any, Any]:
 
 
 def _default_box(
-    system: PiecewiseSystem, scale: Array, known: KnownBranches
+    system: PiecewiseSystem, metric: Metric, size: int, known: KnownBranches
 ) -> tuple[Array, Array]:
-    """Return the bounds of the shown unknowns; where there are none, about FAR magnitudes.
+    """Return bounds of the shown unknowns: given, or FAR times as far as H becomes nonlinear.
 
     The box reaches a whole number of reaches beyond known branches that are far out: a box that
     fits the known branches less closely is the same box when a run is resumed.
     """
-    own, size = Box.of(system), len(scale)
+    own, scale = Box.of(system), nonlinear_reach(system, metric)[:size]
     lower, upper, period = (end[:size] for end in (own.lower, own.upper, own.period))
     reach = np.minimum(FAR * scale, 0.5 * period)
     points = [] if np.isfinite(period).any() else [x[:size] for x in known.extremes()]
@@ -223,7 +229,7 @@ class AlsoProved(Search):
     ) -> Iterator[Found]:
         """Yield what the search finds, then what is proved."""
         prove = partial(self.prove_again, system, metric, interval, known)
-        asked = {name: getattr(known, name) for name in ("at", "near", "extremes")}
+        asked = {name: getattr(known, name) for name in ("at", "near", "extremes", "leave_off")}
         beside: Any = SimpleNamespace(**asked, are_all=lambda: prove() is not None)
         yield from starts_of(self.search, system, metric, interval, beside)
         if proof := prove():

@@ -121,7 +121,12 @@ class MultiStart(Search):
 
 
 def rough_starts(
-    system: PiecewiseSystem, metric: Metric, count: int, around: States, seed: int, spread: float
+    system: PiecewiseSystem,
+    metric: Metric,
+    count: int,
+    around: States,
+    seed: int,
+    spread: float | Array,
 ) -> list[Array]:
     """Return all starts: fixed states, then random states, every other around a fixed state."""
     box, scale, shown = Box.of(system), metric.scale[:-1], shown_size(system)
@@ -177,7 +182,8 @@ class Throughout(Search):
         for alpha in interval if self.in_cells else ():
             yield from starts_at(system, metric, alpha)
         pursuit = Pursuit(system, metric, interval, known)
-        rough = rough_starts(system, metric, self.at_ends, self.around, seed=0, spread=1.0)
+        spread = pursuit.reach / metric.scale[:-1]
+        rough = rough_starts(system, metric, self.at_ends, self.around, seed=0, spread=spread)
         for alpha in interval:
             yield from pursuit.at(alpha, rough)
         if known.are_all():
@@ -188,6 +194,7 @@ class Throughout(Search):
             for count, found in enumerate(self._between(pursuit, interval, turn), before + 1):
                 yield found
                 if count > MOST_FOUND:
+                    known.leave_off()
                     return
             if count == before and (turn or known.extremes()):
                 return

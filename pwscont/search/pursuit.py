@@ -31,6 +31,7 @@ from pwscont.basics.outcome import Failure
 from pwscont.basics.rounding import CONVERGED, EPS
 from pwscont.curve.curve import LEAN, Curve
 from pwscont.curve.error_samples import Found, has_digits, is_inside
+from pwscont.curve.magnitudes import nonlinear_reach
 from pwscont.curve.metric import Metric, deflation, stretch
 from pwscont.curve.newton import is_solved, newton
 from pwscont.curve.semismooth import semismooth_newton
@@ -53,8 +54,9 @@ DESCENT = 0.05
 LAST_STEP = 1e-6
 #: Longest step, as a multiple of 1 plus the distance of the point from zero.
 LONGEST_STEP = 4.0
-#: Length of a point, in typical magnitudes, from which on a pursuit has run away.
-RUN_AWAY = 1e9
+#: Length of a point, in distances at which H is clearly nonlinear, from which on a pursuit has run
+#: away.
+RUN_AWAY = 1e5
 #: Regularisation of a shortest step, as a part of the merit: steps stay finite where the Jacobian
 #: is singular.
 DAMPED = 1e-2
@@ -113,7 +115,8 @@ class Pursuit:
         self._interval, self._known = interval, known
         self._ends = interval[0] / metric.width, interval[1] / metric.width
         self._box, self._shown = Box.of(system), shown_size(system)
-        self._reach = metric.scale[:-1]  # grows with the reach of known branches
+        self.reach = nonlinear_reach(system, metric)  # grows with the reach of known branches
+        self._farthest = RUN_AWAY * float((self.reach / metric.scale[:-1]).max())
 
     def at(self, alpha: float, guesses: Iterable[Array]) -> Iterator[Found]:
         """Yield the new solutions to which starts at an alpha lead, one of infinitely many."""
@@ -122,6 +125,7 @@ class Pursuit:
         zeros = self._sign_changes(alpha, known)
         for number, rough in enumerate(chain(zeros, guesses)):
             if len(here) >= MOST_FOUND:
+                self._known.leave_off()
                 return
             z = completed(self._system, rough[: self._shown], alpha)
             y = np.append(z, alpha) / self._scale
@@ -147,11 +151,11 @@ class Pursuit:
         steps = root ** -np.arange(1.0, size + 1.0)
         even = 2.0 * ((0.5 + (number + 1) * steps) % 1.0) - 1.0
         farther = WIDER_BY ** (number % SPREADS)
-        return self._box.guess(_with_tails(even), 0.5 * even, farther * self._reach)
+        return self._box.guess(_with_tails(even), 0.5 * even, farther * self.reach)
 
     def _sign_changes(self, alpha: float, known: list[Array]) -> Iterator[Array]:
         """Yield sign changes of an equation in a single unknown, except at known solutions."""
-        system, reach, box = self._system, float(self._reach[0]), self._box
+        system, reach, box = self._system, float(self.reach[0]), self._box
         if self._shown != 1:
             return
 
@@ -182,7 +186,7 @@ class Pursuit:
         if near is not None and direction is not None:
             found = self._across(near / scale, free, direction)
             off = np.inf if found is None else _length(self._apart(found, free))
-            if off <= 10.0 * LAST_STEP * (1.0 + _length(free)):
+            if off <= self._slack(free, 10.0 * LAST_STEP):
                 return None  # the point lies on a known branch
         return self._standing(self._along(free))
 
@@ -210,7 +214,7 @@ class Pursuit:
         found, scale = [], self._scale
         for x in self._known.at(alpha):
             reach = np.minimum(np.abs(x[:-1]), FARTHEST_START * scale[:-1])
-            self._reach = np.maximum(self._reach, reach)
+            self.reach = np.maximum(self.reach, reach)
             y, arrived = self._at_alpha(x / scale, ())
             found.append(y * scale if arrived else x)
         return found
@@ -231,7 +235,7 @@ class Pursuit:
     def _usable(self, found: Found, rough: Array) -> Found | None:
         """Return a solution with digits, inside the bounds and near a rough solution, else None."""
         metric, (x, error) = self._metric, found
-        if metric.norm(metric.difference(x, rough)) > MOST_CORRECTED * (1.0 + metric.norm(rough)):
+        if metric.norm(metric.difference(x, rough)) > metric.slack(rough, MOST_CORRECTED):
             return None
         x[:-1] = self._box.wrapped(x[:-1])
         error, scale = np.atleast_2d(error), metric.scale
@@ -273,7 +277,7 @@ class Pursuit:
             rest = residual + jacobian[:, -1] * rise
             return _limited(np.append(_newton_step(jacobian[:, :-1], rest), rise), y)
 
-        aside = y + MOVED_ASIDE * (1.0 + _length(y)) * direction
+        aside = y + self._slack(y, MOVED_ASIDE) * direction
         found, arrived = self._pursued(aside, step_at, ())
         return found if arrived else None
 
@@ -292,10 +296,10 @@ class Pursuit:
             step, part = step_at(y, *here)
             if not are_finite(step):
                 return y, False
-            if _length(step) <= LAST_STEP * (1.0 + _length(y)):
+            if _length(step) <= self._slack(y, LAST_STEP):
                 return y + step, True
             moved = self._moved(y, here[0], (step, part), known)
-            if moved is None or _length(moved) > RUN_AWAY:
+            if moved is None or _length(moved[:-1]) > self._farthest:
                 return y, False
             y = moved
         return y, False
@@ -314,7 +318,7 @@ class Pursuit:
             if not are_finite(step):
                 return None
             start = start + step
-            if _length(step) <= LAST_STEP * (1.0 + _length(y)):
+            if _length(step) <= self._slack(y, LAST_STEP):
                 return start
         return None
 
@@ -324,7 +328,7 @@ class Pursuit:
         if direction is None:
             return y
         for way in (direction, -direction):
-            beside = y + MOVED_ALONG * (1.0 + _length(y)) * way
+            beside = y + self._slack(y, MOVED_ALONG) * way
             if not self._ends[0] <= beside[-1] <= self._ends[1]:
                 continue
             found = self._across(beside, beside, direction)
@@ -343,8 +347,8 @@ class Pursuit:
         Far away, alpha hardly changes if a pursuit has run to infinity.
         """
         outwards = direction if direction.dot(y) > 0.0 else -direction
-        far = _length(y) > AWAY
-        least, way = (ALMOST, 0.5 * _length(y)) if far else (LEAN, MOVED_ASIDE)
+        far = _length(y[:-1]) > AWAY
+        least, way = (ALMOST, 0.5 * _length(y[:-1])) if far else (LEAN, MOVED_ASIDE)
         if abs(direction[-1]) > least:
             return False
         beside = self._direction(y + way * outwards)
@@ -386,6 +390,9 @@ class Pursuit:
             length *= 0.5
         return None
 
+    def _slack(self, y: Array, tolerance: float) -> float:
+        return self._metric.slack(y * self._scale, tolerance)
+
     def _apart(self, y: Array, other: Array) -> Array:
         apart: Array = self._metric.difference(y * self._scale, other * self._scale)
         return apart / self._scale
@@ -404,7 +411,7 @@ def is_new(metric: Metric, x: Array, known: Sequence[Array], same: float = SAME_
     if not len(known):
         return True
     apart = metric.difference(x, np.array(known)) / metric.scale
-    return float(np.linalg.norm(apart, axis=1).min()) > same * (1.0 + metric.norm(x))
+    return float(np.linalg.norm(apart, axis=1).min()) > metric.slack(x, same)
 
 
 def _with_tails(even: Array) -> Array:

@@ -40,6 +40,10 @@ class KnownBranches(ABC):
     def are_all(self) -> bool:
         """Tell whether it is proved that there are no others, so that no search is needed."""
 
+    @abstractmethod
+    def leave_off(self) -> None:
+        """Note that a search is given up because of the number of solutions."""
+
 
 @final
 class NothingKnown(KnownBranches):
@@ -60,6 +64,9 @@ class NothingKnown(KnownBranches):
     def are_all(self) -> bool:
         """Tell that nothing is proved."""
         return False
+
+    def leave_off(self) -> None:
+        """Keep nothing."""
 
 
 #: The values that a search should yield, in words, for errors about values that are nearly right.
