@@ -167,6 +167,22 @@ def test_a_journal_of_another_run_is_refused(tmp_path):
     journal.close()
 
 
+@pytest.mark.parametrize("stiffness", [50.0, 1.0, 5.1])
+def test_other_constants_beyond_a_kink_are_refused(tmp_path, stiffness):
+    def arch(stop):
+        return Switched(1, lambda z, t, sw: z * (z - 1.0) * (z - 2.0) + stop * sw.relu(z - 1.0) - t)
+
+    with Journal(tmp_path / "j") as journal:
+        explore(arch(5.0), (-0.5, 1.0), journal=journal).save(tmp_path / "graph.npz")
+    with (
+        Journal(tmp_path / "j") as journal,
+        pytest.raises(InvalidInputError, match="values of its functions have changed"),
+    ):
+        explore(arch(stiffness), (-0.5, 1.0), journal=journal)
+    with pytest.raises(InvalidInputError, match="is of another system"):
+        BranchGraph.load(tmp_path / "graph.npz", arch(stiffness))
+
+
 @pytest.mark.parametrize(
     "content", [Path(__file__).read_bytes(), b"pwscont journal 2\n", b"xy", bytes(4096)]
 )

@@ -35,10 +35,12 @@ from pwscont.continuation.follow import FollowedPiece
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.error_samples import Found
 from pwscont.curve.magnitudes import Gauge
-from pwscont.system.selection import Selection
+from pwscont.system.selection import Selection, unexplained
 from pwscont.transitions.detector import SpecialPointFound
 from pwscont.transitions.rays import Ray
 
+#: What is said of a journal that does not fit.
+OTHER_RUN, OTHER_VALUES = "it is of another run", "the values of its functions have changed"
 #: Returns the piece that a ray begins.
 Follow: TypeAlias = Callable[[Ray], FollowedPiece]
 
@@ -292,9 +294,9 @@ class Journal:
         ]
         agree = len(values) == len(probes) and np.allclose(values, probes, rtol=SAME, atol=0.0)
         if not different and not agree:
-            different = ["the values of its functions have changed"]
+            different = [OTHER_VALUES]
         if different:
-            raise self._refusal(f"it is of another run: {'; '.join(different)}; {ADVICE}")
+            raise self._refusal(f"{OTHER_RUN}: {'; '.join(different)}; {ADVICE}")
 
     def revise(self, magnitudes: Array) -> None:
         """Record the typical magnitudes with which the run begins again."""
@@ -338,9 +340,10 @@ class Journal:
                     self.record("walk", begun + text, rows)
                 return piece
             if not known[0].startswith(begun):
-                why = f"it is of another run: piece {number + 1} began elsewhere; {ADVICE}"
-                raise self._refusal(why)
+                raise self._refusal(f"{OTHER_RUN}: piece {number + 1} began elsewhere; {ADVICE}")
             piece = piece_of((known[0].removeprefix(begun), known[1]), ray)
+            if _is_of_other_values(ray, piece):
+                raise self._refusal(f"{OTHER_RUN}: {OTHER_VALUES}; {ADVICE}")
             if gauge and not ray.curve.selection.is_straight:
                 # the step that a special point ended was not seen in the first run
                 is_whole = piece.arrival.kind == Kind.STOPPED
@@ -354,6 +357,14 @@ class Journal:
         """Record that the run is finished."""
         if not self.is_finished:
             self.record("finished")
+
+
+def _is_of_other_values(ray: Ray, piece: FollowedPiece) -> bool:
+    """Tell whether H does not vanish inside of a piece; at the ends a change may not be seen."""
+    selection, points, metric = ray.curve.selection, piece.points, ray.curve.metric
+    x = points[len(points) // 2] if len(points) > 2 else 0.5 * (points[0] + points[-1])
+    error = np.vstack([ray.state.error, *(r.state.error for r in piece.arrival.rays[:1])])
+    return bool(unexplained(selection.system, selection.character, x, metric.scale, error))
 
 
 def _place(ray: Ray) -> str:
