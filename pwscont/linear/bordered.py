@@ -44,29 +44,6 @@ class Interior:
 
     def __init__(self, core: Factor, column: Array) -> None:
         self.core, self.column = core, column
-        #: Vectors f, each with the known B^-1 f.
-        self.beside: tuple[tuple[Array, Array], ...] = ()
-
-    def solve(self, f: Array) -> Array:
-        """Return B^-1 f."""
-        for known, solution in self.beside:
-            if np.array_equal(known, f):
-                return solution
-        return self.core.solve(f)
-
-    @classmethod
-    def at_once(cls, core: Factor, column: Array, beside: Array | None = None) -> Interior:
-        """Return an interior after a single ``solve_all``, for factors with cheap further solves.
-
-        If a right-hand side f of shape (n,) is given as ``beside``, B^-1 f is computed as well.
-        """
-        interior, vectors = cls(core, column), _two_generic(len(column) + 1)
-        more = [] if beside is None else [beside]
-        right, first, second, *solved = core.solve_all(np.vstack([column, vectors[:, :-1], *more]))
-        interior.right = right
-        interior.generic = tuple(zip(vectors, (first, second), strict=True))
-        interior.beside = tuple(zip(more, solved, strict=True))
-        return interior
 
     @cached_property
     def right(self) -> Array:
@@ -131,7 +108,7 @@ class BorderedFactor(Factor):
         guess = (g - float(self._left[0].dot(f))) / self._left[1] if self._is_ill else 0.0
         if guess:
             f, g = f - guess * self._column, g - guess * self._corner
-        inner = self._interior.solve(f) if f.any() else f  # a tangent is solved for with f = 0
+        inner = self._core.solve(f) if f.any() else f  # a tangent is solved for with f = 0
         return self._completed(inner, g, guess)
 
     def _completed(self, inner: Array, g: float, guess: float = 0.0) -> Array:

@@ -21,12 +21,10 @@ from pwscont.linear.jacobian import StoredJacobian, StructuredJacobian
 from pwscont.linear.sparse import SparseJacobian, SparseLU
 
 
-def bordered(jacobian: Matrix, row: Any, scale: Array, beside: Array | None = None) -> Factor:
+def bordered(jacobian: Matrix, row: Any, scale: Array) -> Factor:
     """Factorise [J; row], shape (n + 1, n + 1).
 
     ``scale``, shape (n + 1,): typical magnitudes of the unknowns, powers of two.
-    ``beside``, shape (n + 1,): the right-hand side of the next solve, for Jacobians that solve for
-    several right-hand sides at once.
     """
     row = row if isinstance(row, np.ndarray) else dense(row).ravel()
     if isinstance(jacobian, np.ndarray):
@@ -36,7 +34,7 @@ def bordered(jacobian: Matrix, row: Any, scale: Array, beside: Array | None = No
         matrix[n] = row
         return factor(matrix, scale, overwrite=True)
     structured = _structured(jacobian)
-    by_parts = structured.bordered(row, scale, beside)
+    by_parts = structured.bordered(row, scale)
     if by_parts is None and isinstance(structured, SparseJacobian):
         return factor(sp.vstack([structured.tocsc(), sp.csr_matrix(row)]), scale)
     return by_parts or bordered(dense(jacobian), row, scale)
