@@ -56,11 +56,11 @@ LONGEST_FILE = 500
 #: becomes smaller, its budget becomes smaller.
 BUDGET = {
     "basics": (10, 1166),
-    "system": (10, 2169),
-    "linear": (11, 1540),
+    "system": (10, 2159),
+    "linear": (11, 1528),
     "notation": (13, 2860),
     "curve": (14, 2773),
-    "enumeration": (11, 2614),
+    "enumeration": (11, 2601),
     "transitions": (12, 3605),
     "graph": (10, 2609),
     "search": (7, 1630),

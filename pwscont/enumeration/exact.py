@@ -68,7 +68,7 @@ class ExactSlice:
 
     def __init__(self, system: SlicewiseLinearSystem, scale: Array, alpha: float) -> None:
         self._n, self._scale, self._alpha = system.size, scale, alpha
-        table = Table.of(system, alpha, scale)
+        table = Table.at(system, alpha, scale)
         self._rows = [np.column_stack(rows) for rows in table.rows]
         self._tests = np.column_stack(table.tests)
         pairs = zip(table.blocks, table.bounding, strict=True)

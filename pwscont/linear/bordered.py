@@ -20,7 +20,7 @@ from typing import final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, generic_angles, power_of_two, product
+from pwscont.basics.arrays import Array, generic_angles, power_of_two
 from pwscont.basics.rounding import EPS
 from pwscont.linear.factor import Factor
 
@@ -92,15 +92,6 @@ class BorderedFactor(Factor):
     def solve(self, rhs: Array) -> Array:
         """Return the solution for a right-hand side, by the algorithm BEMW."""
         return self._columns * self._solve(rhs / self._rows)
-
-    def solve_all(self, rhs: Array) -> Array:
-        """Return the solutions for several right-hand sides, shape (l, n + 1)."""
-        if self._is_ill:
-            return super().solve_all(rhs)
-        scaled = rhs / self._rows
-        inner = self._core.solve_all(scaled[:, :-1])
-        last = (scaled[:, -1] - product(inner, self._row)) / self._schur
-        return self._columns * np.column_stack([inner - np.outer(last, self._right), last])
 
     def _solve(self, rhs: Array) -> Array:
         """Return the scaled solution for a scaled right-hand side."""

@@ -12,7 +12,7 @@ from pwscont.basics.character import Character
 from pwscont.basics.printing import named, short
 from pwscont.basics.rounding import EPS, GUARD
 from pwscont.system.columns import FEWEST_POINTS, by_columns, takes_columns
-from pwscont.system.contract import jacobian_at, lent_jacobian_at, residual_at
+from pwscont.system.contract import jacobian_at, residual_at
 from pwscont.system.system import PiecewiseLinearSystem, PiecewiseSystem
 from pwscont.system.values import checked_array, own_matrix
 
@@ -128,10 +128,6 @@ class Selection:
     def jacobian(self, x: Array) -> Matrix:
         """Return dH_chi/dx, shape (n, n + 1)."""
         return jacobian_at(self.system, x[:-1], float(x[-1]), self.character)
-
-    def lent_jacobian(self, x: Array) -> Matrix:
-        """Return dH_chi/dx without a copy, of use until the system is asked for anything else."""
-        return lent_jacobian_at(self.system, x[:-1], float(x[-1]), self.character)
 
     def kink(self, before: Selection, test: int) -> Array:
         """Return c, shape (n,), by which H differs from another selection, as the system knows."""
