@@ -104,7 +104,7 @@ def _by_parts(
         if part.size == 1 and (scalar := solve_scalar(part, float(scale[0]))):
             return scalar
         around = Metric(np.append(scale, 1.0))
-        found = _at_once(part, around, 0.0, Table.at(part, 0.0, scale))
+        found = _at_once(part, around, 0.0, part.table)
         points = (replace(p, in_doubt=is_in_doubt(part, around, p)) for p in found.points)
         return replace(found, points=tuple(points))
 
@@ -153,7 +153,7 @@ def _inherited_slack(system: PiecewiseSystem, which: Indices | slice) -> Array |
     """Return the error of some tests of a part that the errors of earlier parts make."""
     if not isinstance(system, PartSlice):
         return 0.0
-    return CONFIDENCE * system.inherited_slack()[which]
+    return CONFIDENCE * system.inherited_slack[which]
 
 
 def det_sign(system: PiecewiseSystem, metric: Metric, x: Array, character: Character) -> int:
