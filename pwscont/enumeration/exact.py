@@ -30,7 +30,7 @@ from pwscont.basics.character import Character
 from pwscont.basics.rounding import EPS
 from pwscont.curve.error_samples import is_same
 from pwscont.curve.metric import Metric
-from pwscont.enumeration.echelon import MOST_WORK, Echelon, Row, integers
+from pwscont.enumeration.echelon import MOST_WORK, Echelon, integers
 from pwscont.enumeration.options import Table
 from pwscont.enumeration.polyhedron import Point, Slice
 from pwscont.enumeration.slices import tests_of
@@ -91,12 +91,20 @@ class ExactSlice:
         common = Echelon(self._n).extended([integers(self._rows[0][i]) for i in self._common])
         if common is None:
             return []
-        self._reduce(common)
-        self._exact_tests = [integers(row) for row in self._tests]
-        left, d = self._left(), len(self._free)
+        left, d = self._left(), self._n - len(self._common)
         if len(left) * d * d * (d + len(self._tests)) > MOST_WORK:
             return None
-        cells = self._descend((), Echelon(d, level=common.determinant), left)
+        self._eliminated = common
+        #: For every block and mode the rows, without the unknowns that the common rows decide.
+        self._options = [
+            [
+                [common.reduced(integers(self._rows[k][i])) for i in b.rows]
+                for k in range(len(b.modes))
+            ]
+            for b in self._blocks
+        ]
+        self._exact_tests = [integers(row) for row in self._tests]
+        cells = self._descend((), Echelon(self._n, level=common.determinant), left)
         return [found for picks, echelon in cells if (found := self._at(picks, echelon))]
 
     def _price(self) -> int:
@@ -140,22 +148,6 @@ class ExactSlice:
             left.append(picks[~out])
         return np.concatenate(left)
 
-    def _reduce(self, common: Echelon) -> None:
-        """Eliminate the unknowns that the common rows decide from the rows of blocks, once."""
-        n = self._n
-        self._eliminated = common
-        self._free = [j for j in range(n) if j not in common.columns]
-        kept = [*self._free, n]
-
-        def reduced(row: Array) -> Row:
-            longer = common.reduced(integers(row))
-            return [longer[j] for j in kept]
-
-        self._options = [
-            [[reduced(self._rows[k][i]) for i in block.rows] for k in range(len(block.modes))]
-            for block in self._blocks
-        ]
-
     def _descend(
         self, picks: tuple[int, ...], echelon: Echelon, left: Indices
     ) -> Iterator[tuple[tuple[int, ...], Echelon]]:
@@ -173,11 +165,8 @@ class ExactSlice:
 
     def _at(self, picks: tuple[int, ...], echelon: Echelon) -> tuple[Point, bool] | None:
         """Return the solution of a cell, None for a solution far outside."""
-        free, D = echelon.solved(echelon.n), echelon.determinant
-        y = [0] * self._n
-        for j, value in zip(self._free, free, strict=True):
-            y[j] = value
-        y = self._eliminated.solved(self._n, D, y)
+        D = echelon.determinant
+        y = self._eliminated.solved(self._n, D, echelon.solved(self._n))
         z = np.array([_float(Fraction(value, D)) for value in y])  # correctly rounded
         worst = self._worst(picks, (*y, D), z) if np.isfinite(z).all() else -np.inf
         if worst <= -FAR_OUTSIDE:
@@ -188,7 +177,7 @@ class ExactSlice:
         rounding = EPS * (np.abs(rows) @ np.append(np.abs(z), 1.0))
         error = np.zeros((self._n, self._n + 1))  # a row by the rounding of each equation
         error[:, :-1] = _inverse(rows[:, :-1], self._scale) * rounding[:, np.newaxis]
-        columns = [*self._eliminated.columns, *(self._free[j] for j in echelon.columns)]
+        columns = self._eliminated.columns + echelon.columns
         parity = sign_of_permutation(self._order) * sign_of_permutation(columns)
         det_sign = parity if D > 0 else -parity
         cells = (self._character(picks),)
