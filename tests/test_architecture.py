@@ -60,7 +60,7 @@ BUDGET = {
     "linear": (11, 1528),
     "notation": (13, 2860),
     "curve": (14, 2773),
-    "enumeration": (11, 2557),
+    "enumeration": (11, 2553),
     "transitions": (12, 3605),
     "graph": (10, 2609),
     "search": (7, 1630),

@@ -30,7 +30,7 @@ from pwscont.basics.character import Character
 from pwscont.basics.rounding import EPS
 from pwscont.curve.error_samples import is_same
 from pwscont.curve.metric import Metric
-from pwscont.enumeration.echelon import MOST_WORK, Echelon, integers
+from pwscont.enumeration.echelon import MOST_WORK, Echelon, Row, integers
 from pwscont.enumeration.options import Table
 from pwscont.enumeration.polyhedron import Point, Slice
 from pwscont.enumeration.slices import tests_of
@@ -95,14 +95,12 @@ class ExactSlice:
         if len(left) * d * d * (d + len(self._tests)) > MOST_WORK:
             return None
         self._eliminated = common
+
+        def reduced(block: Block, k: int) -> list[Row]:
+            return [common.reduced(integers(self._rows[k][i])) for i in block.rows]
+
         #: For every block and mode the rows, without the unknowns that the common rows decide.
-        self._options = [
-            [
-                [common.reduced(integers(self._rows[k][i])) for i in b.rows]
-                for k in range(len(b.modes))
-            ]
-            for b in self._blocks
-        ]
+        self._options = [[reduced(b, k) for k in range(len(b.modes))] for b in self._blocks]
         self._exact_tests = [integers(row) for row in self._tests]
         cells = self._descend((), Echelon(self._n, level=common.determinant), left)
         return [found for picks, echelon in cells if (found := self._at(picks, echelon))]

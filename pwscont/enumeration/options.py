@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import accumulate, pairwise
 from math import prod
 from typing import final
 
@@ -211,12 +210,7 @@ def problem_of(table: Table, necessary: tuple[Array, Array], scale: Array) -> Pr
         return None
     origin, basis, growth = eliminated
     forms = [*((matrix[owned], vector[owned]) for matrix, vector in slices), table.tests, necessary]
-    rows = np.vstack([matrix for matrix, _ in forms])
-    reduced = _reduced(rows, np.concatenate([vector for _, vector in forms]), origin, basis)
-    cuts = [0, *accumulate(len(vector) for _, vector in forms)]
-    *equations, (G, g), (A, b) = (
-        tuple(part[first:end] for part in reduced) for first, end in pairwise(cuts)
-    )
+    *equations, (G, g), (A, b) = (_reduced(*form, origin, basis) for form in forms)
 
     def option(block: Block, first: int, k: int, tests: list[int]) -> Option:
         mode, own = block.modes[k], slice(first, first + len(block.rows))

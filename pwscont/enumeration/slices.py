@@ -85,8 +85,8 @@ def lone_point(face: Face, x: Array, metric: Metric) -> Point:
 def cells_to_try(system: SlicewiseLinearSystem, metric: Metric, alpha: float) -> int:
     """Return how many cells of a slice are solved: the sum over parts, not the product."""
     table = Table.at(system, alpha, metric.scale[:-1])
-    parts = parts_of_table(table)
-    return sum(number_of_cells(table.blocks[i] for i in part.blocks) for part in parts)
+    blocks = ([table.blocks[i] for i in part.blocks] for part in parts_of_table(table))
+    return sum(map(number_of_cells, blocks))
 
 
 def _by_parts(
