@@ -69,11 +69,6 @@ class BandedJacobian(StoredJacobian):
         square = sp.dia_matrix((self.bands, offsets), shape=(n, n))
         return sp.hstack([square, self.column[:, np.newaxis]]).tocsc()
 
-    def toarray(self) -> Array:
-        """Return the same matrix as a dense array, shape (n, n + 1)."""
-        dense: Array = self.tocsc().toarray()
-        return dense
-
     def __abs__(self) -> BandedJacobian:
         return BandedJacobian(np.abs(self.bands), self.lower, self.upper, np.abs(self.column))
 

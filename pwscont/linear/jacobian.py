@@ -104,6 +104,11 @@ class StoredJacobian(StructuredJacobian):
     def tocsc(self) -> Any:
         """Return the matrix in a storage of scipy.sparse, by columns."""
 
+    def toarray(self) -> Array:
+        """Return the same matrix as a dense array, shape (n, n + 1)."""
+        dense: Array = self.tocsc().toarray()
+        return dense
+
     @abstractmethod
     def split(self) -> tuple[Factor, Array]:
         """Return an LU of B, and b; for entries of about 1."""
