@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import chain, product
@@ -132,9 +132,11 @@ class PiecewiseSystem(Undefined, ABC):
     def jacobian(self, z: Array, alpha: float, character: Character) -> Matrix:
         """Return d H_chi / d(z, alpha), shape (n, n + 1), dense or scipy.sparse.
 
-        Default: by :meth:`differences`, which are exact for all that is affine by promise.
+        Default: by :meth:`differences`.
         """
-        return self._derivative(lambda x: self._residual(x, character), np.append(z, alpha))
+        return self.differences(alpha).jacobian(
+            lambda x: self._residual(x, character), np.append(z, alpha)
+        )
 
     def _residual(self, x: Array, character: Character) -> Array:
         """Return H_chi(x) for differences, which would not notice a wrong shape."""
@@ -142,13 +144,10 @@ class PiecewiseSystem(Undefined, ABC):
         return own_array(self, "residual", value, (self.size,))
 
     def test_jacobian(self, z: Array, alpha: float) -> Matrix:
-        """Return d kappa / d(z, alpha), shape (m, n + 1); default as for :meth:`jacobian`."""
-        x = np.append(z, alpha)
-        return self._derivative(lambda y: self.test_functions(y[:-1], float(y[-1])), x)
-
-    def _derivative(self, function: Callable[[Array], Array], x: Array) -> Array:
-        """Return the derivative of a selection, or of the tests, by differences."""
-        return self.differences(float(x[-1])).jacobian(function, x)
+        """Return d kappa / d(z, alpha), shape (m, n + 1); default by :meth:`differences`."""
+        return self.differences(alpha).jacobian(
+            lambda x: self.test_functions(x[:-1], float(x[-1])), np.append(z, alpha)
+        )
 
     def differences(self, alpha: float) -> Differences:
         """Return the object that differentiates functions of (z, alpha), in steps that fit.
@@ -198,8 +197,7 @@ class PiecewiseSystem(Undefined, ABC):
     @property
     def knows_jacobian(self) -> bool:
         """Whether the derivatives are the system's own, which no typical magnitude changes."""
-        is_own = getattr(self.jacobian, "__func__", None) is not PiecewiseSystem.jacobian
-        return is_own or isinstance(self, SlicewiseLinearSystem)
+        return getattr(self.jacobian, "__func__", None) is not PiecewiseSystem.jacobian
 
     @property
     def _is_fitted(self) -> bool:
@@ -358,9 +356,17 @@ class SlicewiseLinearSystem(PiecewiseSystem):
     'complete but for closed loops'
     """
 
-    def _derivative(self, function: Callable[[Array], Array], x: Array) -> Array:
-        """Return the derivative, exact in z, by differences."""
-        return self.differences(float(x[-1])).exact_in_z(function, x)
+    def jacobian(self, z: Array, alpha: float, character: Character) -> Matrix:
+        """Return d H_chi / d(z, alpha), shape (n, n + 1); the default is exact in z."""
+        return self.differences(alpha).exact_in_z(
+            lambda x: self._residual(x, character), np.append(z, alpha)
+        )
+
+    def test_jacobian(self, z: Array, alpha: float) -> Matrix:
+        """Return d kappa / d(z, alpha), shape (m, n + 1); the default is exact in z."""
+        return self.differences(alpha).exact_in_z(
+            lambda x: self.test_functions(x[:-1], float(x[-1])), np.append(z, alpha)
+        )
 
     def blocks(self) -> tuple[Block, ...]:
         """Return the parts whose modes combine freely; default a single part with all cells."""
@@ -396,9 +402,13 @@ class PiecewiseLinearSystem(SlicewiseLinearSystem):
     'complete'
     """
 
-    def _derivative(self, function: Callable[[Array], Array], x: Array) -> Array:
-        """Return the constant derivative, exact, by differences."""
-        return self.differences(float(x[-1])).exact(function)
+    def jacobian(self, z: Array, alpha: float, character: Character) -> Matrix:
+        """Return the constant matrix d H_chi / d(z, alpha), shape (n, n + 1)."""
+        return self.differences(alpha).exact(lambda x: self._residual(x, character))
+
+    def test_jacobian(self, z: Array, alpha: float) -> Matrix:
+        """Return the constant matrix d kappa / d(z, alpha), shape (m, n + 1)."""
+        return self.differences(alpha).exact(lambda x: self.test_functions(x[:-1], float(x[-1])))
 
     def kink(self, before: Character, after: Character, test: int) -> Array | None:
         """Return c, shape (n,), where H_after - H_before = c kappa_test at every point (F11).
