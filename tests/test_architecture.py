@@ -56,11 +56,11 @@ LONGEST_FILE = 500
 #: becomes smaller, its budget becomes smaller.
 BUDGET = {
     "basics": (10, 1166),
-    "system": (10, 2169),
-    "linear": (11, 1567),
+    "system": (10, 2142),
+    "linear": (11, 1486),
     "notation": (13, 2860),
     "curve": (14, 2773),
-    "enumeration": (11, 2614),
+    "enumeration": (11, 2553),
     "transitions": (12, 3605),
     "graph": (10, 2609),
     "search": (7, 1630),

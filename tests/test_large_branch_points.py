@@ -392,7 +392,7 @@ class OwnKind(StructuredJacobian):
     def toarray(self):
         return self.matrix
 
-    def bordered(self, row, scale, beside=None):
+    def bordered(self, row, scale):
         return None
 
     def scaled(self, columns):

@@ -15,7 +15,7 @@ from pwscont import enumerate_solutions
 from pwscont.curve.metric import Metric
 from pwscont.enumeration import tree
 from pwscont.enumeration.choices import SLACK, Choices
-from pwscont.enumeration.options import reduce
+from pwscont.enumeration.options import Table, problem_of
 from pwscont.enumeration.simplex import (
     NOT_NEGATIVE,
     NOT_POSITIVE,
@@ -125,6 +125,11 @@ def alike(p, friction):
     return CoulombLoad(body, AffineLoad(np.tile([0.0, -10.0], p), np.tile([1.0, 0.0], p)), friction)
 
 
+def slice_of(system, alpha):
+    scale = Metric.at(system, alpha).scale[:-1]
+    return problem_of(Table.at(system, alpha, scale), system.necessary(alpha), scale)
+
+
 @pytest.mark.parametrize("p", [2, 3])
 @pytest.mark.parametrize("alpha", [-1.0, 1.0, 3.0])
 def test_equal_nodes(p, alpha, monkeypatch):
@@ -133,7 +138,7 @@ def test_equal_nodes(p, alpha, monkeypatch):
     monkeypatch.setattr(tree, "BATCH", 4)
     monkeypatch.setattr(tree, "FEW_CHOICES", 4)
     monkeypatch.setattr(tree, "CHOICES_PER_PROGRAM", 1e-9)
-    problem = reduce(system, Metric.at(system, alpha).scale[:-1], alpha)
+    problem = slice_of(system, alpha)
     starts = np.vstack([c.starts @ problem.basis.T + problem.origin for c in leaves(problem)])
     displacements = np.unique(np.round(starts[:, : 2 * p], 6), axis=0)
     assert len(displacements) == len(one) ** p
@@ -167,7 +172,7 @@ def programs(seed, number=200):
     """Signs asked at random of the forms of a body, from its first vertex."""
     rng, body = np.random.default_rng(seed), random_body(3, seed)
     system = loaded(body, random_vector(body.n, seed), 4.0)
-    problem = reduce(system, Metric.at(system, 0.3).scale[:-1], 0.3)
+    problem = slice_of(system, 0.3)
     forms = Forms.of(problem, problem.blocks, Choices.before_all(problem))
     start = first_vertex(forms)[np.zeros(number, dtype=int)]
     picks = rng.integers(OPEN, 4, (number, 3))

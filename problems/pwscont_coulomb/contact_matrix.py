@@ -217,9 +217,9 @@ class ContactJacobian(StructuredJacobian):
         columns = [self.matrix.dot(unit) for unit in np.eye(size)]
         return np.column_stack([*columns, self.column])
 
-    def bordered(self, row: Array, scale: Array, beside: Array | None = None) -> Factor:
+    def bordered(self, row: Array, scale: Array) -> Factor:
         """Factorise [J; row] by the elimination of :class:`ContactAlgebra`."""
-        rows, interior = self._split(scale, beside)
+        rows, interior = self._split(scale)
         scaled = row * scale
         whole = row_scale(rows, scaled)
         whole[:-1] = rows
@@ -234,14 +234,13 @@ class ContactJacobian(StructuredJacobian):
         last = index == len(self.column)
         return self.column.copy() if last else self.matrix.column_at(index)
 
-    def _split(self, scale: Array, beside: Array | None) -> tuple[Array, Interior]:
+    def _split(self, scale: Array) -> tuple[Array, Interior]:
         """Return the divisors of the rows, and the block for z; kept for the last scale."""
         if self._interior is None or self._interior[0] is not scale:
             largest = self.matrix.largest_in_rows(scale[:-1])
             rows = power_of_two(np.maximum(largest, np.abs(self.column) * scale[-1]))
             core = ScaledFactor(self.matrix, 1.0 / rows, 1.0 / scale[:-1])
-            first = None if beside is None else beside[:-1] / rows
-            interior = Interior.at_once(core, self.column * scale[-1] / rows, first)
+            interior = Interior(core, self.column * scale[-1] / rows)
             self._interior = scale, rows, interior
         return self._interior[1], self._interior[2]
 

@@ -148,12 +148,12 @@ def _null(curve: Curve, x: Array, rows: Array, b: Array, C: Array) -> _Null | No
     matrix = augmented(rows_divided(scaled, rows), b, C)
     if matrix.is_singular():
         return None
-    unit = np.eye(n + 2)[n:]
-    solved = np.column_stack([matrix.solve(e) for e in unit])
-    left = matrix.solve_transposed(unit[1])[:n]
+    units, order = np.eye(n + 2)[n:], [*range(n), n + 1, n]  # mu last
     rest = np.concatenate([-curve.selection.residual(x) / rows, np.zeros(2)])
+    solved = np.column_stack([matrix.solve(f) for f in (*units, rest)])[order]
+    left = matrix.solve_transposed(units[0])[:n]
     terms = np.abs(left / rows) @ (abs(scaled) @ np.abs(x / scale))
-    return _Null(solved[:-1], left, rows, solved[-1], matrix.solve(rest), float(terms))
+    return _Null(solved[:-1, :2], left, rows, solved[-1, :2], solved[:, 2], float(terms))
 
 
 def _second(curve: Curve, x: Array, left: Array, v: Array) -> Array:

@@ -141,7 +141,7 @@ def is_solved(
     above -= GUARD * EPS * product(abs(jacobian), np.abs(x))
     if not (above > 0.0)[depends].any():
         return True
-    typical = selection.lent_jacobian(joined((x + metric.scale * generic(len(x)))[:-1], x[-1]))
+    typical = selection.jacobian(joined((x + metric.scale * generic(len(x)))[:-1], x[-1]))
     terms = np.minimum(*(product(abs(each), metric.scale) for each in (jacobian, typical)))
     return bool((above <= GUARD * EPS * terms)[depends].all())
 
@@ -191,7 +191,7 @@ def direction(curve: Curve, root: Root) -> tuple[Factor, Array]:
         along, length = metric.normalised(along), 1.0
     if not root.stale and abs(along[-1]) > LEAN * metric.width * length:
         return root.factor, times(1.0 / length, along)
-    jacobian = curve.selection.lent_jacobian(root.x)
+    jacobian = curve.selection.jacobian(root.x)
     for _ in range(MOST_CHORDS):
         # along the border nothing is corrected: only the length of the direction would change
         correction = root.factor.solve(joined(jacobian.dot(along), 0.0))

@@ -134,102 +134,102 @@ class PartSlice(SlicewiseLinearSystem):
     """A part of a slice, where all parts before have a known solution."""
 
     def __init__(self, table: Table, part: Part, before: Partial) -> None:
-        self.size = len(part.unknowns)
-        self.unknowns, self._before = part.unknowns, before
-        known, rows = np.abs(before.z), part.rows
-        self._rows = [(J[rows], J[rows] @ before.z + r[rows]) for J, r in table.rows]
-        #: Sizes of the terms of the constants, the largest of all modes.
-        self._terms = np.max([np.abs(J[rows]) @ known + np.abs(r[rows]) for J, r in table.rows], 0)
-        blocks = [table.blocks[i] for i in part.blocks]
-        tests = [test for block in blocks for test in block.tests]
-        self._all_gradients = table.tests[0][tests]
-        self._values = self._all_gradients @ before.z + table.tests[1][tests]
-        self._test_terms = np.abs(self._all_gradients) @ known + np.abs(table.tests[1][tests])
-        place = {test: i for i, test in enumerate(tests)}
-        row = {int(r): i for i, r in enumerate(part.rows)}
-        self._blocks = tuple(
+        self.size, self.unknowns = len(part.unknowns), part.unknowns
+        old_blocks = [table.blocks[i] for i in part.blocks]
+        old_tests = [test for block in old_blocks for test in block.tests]
+        place, row = ({int(i): k for k, i in enumerate(some)} for some in (old_tests, part.rows))
+        blocks = tuple(
             Block(tuple(place[t] for t in b.tests), tuple(row[r] for r in b.rows), b.modes)
-            for b in blocks
+            for b in old_blocks
         )
-        self._bounds = [
-            [[place[t] for t in tests] for tests in table.bounding[i]] for i in part.blocks
-        ]
+        bounding = [[[place[t] for t in tests] for tests in table.bounding[i]] for i in part.blocks]
+        rows = [(J[part.rows], r[part.rows]) for J, r in table.rows]
+        K, tests = (values[old_tests] for values in table.tests)
+        *forms, last = ((J[:, part.unknowns], J @ before.z + r) for J, r in [*rows, (K, tests)])
+        #: The part in numbers.
+        self.table = Table(forms, last, blocks, bounding)
+        known = np.abs(before.z)
+        #: Sizes of the terms of the constants, the largest of all modes.
+        self._terms = np.max([np.abs(J) @ known + np.abs(r) for J, r in rows], axis=0)
+        #: For every mode, the errors of the constants by the samples of the error before.
+        self._errors = [J @ before.error.T for J, _ in rows]
+        spread = np.abs(np.hypot.reduce(K @ before.error.T, axis=1))
+        #: The error of the tests that the error of the parts before makes.
+        self.inherited_slack: Array = EPS * (np.abs(K) @ known + np.abs(tests)) + spread
 
     def blocks(self) -> tuple[Block, ...]:
         """Return the blocks of the part."""
-        return self._blocks
+        return self.table.blocks
 
     def test_functions(self, z: Array, alpha: float) -> Array:
         """Return the tests of the blocks of the part."""
-        values: Array = self._all_gradients[:, self.unknowns] @ z + self._values
+        values: Array = self.table.tests[0] @ z + self.table.tests[1]
         return values
 
     def test_jacobian(self, z: Array, alpha: float) -> Matrix:
         """Return the gradients of these tests, with a column of zeros for the idle parameter."""
-        rows = self._all_gradients[:, self.unknowns]
-        return np.column_stack([rows, np.zeros(len(rows))])
+        return _with_zeros(self.table.tests[0])
 
     def residual(self, z: Array, alpha: float, character: Character) -> Array:
         """Return the rows of the part."""
-        matrix, values = self._in_cell(character)
-        value: Array = matrix[:, self.unknowns] @ z + values
+        matrix, constants, _ = self._in_cell(character)
+        value: Array = matrix @ z + constants
         return value
 
     def jacobian(self, z: Array, alpha: float, character: Character) -> Matrix:
         """Return the constant Jacobian, with a column of zeros for the idle parameter."""
-        matrix = self._in_cell(character)[0][:, self.unknowns]
-        return np.column_stack([matrix, np.zeros(self.size)])
+        return _with_zeros(self._in_cell(character)[0])
 
     def bounding_tests(self, character: Character) -> list[int]:
         """Return the tests of each block that bound the block's mode."""
-        bounding = zip(self._bounds, self._modes(character), strict=True)
+        bounding = zip(self.table.bounding, self._modes(character), strict=True)
         return [test for bounds, mode in bounding if mode is not None for test in bounds[mode]]
 
     def _modes(self, character: Character) -> list[int | None]:
         """Return the number of the mode of each block, None for signs that are no mode."""
         signs = character.signs
-        chosen = (tuple(signs[test] for test in block.tests) for block in self._blocks)
-        pairs = zip(self._blocks, chosen, strict=True)
+        chosen = (tuple(signs[test] for test in block.tests) for block in self.table.blocks)
+        pairs = zip(self.table.blocks, chosen, strict=True)
         return [b.modes.index(mode) if mode in b.modes else None for b, mode in pairs]
 
-    def _in_cell(self, character: Character) -> tuple[Array, Array]:
-        """Return the rows of a cell, by all unknowns of the system, and the values at z = 0."""
+    def _in_cell(self, character: Character) -> tuple[Array, Array, Array]:
+        """Return the rows of a cell: the matrix, the constants and the errors of the constants."""
         modes = [mode for mode in self._modes(character) if mode is not None]
-        rows = [block.rows for block in self._blocks]
-        matrices, values = zip(*self._rows, strict=True)
-        return _in_modes(matrices, rows, modes), _in_modes(values, rows, modes)
+        rows = [block.rows for block in self.table.blocks]
+        matrices, constants = zip(*self.table.rows, strict=True)
+        parts = matrices, constants, self._errors
+        matrix, values, errors = (_in_modes(part, rows, modes) for part in parts)
+        return matrix, values, errors
 
     def scalar_root(self, character: Character, scale: float) -> _Root | None:
         """Solve a mode for the only unknown; None if the mode leaves the unknown free."""
-        matrix, constants = self._in_cell(character)
-        slope = float(matrix[0, self.unknowns[0]])
+        matrix, constants, inherited = self._in_cell(character)
+        slope = float(matrix[0, 0])
         if slope == 0.0:
             return None
         x = -float(constants[0]) / slope
-        errors = np.append(self._before.error @ matrix[0], EPS * self._terms[0])
+        errors = np.append(inherited[0], EPS * self._terms[0])
         error = np.append(errors / slope, EPS * abs(x))
-        gradients = self._all_gradients[:, self.unknowns[0]]
+        gradients, values = self.table.tests[0][:, 0], self.table.tests[1]
         off = EPS * np.abs(gradients * x) + np.abs(gradients) * float(np.hypot.reduce(error))
-        slack = CONFIDENCE * (off + self.inherited_slack()) + EPS * scale * np.abs(gradients)
-        return _Root(x, error, 1 if slope > 0.0 else -1, gradients * x + self._values, slack)
+        slack = CONFIDENCE * (off + self.inherited_slack) + EPS * scale * np.abs(gradients)
+        return _Root(x, error, 1 if slope > 0.0 else -1, gradients * x + values, slack)
 
     def inherited_error(self, root: Root, character: Character) -> Array:
         """Return the errors of a root by the errors of the parts before, shape (k, size + 1)."""
-        residual = self._before.error @ self._in_cell(character)[0].T
-        residual = np.vstack([np.diag(EPS * self._terms), residual])
-        return root.factor.solve_all(np.column_stack([residual, np.zeros(len(residual))]))
-
-    def inherited_slack(self) -> Array:
-        """Return the error of the tests that the error of the parts before makes."""
-        spread = np.hypot.reduce(self._all_gradients @ self._before.error.T, axis=1)
-        slack: Array = EPS * self._test_terms + np.abs(spread)
-        return slack
+        residual = np.vstack([np.diag(EPS * self._terms), self._in_cell(character)[2].T])
+        return root.factor.solve_all(_with_zeros(residual))
 
     def magnitudes(self, scale: Array) -> Array:
         """Return typical magnitudes of the unknowns, small where the constants of the part are."""
-        usual = np.abs(self._rows[0][0][:, self.unknowns]) @ scale
+        usual = np.abs(self.table.rows[0][0]) @ scale
         part = float((self._terms / np.where(usual > 0.0, usual, 1.0)).max(initial=0.0))
         return scale * part if TINY_CONSTANTS < part < 1.0 else scale
+
+
+def _with_zeros(rows: Array) -> Array:
+    """Return rows with a zero for the idle parameter."""
+    return np.column_stack([rows, np.zeros(len(rows))])
 
 
 def solve_scalar(part: PartSlice, scale: float) -> Slice | None:
@@ -273,9 +273,9 @@ class _Root:
 
     def point(self) -> Point:
         """Return the solution with an idle parameter of zero."""
-        error = np.column_stack([self.error, np.zeros(len(self.error))])
         in_doubt = self.in_doubt and len(self.cells) == 1
-        return Point(np.array([self.x, 0.0]), error, tuple(self.cells), self.sign, (), in_doubt)
+        x, error = np.array([self.x, 0.0]), _with_zeros(self.error)
+        return Point(x, error, tuple(self.cells), self.sign, (), in_doubt)
 
 
 def solve_parts(

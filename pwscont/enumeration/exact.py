@@ -38,8 +38,8 @@ from pwscont.linear.factor import sign_of_permutation
 from pwscont.system.selection import Selection
 from pwscont.system.system import Block, SlicewiseLinearSystem, number_of_cells
 
-#: Number of cells that are looked at together, to bound memory.
-CELLS_AT_ONCE = 4**6
+#: Number of entries of the matrices that are looked at together, to bound memory.
+ENTRIES_AT_ONCE = 4**11
 #: Largest condition of unit rows at which doubles decide: half of all digits are right.
 WORST_IN_DOUBLES = EPS**-0.5
 #: Largest negative test of a solution that may be inside such a cell, as a part of the sum of the
@@ -47,11 +47,11 @@ WORST_IN_DOUBLES = EPS**-0.5
 CERTAINLY_OUTSIDE = 1e-5
 
 
-def _batches(numbers: Sequence[int]) -> Iterator[Indices]:
-    """Yield all tuples of whole numbers from 0 to below ``numbers``, in batches."""
-    for first in range(0, prod(numbers), CELLS_AT_ONCE):
+def _batches(numbers: Sequence[int], most: int) -> Iterator[Indices]:
+    """Yield all tuples of whole numbers from 0 to below ``numbers``, ``most`` at once."""
+    for first in range(0, prod(numbers), most):
         check_budget()
-        which = np.arange(first, min(first + CELLS_AT_ONCE, prod(numbers)))
+        which = np.arange(first, min(first + most, prod(numbers)))
         yield np.array(np.unravel_index(which, numbers)).T if numbers else np.zeros((1, 0), np.intp)
 
 
@@ -68,7 +68,7 @@ class ExactSlice:
 
     def __init__(self, system: SlicewiseLinearSystem, scale: Array, alpha: float) -> None:
         self._n, self._scale, self._alpha = system.size, scale, alpha
-        table = Table.of(system, alpha, scale)
+        table = Table.at(system, alpha, scale)
         self._rows = [np.column_stack(rows) for rows in table.rows]
         self._tests = np.column_stack(table.tests)
         pairs = zip(table.blocks, table.bounding, strict=True)
@@ -91,11 +91,18 @@ class ExactSlice:
         common = Echelon(self._n).extended([integers(self._rows[0][i]) for i in self._common])
         if common is None:
             return []
-        self._reduce(common)
-        left, d = self._left(), len(self._free)
+        left, d = self._left(), self._n - len(self._common)
         if len(left) * d * d * (d + len(self._tests)) > MOST_WORK:
             return None
-        cells = self._descend((), Echelon(d, level=common.determinant), left)
+        self._eliminated = common
+
+        def reduced(block: Block, k: int) -> list[Row]:
+            return [common.reduced(integers(self._rows[k][i])) for i in block.rows]
+
+        #: For every block and mode the rows, without the unknowns that the common rows decide.
+        self._options = [[reduced(b, k) for k in range(len(b.modes))] for b in self._blocks]
+        self._exact_tests = [integers(row) for row in self._tests]
+        cells = self._descend((), Echelon(self._n, level=common.determinant), left)
         return [found for picks, echelon in cells if (found := self._at(picks, echelon))]
 
     def _price(self) -> int:
@@ -103,70 +110,41 @@ class ExactSlice:
         n, common = self._n, len(self._common)
         options = sum(len(block.rows) * len(block.modes) for block in self._blocks)
         cells = number_of_cells(self._blocks)
-        return (common + options + len(self._tests)) * common * n + cells * (n - common)
+        return (common + options) * common * n + cells * (n - common)
 
     def _left(self) -> Indices:
         """Return the choices of modes, shape (N, blocks), that may hold a solution or nearly.
 
         A regular choice is excluded if the solution is outside of the cell, in doubles, by more
-        than rounding explains. The unknowns y are those that blocks decide, each in units.
+        than rounding explains.
         """
-        d, units = len(self._free), np.append(self._scale[self._free], 1.0)
-        z = np.zeros((self._n, d + 1))  # all unknowns as functions of (y, 1)
-        z[self._free, :-1] = np.eye(d)
-        z[list(self._eliminated.columns)] = self._decided
-        z *= units
-        options = [np.array([[_unit(r, units) for r in rows] for rows in o]) for o in self._options]
+        units = np.append(self._scale, 1.0)
+        modes, tests = _unit_rows(np.array(self._rows) * units), self._tests * units
         pairs = zip(self._blocks, self._bounding, strict=True)
-        sides = [_sides(block, bounding, len(self._tests)) for block, bounding in pairs]
-        tests, whole = self._tests[:, :-1] @ z, np.abs(self._tests)
-        tests[:, -1] += self._tests[:, -1]
-        reach_of_tests = np.abs(tests).sum(axis=1)
-        growth = _condition(self._rows[0][self._common, :-1] * self._scale)
+        sides = [_sides(block, bounding, len(tests)) for block, bounding in pairs]
 
         def excluded(picks: Indices, rows: Array) -> Signs:
             inverse = np.linalg.inv(rows[..., :-1])
-            condition = growth * np.abs(inverse).sum(axis=2).max(axis=1, initial=1.0)
-            y = np.ones((len(picks), d + 1))
-            y[:, :-1] = -(inverse @ rows[..., -1:])[..., 0]
-            off = np.outer(EPS * condition * np.abs(y).max(axis=1), reach_of_tests)
-            terms = (np.abs(y @ z.T) + self._scale) @ whole[:, :-1].T + whole[:, -1]
+            condition = np.abs(inverse).sum(axis=2).max(axis=1, initial=1.0)
+            x = np.ones((len(picks), self._n + 1))
+            x[:, :-1] = -(inverse @ rows[..., -1:])[..., 0]
+            off = self._n * EPS * condition * np.abs(x).max(axis=1)
+            slack = (CERTAINLY_OUTSIDE * (np.abs(x) + 1.0) + off[:, np.newaxis]) @ np.abs(tests).T
             side = sum(signs[k] for signs, k in zip(sides, picks.T, strict=True))
-            outside = side * (y @ tests.T) < -(CERTAINLY_OUTSIDE * terms + off)
+            outside = side * (x @ tests.T) < -slack
             is_outside: Signs = outside.any(axis=1) & (condition <= WORST_IN_DOUBLES)
             return is_outside
 
-        left = []
-        for picks in _batches([len(option) for option in options]):
-            parts = [option[k] for option, k in zip(options, picks.T, strict=True)]
-            rows = np.concatenate([np.zeros((len(picks), 0, d + 1)), *parts], axis=1)
+        left, most = [], 1 + ENTRIES_AT_ONCE // self._n**2
+        for picks in _batches([len(block.modes) for block in self._blocks], most):
+            rows = np.repeat(modes[:1], len(picks), axis=0)
+            for block, k in zip(self._blocks, picks.T, strict=True):
+                rows[:, block.rows] = modes[:, block.rows][k]
             out = np.linalg.slogdet(rows[..., :-1])[0] != 0.0
             if out.any():
                 out[out] = excluded(picks[out], rows[out])
             left.append(picks[~out])
         return np.concatenate(left)
-
-    def _reduce(self, common: Echelon) -> None:
-        """Eliminate the unknowns that the common rows decide from all other rows, once."""
-        n = self._n
-        self._eliminated = common
-        self._free = [j for j in range(n) if j not in common.columns]
-        kept = [*self._free, n]
-
-        def reduced(row: Array) -> Row:
-            longer = common.reduced(integers(row))
-            return [longer[j] for j in kept]
-
-        self._options = [
-            [[reduced(self._rows[k][i]) for i in block.rows] for k in range(len(block.modes))]
-            for block in self._blocks
-        ]
-        self._reduced_tests = [reduced(row) for row in self._tests]
-        decided = [common.solved(j) for j in kept]
-        D = common.determinant
-        #: The decided unknowns as affine functions of the free unknowns, rounded.
-        known = [[_float(Fraction(y[c], D)) for y in decided] for c in common.columns]
-        self._decided = np.array(known).reshape(-1, len(kept))
 
     def _descend(
         self, picks: tuple[int, ...], echelon: Echelon, left: Indices
@@ -185,16 +163,11 @@ class ExactSlice:
 
     def _at(self, picks: tuple[int, ...], echelon: Echelon) -> tuple[Point, bool] | None:
         """Return the solution of a cell, None for a solution far outside."""
-        free, D = echelon.solved(echelon.n), echelon.determinant
-        worst = self._worst(picks, free, D)
-        if worst <= -FAR_OUTSIDE:
-            return None
-        y = [0] * self._n
-        for j, value in zip(self._free, free, strict=True):
-            y[j] = value
-        y = self._eliminated.solved(self._n, D, y)
+        D = echelon.determinant
+        y = self._eliminated.solved(self._n, D, echelon.solved(self._n))
         z = np.array([_float(Fraction(value, D)) for value in y])  # correctly rounded
-        if not np.isfinite(z).all():
+        worst = self._worst(picks, (*y, D), z) if np.isfinite(z).all() else -np.inf
+        if worst <= -FAR_OUTSIDE:
             return None
         rows = np.array(self._rows[0])
         for block, pick in zip(self._blocks, picks, strict=True):
@@ -202,7 +175,7 @@ class ExactSlice:
         rounding = EPS * (np.abs(rows) @ np.append(np.abs(z), 1.0))
         error = np.zeros((self._n, self._n + 1))  # a row by the rounding of each equation
         error[:, :-1] = _inverse(rows[:, :-1], self._scale) * rounding[:, np.newaxis]
-        columns = [*self._eliminated.columns, *(self._free[j] for j in echelon.columns)]
+        columns = self._eliminated.columns + echelon.columns
         parity = sign_of_permutation(self._order) * sign_of_permutation(columns)
         det_sign = parity if D > 0 else -parity
         cells = (self._character(picks),)
@@ -214,28 +187,21 @@ class ExactSlice:
             character = character.with_signs(block.tests, block.modes[pick])
         return character
 
-    def _worst(self, picks: tuple[int, ...], free: Row, D: int) -> float:
-        """Return the most negative bounding test relative to the terms; exactly 0 if none is."""
+    def _worst(self, picks: tuple[int, ...], y: Sequence[int], z: Array) -> float:
+        """Return the most negative bounding test relative to the terms; exactly 0 if none is.
+
+        ``y``: the solution as integers, and last their denominator; ``z``: the rounded solution.
+        """
         signs, worst = self._character(picks).signs, 0.0
-        is_positive = (D > 0) == (self._eliminated.determinant > 0)
+        sizes = np.append(np.abs(z) + self._scale, 1.0)
         for tests, pick in zip(self._bounding, picks, strict=True):
             for test in tests[pick]:
-                row = self._reduced_tests[test]
-                value = sum(a * b for a, b in zip(row, (*free, D), strict=True))
-                if value and ((value > 0) == is_positive) != signs[test]:
-                    worst = min(worst, self._off(test, free, D))
+                value = sum(a * b for a, b in zip(self._exact_tests[test], y, strict=True))
+                if value and ((value > 0) == (y[-1] > 0)) != signs[test]:
+                    row = self._tests[test]
+                    off = float(abs(row[-1] + row[:-1] @ z) / (np.abs(row) @ sizes))
+                    worst = min(worst, -max(off, np.finfo(float).tiny))
         return worst
-
-    def _off(self, test: int, free: Row, D: int) -> float:
-        """Return a negative test relative to the sum of magnitudes of the terms, less than zero."""
-        row, z = self._tests[test], np.zeros(self._n)
-        z[self._free] = some = np.array([_float(Fraction(value, D)) for value in free])
-        if self._eliminated.columns:
-            z[list(self._eliminated.columns)] = self._decided @ np.append(some, 1.0)
-        if not np.isfinite(z).all():
-            return -np.inf
-        terms = np.abs(row) @ np.append(np.abs(z) + self._scale, 1.0)
-        return -max(float(abs(row[-1] + row[:-1] @ z) / terms), np.finfo(float).tiny)
 
 
 def _inverse(matrix: Array, scale: Array) -> Array:
@@ -265,22 +231,10 @@ def _sides(block: Block, bounding: Sequence[Sequence[int]], tests: int) -> Array
     return sides
 
 
-def _unit(row: Row, units: Array) -> Array:
-    """Return a row of integers in these units, divided by the largest coefficient, rounded."""
-    largest = max(map(abs, row[:-1]), default=0) or max(map(abs, row)) or 1
-    values = np.array([_float(Fraction(value, largest)) for value in row]) * units
-    size = np.abs(values[:-1]).max(initial=0.0)
-    unit: Array = values / size if size else values
-    return unit
-
-
-def _condition(rows: Array) -> float:
-    """Return by how much rounding of unit rows may grow in the space that the rows leave."""
-    if not len(rows):
-        return 1.0
-    sizes = np.abs(rows).max(axis=1, keepdims=True)
-    smallest = np.linalg.svd(rows / np.where(sizes > 0.0, sizes, 1.0), compute_uv=False)[-1]
-    return max(1.0, 1.0 / float(smallest)) if smallest else np.inf
+def _unit_rows(rows: Array) -> Array:
+    """Return rows (..., n + 1) divided by their largest coefficients; constants come last."""
+    sizes = np.abs(rows[..., :-1]).max(axis=-1, keepdims=True)
+    return rows / np.where(sizes > 0.0, sizes, 1.0)
 
 
 def _float(value: Fraction) -> float:

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import accumulate, pairwise
 from math import prod
 from typing import final
 
@@ -24,12 +23,7 @@ from pwscont.curve.metric import Metric
 from pwscont.enumeration.echelon import MOST_WORK, independent
 from pwscont.system.box import Box
 from pwscont.system.contract import residual_at
-from pwscont.system.promises import (
-    check_blocks,
-    checked_necessary,
-    refuse_bent,
-    refuse_bent_tests,
-)
+from pwscont.system.promises import check_blocks, refuse_bent, refuse_bent_tests
 from pwscont.system.system import Block, PiecewiseLinearSystem, SlicewiseLinearSystem
 
 
@@ -102,21 +96,38 @@ class Problem:
 @final
 @dataclass(frozen=True, slots=True, eq=False)
 class Table:
-    """A slice of a system in numbers: rows of H for every mode, and the tests."""
+    """A system in numbers: rows of H for every mode and the tests, affine in N unknowns.
 
-    #: dH/dz, shape (n, n), and H at z = 0, shape (n,), with every block in mode k.
+    The first n unknowns are z; parameters may follow.
+    """
+
+    #: Matrix, shape (n, N), and constant, shape (n,), of H with every block in mode k.
     rows: list[tuple[Array, Array]]
-    tests: tuple[Array, Array]  # gradients by z, shape (m, n), and values at z = 0, shape (m,)
+    tests: tuple[Array, Array]  # matrix, shape (m, N), and constant, shape (m,), of the tests
     blocks: tuple[Block, ...]
     bounding: list[list[list[int]]]  # for every mode of every block, the tests that bound the mode
 
     @classmethod
-    def of(cls, system: SlicewiseLinearSystem, alpha: float, scale: Array) -> Table:
-        """Evaluate a system at z = 0, and check at typical magnitudes that the system is affine."""
-        *rows, (K, tests) = affine_forms(system, alpha, np.append(scale, 0.0))
-        blocks = system.blocks()
-        bounds = [[bounding(system, b, mode, len(tests)) for mode in b.modes] for b in blocks]
-        return cls([(J[:, :-1], r) for J, r in rows], (K[:, :-1], tests), blocks, bounds)
+    def of(cls, system: SlicewiseLinearSystem, forms: Sequence[tuple[Array, Array]]) -> Table:
+        """Return forms as from :func:`affine_forms` with the blocks and bounding tests."""
+        *rows, tests = forms
+        all_true, blocks = Character([True] * len(tests[1])), system.blocks()
+
+        def bounding(block: Block, mode: tuple[bool, ...]) -> list[int]:
+            character = all_true.with_signs(block.tests, mode)
+            return [i for i in system.bounding_tests(character) if i in block.tests]
+
+        bounds = [[bounding(block, mode) for mode in block.modes] for block in blocks]
+        return cls(rows, tests, blocks, bounds)
+
+    @classmethod
+    def at(cls, system: SlicewiseLinearSystem, alpha: float, scale: Array) -> Table:
+        """Return a slice of a system, by z alone; refuse a system that is not affine there.
+
+        ``scale``, shape (n,): typical magnitudes of z.
+        """
+        forms = affine_forms(system, alpha, np.append(scale, 0.0))
+        return cls.of(system, [(matrix[:, :-1], constant) for matrix, constant in forms])
 
 
 def affine_forms(
@@ -172,15 +183,6 @@ def affine_forms(
     return [*forms, (K, tests)]
 
 
-def reduce(system: SlicewiseLinearSystem, scale: Array, alpha: float) -> Problem | None:
-    """Return the slice of a system at ``alpha`` as a reduced problem, None if without solution.
-
-    ``scale``, shape (n,): typical magnitudes of z; the reduced unknowns are of the order of 1.
-    """
-    forms = [(J[:, :-1], r) for J, r in affine_forms(system, alpha, np.append(scale, 0.0))]
-    return problem_of(system, forms, checked_necessary(system, alpha), scale)
-
-
 def problem_with_alpha(system: PiecewiseLinearSystem, metric: Metric) -> Problem | None:
     """Return the problem for the unknowns (z, alpha - lo), None for a problem without solution.
 
@@ -191,54 +193,40 @@ def problem_with_alpha(system: PiecewiseLinearSystem, metric: Metric) -> Problem
     least, most = np.append(box.lower, 0.0), np.append(box.upper, hi - lo)
     unit, below, above = np.eye(len(reach)), np.isfinite(least), np.isfinite(most)
     within = np.vstack([unit[below], -unit[above]]), np.append(-least[below], most[above])
-    return problem_of(system, affine_forms(system, lo, reach), within, reach)
+    return problem_of(Table.of(system, affine_forms(system, lo, reach)), within, reach)
 
 
-def problem_of(
-    system: SlicewiseLinearSystem,
-    affine: Sequence[tuple[Array, Array]],
-    necessary: tuple[Array, Array],
-    scale: Array,
-) -> Problem | None:
-    """Return a problem from affine forms of some unknowns, None if without solution.
+def problem_of(table: Table, necessary: tuple[Array, Array], scale: Array) -> Problem | None:
+    """Return a table as a problem in reduced unknowns of the order of 1, None if without solution.
 
-    ``system``: the system that names blocks and bounding tests.
-    ``affine``: matrices and constants as from :func:`affine_forms`. The first n of the N unknowns
-    are z; parameters may follow.
     ``necessary``: matrix and constant of the functions that are never negative.
     ``scale``, shape (N,): typical magnitudes.
     """
-    *slices, tests = affine
-    blocks, m = system.blocks(), len(tests[1])
-    owned = [row for block in blocks for row in block.rows]
-    common = sorted(set(range(system.size)).difference(owned))
+    slices = table.rows
+    owned = [row for block in table.blocks for row in block.rows]
+    common = sorted(set(range(len(slices[0][1]))).difference(owned))
     eliminated = _eliminate(slices[0][0][common], slices[0][1][common], scale)
     if eliminated is None:
         return None
     origin, basis, growth = eliminated
-    forms = [*((matrix[owned], vector[owned]) for matrix, vector in slices), tests, necessary]
-    rows = np.vstack([matrix for matrix, _ in forms])
-    reduced = _reduced(rows, np.concatenate([vector for _, vector in forms]), origin, basis)
-    cuts = [0, *accumulate(len(vector) for _, vector in forms)]
-    *equations, (G, g), (A, b) = (
-        tuple(part[first:end] for part in reduced) for first, end in pairwise(cuts)
-    )
+    forms = [*((matrix[owned], vector[owned]) for matrix, vector in slices), table.tests, necessary]
+    *equations, (G, g), (A, b) = (_reduced(*form, origin, basis) for form in forms)
 
-    def option(block: Block, first: int, k: int) -> Option:
+    def option(block: Block, first: int, k: int, tests: list[int]) -> Option:
         mode, own = block.modes[k], slice(first, first + len(block.rows))
-        bounds = np.array(bounding(system, block, mode, m), dtype=np.intp)
-        side = np.array([1.0 if mode[block.tests.index(i)] else -1.0 for i in bounds.tolist()])
+        bounds = np.array(tests, dtype=np.intp)
+        side = np.array([1.0 if mode[block.tests.index(i)] else -1.0 for i in tests])
         E, e = (part[own] for part in equations[k])
         signed = side[:, np.newaxis] * G[bounds], side * g[bounds]
         matrix = slices[k][0][list(block.rows)]
         return Option(block.tests, mode, bounds, side, E, e, *signed, matrix)
 
     options, first = list[list[Option]](), 0
-    for block in blocks:
-        options.append([option(block, first, k) for k in range(len(block.modes))])
+    for block, bounding in zip(table.blocks, table.bounding, strict=True):
+        options.append([option(block, first, k, tests) for k, tests in enumerate(bounding)])
         first += len(block.rows)
     options.sort(key=len)
-    return Problem(options, A, b, origin, basis, slices[0][0][common], m, growth)
+    return Problem(options, A, b, origin, basis, slices[0][0][common], len(g), growth)
 
 
 def _eliminate(C: Array, c: Array, scale: Array) -> tuple[Array, Array, float] | None:
@@ -268,14 +256,6 @@ def _eliminate(C: Array, c: Array, scale: Array) -> tuple[Array, Array, float] |
     decided[np.abs(decided) <= GUARD * EPS * np.abs(inner).max(initial=0.0)] = 0.0
     free[np.abs(free) <= GUARD * EPS] = 0.0
     return scale * decided, scale[:, np.newaxis] * free, growth
-
-
-def bounding(
-    system: SlicewiseLinearSystem, block: Block, mode: tuple[bool, ...], tests: int
-) -> list[int]:
-    """Return the tests of a block that bound the cell in a mode."""
-    character = Character([True] * tests).with_signs(block.tests, mode)
-    return [i for i in system.bounding_tests(character) if i in block.tests]
 
 
 def _reduced(matrix: Array, vector: Array, origin: Array, basis: Array) -> tuple[Array, Array]:

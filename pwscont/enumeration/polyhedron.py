@@ -242,7 +242,11 @@ class Polyhedron:
         return Polyhedron(self.matrix, self.vector + self.matrix @ point)
 
     def farthest(self, way: Array) -> Array | None:
-        """Return a point with the largest ``way @ w``, None for an empty or endless polyhedron."""
+        """Return a point with the largest ``way @ w``, None where ``way @ w`` grows without end.
+
+        Only :meth:`inside` tells whether the polyhedron is empty: the point found here may violate
+        inequalities by 1e-10.
+        """
         found = self._largest(way)
         return None if found is None else found[0]
 

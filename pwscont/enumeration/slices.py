@@ -32,11 +32,11 @@ from pwscont.enumeration.by_parts import (
     solve_scalar,
 )
 from pwscont.enumeration.choices import Choices
-from pwscont.enumeration.options import Problem, Table, reduce
+from pwscont.enumeration.options import Problem, Table, problem_of
 from pwscont.enumeration.polyhedron import Cells, Face, Point, Slice, face_of
 from pwscont.enumeration.tree import leaves
 from pwscont.linear.factorise import last_unit
-from pwscont.system.promises import check_blocks
+from pwscont.system.promises import checked_necessary
 from pwscont.system.selection import Selection
 from pwscont.system.system import PiecewiseSystem, SlicewiseLinearSystem, number_of_cells
 
@@ -50,13 +50,13 @@ REFINEMENTS = 3
 
 def solve_slice(system: SlicewiseLinearSystem, metric: Metric, alpha: float) -> Slice:
     """Return all solutions of a system at ``alpha``; refuse blocks that do not fit the system."""
-    check_blocks(system, np.size(system.test_functions(np.zeros(system.size), alpha)))
-    return _by_parts(system, metric, alpha) or _at_once(system, metric, alpha)
+    table = Table.at(system, alpha, metric.scale[:-1])
+    return _by_parts(system, metric, alpha, table) or _at_once(system, metric, alpha, table)
 
 
-def _at_once(system: SlicewiseLinearSystem, metric: Metric, alpha: float) -> Slice:
+def _at_once(system: SlicewiseLinearSystem, metric: Metric, alpha: float, table: Table) -> Slice:
     """Return all solutions, by choosing the modes of all blocks together."""
-    problem = reduce(system, metric.scale[:-1], alpha)
+    problem = problem_of(table, checked_necessary(system, alpha), metric.scale[:-1])
     if problem is None:
         return Slice((), ())
     found, faces = Points(system, metric, problem, alpha), list[Face]()
@@ -84,16 +84,17 @@ def lone_point(face: Face, x: Array, metric: Metric) -> Point:
 
 def cells_to_try(system: SlicewiseLinearSystem, metric: Metric, alpha: float) -> int:
     """Return how many cells of a slice are solved: the sum over parts, not the product."""
-    blocks = system.blocks()
-    parts = parts_of_table(Table.of(system, alpha, metric.scale[:-1]))
-    return sum(number_of_cells(blocks[i] for i in part.blocks) for part in parts)
+    table = Table.at(system, alpha, metric.scale[:-1])
+    blocks = ([table.blocks[i] for i in part.blocks] for part in parts_of_table(table))
+    return sum(map(number_of_cells, blocks))
 
 
-def _by_parts(system: SlicewiseLinearSystem, metric: Metric, alpha: float) -> Slice | None:
+def _by_parts(
+    system: SlicewiseLinearSystem, metric: Metric, alpha: float, table: Table
+) -> Slice | None:
     """Return all solutions part by part; None for a system of a single part, or of few cells."""
-    if number_of_cells(system.blocks()) <= FEW_CELLS:
+    if number_of_cells(table.blocks) <= FEW_CELLS:
         return None
-    table = Table.of(system, alpha, metric.scale[:-1])
     parts = parts_of_table(table)
     if len(parts) == 1:
         return None
@@ -103,7 +104,7 @@ def _by_parts(system: SlicewiseLinearSystem, metric: Metric, alpha: float) -> Sl
         if part.size == 1 and (scalar := solve_scalar(part, float(scale[0]))):
             return scalar
         around = Metric(np.append(scale, 1.0))
-        found = _at_once(part, around, 0.0)
+        found = _at_once(part, around, 0.0, part.table)
         points = (replace(p, in_doubt=is_in_doubt(part, around, p)) for p in found.points)
         return replace(found, points=tuple(points))
 
@@ -152,7 +153,7 @@ def _inherited_slack(system: PiecewiseSystem, which: Indices | slice) -> Array |
     """Return the error of some tests of a part that the errors of earlier parts make."""
     if not isinstance(system, PartSlice):
         return 0.0
-    return CONFIDENCE * system.inherited_slack()[which]
+    return CONFIDENCE * system.inherited_slack[which]
 
 
 def det_sign(system: PiecewiseSystem, metric: Metric, x: Array, character: Character) -> int:

@@ -25,7 +25,7 @@ from pwscont.basics.arrays import Array, Indices
 from pwscont.basics.budget import check_budget
 from pwscont.basics.character import Character
 from pwscont.enumeration.choices import Choices, inequalities_of, narrowed, together
-from pwscont.enumeration.options import Problem, problem_of
+from pwscont.enumeration.options import Problem, Table, problem_of
 from pwscont.enumeration.polyhedron import satisfies
 from pwscont.enumeration.simplex import (
     NOT_NEGATIVE,
@@ -174,7 +174,7 @@ def enumerate_cells(
     >>> [cells.directions.shape for cells in enumerate_cells(problem, forms, within, size)]
     [(2, 2, 1)]
     """
-    problem = problem_of(system, forms, necessary, scale)
+    problem = problem_of(Table.of(system, forms), necessary, scale)
     if problem is not None:
         found = leaves(problem, few, few and 1.0)
         yield from (AffineCells.of(problem, choices) for choices in found)

@@ -69,11 +69,6 @@ class BandedJacobian(StoredJacobian):
         square = sp.dia_matrix((self.bands, offsets), shape=(n, n))
         return sp.hstack([square, self.column[:, np.newaxis]]).tocsc()
 
-    def toarray(self) -> Array:
-        """Return the same matrix as a dense array, shape (n, n + 1)."""
-        dense: Array = self.tocsc().toarray()
-        return dense
-
     def __abs__(self) -> BandedJacobian:
         return BandedJacobian(np.abs(self.bands), self.lower, self.upper, np.abs(self.column))
 
@@ -88,13 +83,10 @@ class BandedJacobian(StoredJacobian):
 
     def divided(self, rows: Array) -> BandedJacobian:
         """Return the matrix with rows divided by ``rows``, powers of two, shape (n,)."""
-        inverse = np.zeros(len(rows) + self.lower + self.upper)
-        np.divide(1.0, rows, out=inverse[self.upper : self.upper + len(rows)])
-        # entry (k, j) of the bands lies in row j + k - upper: each diagonal sees the divisors
-        # shifted by a place against the diagonal before
-        shifted: Array = np.ndarray(self.bands.shape, float, inverse, strides=2 * inverse.strides)
-        column = self.column * inverse[self.upper : self.upper + len(rows)]
-        return BandedJacobian(self.bands * shifted, self.lower, self.upper, column)
+        bands = self.bands.copy()
+        for diagonal, i, _ in diagonals(bands, self.upper):
+            np.divide(diagonal, rows[i], out=diagonal)
+        return BandedJacobian(bands, self.lower, self.upper, self.column / rows)
 
     def largest_in_rows(self) -> Array:
         """Return the largest magnitude in each row, shape (n,)."""

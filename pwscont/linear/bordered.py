@@ -20,7 +20,7 @@ from typing import final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, generic_angles, power_of_two, product
+from pwscont.basics.arrays import Array, generic_angles, power_of_two
 from pwscont.basics.rounding import EPS
 from pwscont.linear.factor import Factor
 
@@ -44,29 +44,6 @@ class Interior:
 
     def __init__(self, core: Factor, column: Array) -> None:
         self.core, self.column = core, column
-        #: Vectors f, each with the known B^-1 f.
-        self.beside: tuple[tuple[Array, Array], ...] = ()
-
-    def solve(self, f: Array) -> Array:
-        """Return B^-1 f."""
-        for known, solution in self.beside:
-            if np.array_equal(known, f):
-                return solution
-        return self.core.solve(f)
-
-    @classmethod
-    def at_once(cls, core: Factor, column: Array, beside: Array | None = None) -> Interior:
-        """Return an interior after a single ``solve_all``, for factors with cheap further solves.
-
-        If a right-hand side f of shape (n,) is given as ``beside``, B^-1 f is computed as well.
-        """
-        interior, vectors = cls(core, column), _two_generic(len(column) + 1)
-        more = [] if beside is None else [beside]
-        right, first, second, *solved = core.solve_all(np.vstack([column, vectors[:, :-1], *more]))
-        interior.right = right
-        interior.generic = tuple(zip(vectors, (first, second), strict=True))
-        interior.beside = tuple(zip(more, solved, strict=True))
-        return interior
 
     @cached_property
     def right(self) -> Array:
@@ -116,22 +93,13 @@ class BorderedFactor(Factor):
         """Return the solution for a right-hand side, by the algorithm BEMW."""
         return self._columns * self._solve(rhs / self._rows)
 
-    def solve_all(self, rhs: Array) -> Array:
-        """Return the solutions for several right-hand sides, shape (l, n + 1)."""
-        if self._is_ill:
-            return super().solve_all(rhs)
-        scaled = rhs / self._rows
-        inner = self._core.solve_all(scaled[:, :-1])
-        last = (scaled[:, -1] - product(inner, self._row)) / self._schur
-        return self._columns * np.column_stack([inner - np.outer(last, self._right), last])
-
     def _solve(self, rhs: Array) -> Array:
         """Return the scaled solution for a scaled right-hand side."""
         f, g = rhs[:-1], float(rhs[-1])
         guess = (g - float(self._left[0].dot(f))) / self._left[1] if self._is_ill else 0.0
         if guess:
             f, g = f - guess * self._column, g - guess * self._corner
-        inner = self._interior.solve(f) if f.any() else f  # a tangent is solved for with f = 0
+        inner = self._core.solve(f) if f.any() else f  # a tangent is solved for with f = 0
         return self._completed(inner, g, guess)
 
     def _completed(self, inner: Array, g: float, guess: float = 0.0) -> Array:

@@ -24,6 +24,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
+from functools import cached_property
 from typing import final
 
 import numpy as np
@@ -191,7 +192,6 @@ class DenseLU(Factor):
             regularise(self.lu.ravel(order="K")[:: len(self.lu) + 1])
         else:
             self.failed = info > 0 or not self._norm < math.inf
-        self._condition: float | None = None
 
     @property
     def sign(self) -> int:
@@ -208,12 +208,10 @@ class DenseLU(Factor):
         """Return the solution with the transposed matrix."""
         return _solved(self.lu, self.pivots, rhs.T, transposed=True).T
 
-    @property
+    @cached_property
     def reciprocal_condition(self) -> float:
         """Estimate of the reciprocal condition number; 0 where the factorisation has failed."""
-        if self._condition is None:
-            self._condition = 0.0 if self.failed else float(lapack.dgecon(self.lu, self._norm)[0])
-        return self._condition
+        return 0.0 if self.failed else float(lapack.dgecon(self.lu, self._norm)[0])
 
     def is_singular(self) -> bool:
         """Tell whether the matrix is singular to rounding."""

@@ -9,7 +9,7 @@ curves cross, the bordered matrix is factorised as a whole, at whatever cost.
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import Any, final
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -21,12 +21,10 @@ from pwscont.linear.jacobian import StoredJacobian, StructuredJacobian
 from pwscont.linear.sparse import SparseJacobian, SparseLU
 
 
-def bordered(jacobian: Matrix, row: Any, scale: Array, beside: Array | None = None) -> Factor:
+def bordered(jacobian: Matrix, row: Any, scale: Array) -> Factor:
     """Factorise [J; row], shape (n + 1, n + 1).
 
     ``scale``, shape (n + 1,): typical magnitudes of the unknowns, powers of two.
-    ``beside``, shape (n + 1,): the right-hand side of the next solve, for Jacobians that solve for
-    several right-hand sides at once.
     """
     row = row if isinstance(row, np.ndarray) else dense(row).ravel()
     if isinstance(jacobian, np.ndarray):
@@ -36,7 +34,7 @@ def bordered(jacobian: Matrix, row: Any, scale: Array, beside: Array | None = No
         matrix[n] = row
         return factor(matrix, scale, overwrite=True)
     structured = _structured(jacobian)
-    by_parts = structured.bordered(row, scale, beside)
+    by_parts = structured.bordered(row, scale)
     if by_parts is None and isinstance(structured, SparseJacobian):
         return factor(sp.vstack([structured.tocsc(), sp.csr_matrix(row)]), scale)
     return by_parts or bordered(dense(jacobian), row, scale)
@@ -151,72 +149,37 @@ def _structured(jacobian: Matrix) -> StructuredJacobian:
 
 
 def augmented(jacobian: Matrix, b: Array, C: Array) -> Factor:
-    """Factorise [[J, b], [C, 0]], for solves with the matrix and with the transpose.
+    """Factorise [[B, b, a], [C, 0, c]] of the unknowns z, mu and alpha, where J = [B, a].
 
-    ``jacobian``, shape (n, n + 1): with entries of about 1.
+    The factor solves with the transpose, too. ``jacobian`` has entries of about 1. ``C``, shape
+    (2, n + 1), has the rows [C, c], which are turned in their plane until c of the first row is
+    zero: then b and this row are a border that needs no column for alpha.
     """
+    if size := float(np.hypot(*C[:, -1])):
+        C = np.array([[C[1, -1], -C[0, -1]], C[:, -1]]) @ C / size
     n = len(b)
     if isinstance(jacobian, np.ndarray):
         whole = np.zeros((n + 2, n + 2), order="F")
-        whole[:n, :-1], whole[:n, -1], whole[n:, :-1] = jacobian, b, C
+        whole[:, np.arange(n + 2) != n] = np.vstack([jacobian, C])
+        whole[:n, n] = b
         return factor(whole, np.ones(n + 2), overwrite=True)
     by_parts = _by_parts(jacobian, b, C)
     if not by_parts.is_singular():
         return by_parts
-    blocks = [[jacobian.tocsc(), b[:, np.newaxis]], [sp.csc_matrix(C), None]]
-    return factor(sp.bmat(blocks, format="csc"), np.ones(n + 2))
+    rows = sp.vstack([jacobian.tocsc(), sp.csc_matrix(C)], format="csc")
+    border = sp.csc_matrix(np.append(b, [0.0, 0.0])[:, np.newaxis])
+    whole = sp.hstack([rows[:, :n], border, rows[:, n:]], format="csc")
+    return factor(whole, np.ones(n + 2))
 
 
 def _by_parts(jacobian: StoredJacobian, b: Array, C: Array) -> Factor:
-    """Factorise [[J, b], [C, 0]] by two borders around an LU of B; return a singular part if any.
-
-    The rows of C are turned so that the first has no entry for alpha: this row and b are the first
-    border, which needs no column for alpha.
-    """
+    """Factorise by two borders around an LU of B, alpha in the second; return a singular part."""
     core, column = jacobian.split()
     if core.failed:
         return core
-    pair, ones = C[:, -1], np.ones(len(b) + 2)
-    size = float(np.hypot(*pair))
-    cosine, sine = (pair[1] / size, pair[0] / size) if size > 0.0 else (1.0, 0.0)
-    turn = np.array([[cosine, -sine], [sine, cosine]])
-    first, second = turn @ C
-    inner = BorderedFactor(Interior(core, b), np.append(first[:-1], 0.0), ones[1:], ones[1:])
+    ones = np.ones(len(b) + 2)
+    inner = BorderedFactor(Interior(core, b), np.append(C[0, :-1], 0.0), ones[1:], ones[1:])
     if inner.is_singular():
         return inner
-    row = np.concatenate([second[:-1], [0.0, second[-1]]])
-    outer = BorderedFactor(Interior(inner, np.append(column, 0.0)), row, ones, ones)
-    return _Turned(outer, turn)
-
-
-@final
-class _Turned(Factor):
-    """Solves with [[J, b], [C, 0]] by a factor with the rows ``turn @ C`` and alpha as the last."""
-
-    def __init__(self, factor: Factor, turn: Array) -> None:
-        self._factor, self._turn = factor, turn
-        self.failed = factor.failed
-
-    @property
-    def sign(self) -> int:
-        """Sign of the determinant, which the exchange of two columns turns."""
-        return -self._factor.sign
-
-    def solve(self, rhs: Array) -> Array:
-        """Return the solution for a right-hand side, shape (n + 2,)."""
-        turned = np.append(rhs[:-2], self._turn @ rhs[-2:])
-        return _exchanged(self._factor.solve(turned))
-
-    def solve_transposed(self, rhs: Array) -> Array:
-        """Return the solution with the transposed matrix."""
-        turned = self._factor.solve_transposed(_exchanged(rhs))
-        return np.append(turned[:-2], self._turn.T @ turned[-2:])
-
-    def is_singular(self) -> bool:
-        """Tell whether the matrix is singular to rounding."""
-        return self._factor.is_singular()
-
-
-def _exchanged(x: Array) -> Array:
-    """Return a vector with the last two entries exchanged."""
-    return np.append(x[:-2], x[:-3:-1])
+    row = np.concatenate([C[1, :-1], [0.0, C[1, -1]]])
+    return BorderedFactor(Interior(inner, np.append(column, 0.0)), row, ones, ones)

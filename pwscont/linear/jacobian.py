@@ -53,7 +53,7 @@ class StructuredJacobian(ABC):
         """Return the same matrix as a dense array."""
 
     @abstractmethod
-    def bordered(self, row: Array, scale: Array, beside: Array | None = None) -> Factor | None:
+    def bordered(self, row: Array, scale: Array) -> Factor | None:
         """Factorise [J; row]; None where the part for z has no factorisation.
 
         Parameters
@@ -61,8 +61,6 @@ class StructuredJacobian(ABC):
         row : ndarray, shape (n + 1,)
         scale : ndarray, shape (n + 1,)
             Typical magnitudes of the unknowns, powers of two.
-        beside : ndarray, shape (n + 1,), optional
-            The right-hand side of the next solve: solved at once if the solution costs little.
         """
 
     def inner(self, scale: Array) -> Factor | None:
@@ -106,11 +104,16 @@ class StoredJacobian(StructuredJacobian):
     def tocsc(self) -> Any:
         """Return the matrix in a storage of scipy.sparse, by columns."""
 
+    def toarray(self) -> Array:
+        """Return the same matrix as a dense array, shape (n, n + 1)."""
+        dense: Array = self.tocsc().toarray()
+        return dense
+
     @abstractmethod
     def split(self) -> tuple[Factor, Array]:
         """Return an LU of B, and b; for entries of about 1."""
 
-    def bordered(self, row: Array, scale: Array, beside: Array | None = None) -> Factor | None:
+    def bordered(self, row: Array, scale: Array) -> Factor | None:
         """Factorise [J; row] by an LU of B; None where B has no LU."""
         scaled, row = self.scaled(scale), row * scale
         rows = row_scale(scaled.largest_in_rows(), row)

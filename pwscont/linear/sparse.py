@@ -39,11 +39,6 @@ class SparseJacobian(StoredJacobian):
     def __abs__(self) -> Any:
         return abs(self._csc)
 
-    def toarray(self) -> Array:
-        """Return the same matrix as a dense array."""
-        dense: Array = self._csc.toarray()
-        return dense
-
     def tocsc(self) -> Any:
         """Return the matrix in a storage of scipy.sparse, by columns."""
         return self._csc

@@ -7,7 +7,6 @@ well inside.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from functools import lru_cache
 from typing import TYPE_CHECKING, Any, final
 
 import numpy as np
@@ -54,12 +53,8 @@ class Box:
         bounds = system.bounds()
         if not isinstance(bounds, tuple | list) or len(bounds) != 2:
             raise broken(system, "bounds()", f"must return (lower, upper), got {bounds!r}")
-        periods = system.periods()
-        are_numbers = type(bounds[0]) is type(bounds[1]) is type(periods) is float
-        if are_numbers and (*bounds, periods) == (-np.inf, np.inf, np.inf):
-            return _everywhere(system.size)
         lower, upper = (_broadcast(system, "bounds()", end) for end in bounds)
-        period = _broadcast(system, "periods()", periods)
+        period = _broadcast(system, "periods()", system.periods())
         period[period == 0.0] = np.inf
         if not (lower < upper).all():
             i = int(np.flatnonzero(~(lower < upper))[0])
@@ -108,15 +103,6 @@ class Box:
         apart = z[turning] - self.centre(np.zeros_like(z))[turning]
         moved[turning] -= period * np.round(apart / period)
         return moved
-
-
-@lru_cache(maxsize=8)
-def _everywhere(size: int) -> Box:
-    """Return the box without bounds and periods, not to be written to."""
-    ends = np.full(size, -np.inf), np.full(size, np.inf), np.full(size, np.inf)
-    for end in ends:
-        end.flags.writeable = False
-    return Box(*ends)
 
 
 def _broadcast(system: PiecewiseSystem, method: str, values: Any) -> Array:

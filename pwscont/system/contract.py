@@ -196,15 +196,9 @@ def jacobian_at(system: PiecewiseSystem, z: Array, alpha: float, character: Char
     InvalidSystemError
         If the shape is wrong at this point, even if the shape was right at other points.
     """
-    return own_matrix(lent_jacobian_at(system, z, alpha, character))
-
-
-def lent_jacobian_at(
-    system: PiecewiseSystem, z: Array, alpha: float, character: Character
-) -> Matrix:
-    """Return dH_chi / d(z, alpha) without a copy, for use before the next value."""
     jacobian = system.jacobian(z, alpha, character)
-    return checked_matrix(system, "jacobian", jacobian, (system.size, system.size + 1))
+    shape = (system.size, system.size + 1)
+    return own_matrix(checked_matrix(system, "jacobian", jacobian, shape))
 
 
 #: Distance from a point at which derivatives are compared, in typical magnitudes.

@@ -12,7 +12,7 @@ from pwscont.basics.character import Character
 from pwscont.basics.printing import named, short
 from pwscont.basics.rounding import EPS, GUARD
 from pwscont.system.columns import FEWEST_POINTS, by_columns, takes_columns
-from pwscont.system.contract import jacobian_at, lent_jacobian_at, residual_at
+from pwscont.system.contract import jacobian_at, residual_at
 from pwscont.system.system import PiecewiseLinearSystem, PiecewiseSystem
 from pwscont.system.values import checked_array, own_matrix
 
@@ -53,7 +53,6 @@ class Selection:
             tests, inside = (np.concatenate(parts) for parts in zip(*every, strict=True))
             first = np.sort(np.unique(tests, return_index=True)[1])
             tests, inside = tests[first], inside[first]
-        self._cell: bytes | None = None
         self._takes_columns: bool | None = None
         self._gradients: Matrix | None = None
         self.bounding: Indices = tests
@@ -68,14 +67,12 @@ class Selection:
         """Whether the selection and the tests are affine, so that the curve is a straight line."""
         return isinstance(self.system, PiecewiseLinearSystem)
 
-    @property
+    @cached_property
     def cell(self) -> bytes:
         """The signs that name this selection."""
-        if self._cell is None:
-            own = self.adjacent_cells or type(self.system).cell is not PiecewiseSystem.cell
-            named = self.system.cell(self.character) if own else None
-            self._cell = self.character.among(self.bounding) if named is None else named
-        return self._cell
+        if self.adjacent_cells or type(self.system).cell is not PiecewiseSystem.cell:
+            return self.system.cell(self.character)
+        return self.character.among(self.bounding)
 
     @cached_property
     def adjacent_names(self) -> tuple[bytes, ...]:
@@ -128,10 +125,6 @@ class Selection:
     def jacobian(self, x: Array) -> Matrix:
         """Return dH_chi/dx, shape (n, n + 1)."""
         return jacobian_at(self.system, x[:-1], float(x[-1]), self.character)
-
-    def lent_jacobian(self, x: Array) -> Matrix:
-        """Return dH_chi/dx without a copy, of use until the system is asked for anything else."""
-        return lent_jacobian_at(self.system, x[:-1], float(x[-1]), self.character)
 
     def kink(self, before: Selection, test: int) -> Array:
         """Return c, shape (n,), by which H differs from another selection, as the system knows."""

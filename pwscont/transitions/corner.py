@@ -388,7 +388,7 @@ class ConeProblem(SlicewiseLinearSystem):
     @cached_property
     def table(self) -> Table:
         """The problem as matrices, whose pattern shows its independent parts."""
-        return Table.of(self, 0.0, self._scale)
+        return Table.at(self, 0.0, self._scale)
 
     def blocks(self) -> tuple[Block, ...]:
         """Return the system's blocks, with only the modes of the cells that meet at the corner.

@@ -115,7 +115,7 @@ def inward_ray(curve: Curve, x: Array, error: Array, test: int) -> Ray | None:
         return None
     jacobian, rest = selection.jacobian(x), selection.residual_and(x, 0.0)
     gradient = selection.test_gradient(x, int(np.flatnonzero(selection.bounding == test)[0]))
-    factor = bordered(jacobian, gradient, metric.binary, rest)
+    factor = bordered(jacobian, gradient, metric.binary)
     if factor.is_singular():
         return None
     defect = factor.solve(rest)

@@ -390,7 +390,7 @@ class StraightCell:
 
     def _jacobian_at(self, x: Array) -> Matrix:
         known = self._jacobian
-        return self.curve.selection.lent_jacobian(x) if known is None else known
+        return self.curve.selection.jacobian(x) if known is None else known
 
     def _is_rounding(self, dx: Array, point: CorrectedPoint) -> bool:
         """Tell whether a correction is no more than rounding and error of the corrected point."""
