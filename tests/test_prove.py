@@ -27,10 +27,12 @@ from pwscont import (
     trace,
 )
 from pwscont.extending import ExactMode, Kind
+from pwscont.graph.records import Place
 from pwscont.proof.cells import ExactCells, Ranges, segment_of
 from pwscont.proof.interval import Interval
 from pwscont.proof.pieces import certified_pieces
 from pwscont.proof.prove import proved_solutions
+from pwscont.proof.rates import is_unique
 from pwscont.search.enumeration import Solutions
 
 GAME = LCP([[1, 2], [2, 1]], q=[-1, -1], d=[1, 0])
@@ -118,6 +120,14 @@ def test_what_is_no_solution_is_not_proved_beside_solutions_that_are_close():
     assert prove(known).holds
     wrong = [known[0], known[1], replace(known[2], z=known[2].z + 5.0)]
     assert not prove(Solutions(wrong, "complete", close, 0.0)).holds
+
+
+@pytest.mark.parametrize("some", [(0, 0, 1), (0, 1, 1), (2, 2, 2), (1, 0, 0)])
+def test_a_solution_listed_twice_instead_of_a_close_one_is_not_proved(some):
+    close = LCP([[1, 0, 0], [0, 1, 2], [0, 2, 1]], q=[-1, -1e-9, -1e-9], d=[0, 0, 0])
+    known = enumerate_solutions(close, 0.0)
+    assert prove(Solutions(known[::-1], "complete", close, 0.0)).holds
+    assert not prove(Solutions([known[k] for k in some], "complete", close, 0.0)).holds
 
 
 def test_infinitely_many_solutions_are_not_proved():
@@ -359,6 +369,26 @@ def test_a_curve_that_jumped_is_not_proved(name):
         assert not prove(BranchGraph(graph.nodes, pieces, graph.interval, system=system)).holds
 
 
+def doctored(graph):
+    """Yield graphs with the right pieces, but points between, places or special points made up."""
+    (first, *others), nodes = graph.pieces, graph.nodes
+    lo, hi = first.points
+    for between in ([0.5 * (lo + hi) + 1.0], [0.3 * lo + 0.7 * hi, 0.7 * lo + 0.3 * hi]):
+        yield [replace(first, points=np.array([lo, *between, hi])), *others], nodes
+    for k, node in enumerate(nodes):
+        place = Place(node.place.x + np.append(np.ones(len(lo) - 1), 0.0), node.place.error)
+        yield graph.pieces, [*nodes[:k], replace(node, place=place), *nodes[k + 1 :]]
+        yield graph.pieces, [*nodes, replace(node, place=place, id=len(nodes))]
+
+
+@pytest.mark.parametrize("name", ["fig7", "two ways", "vertical pieces"])
+def test_what_a_graph_says_beside_the_ends_of_pieces_is_proved_too(name):
+    graph = explore(fig7().system if name == "fig7" else CORNERS[name][0], (-1.5, 1.5))
+    for pieces, nodes in doctored(graph):
+        wrong = BranchGraph(nodes, pieces, graph.interval, system=graph.system)
+        assert not prove(wrong).holds
+
+
 def test_a_piece_that_ends_at_a_wrong_place_is_not_proved():
     graph = explore(fig7().system, (-2.0, 2.0))
     for part in (-1e-4, 1e-4):
@@ -491,3 +521,14 @@ def test_one_evolution_is_proved_where_forms_are_positive_definite(F):
     proof = prove(found)
     assert proof.holds == (least_eigenvalue(F) > 0.0 and len(found.paths()) == 1)
     assert proof.statements[0].startswith("exactly one evolution" if proof.holds else "not proved")
+
+
+@pytest.mark.parametrize(("F", "is_proved"), [(1.7, True), (1.743, False)])
+def test_rounding_of_the_smallest_numbers_is_counted(F, is_proved):
+    """F = sqrt(3) is the limit; in multiples of 5e-324, products of F with the data are off."""
+    A, rows = np.array([[2.0, -1.0], [-1.0, 2.0]]), np.eye(2)
+    for unit in (1.0, *(k * 5e-324 for k in range(1, 8))):
+        signs = (np.array([F]), np.array([-F]))
+        holds = all(is_unique(unit * A, rows[:1], rows[1:], friction) for friction in signs)
+        assert holds <= is_proved
+        assert holds == is_proved or unit < 1.0

@@ -12,6 +12,7 @@ from itertools import pairwise
 from typing import Any, Protocol, final
 
 import numpy as np
+from scipy.optimize import linear_sum_assignment
 
 from pwscont.basics.arrays import Array, finite_array
 from pwscont.basics.errors import InvalidInputError, SystemNeededError
@@ -25,6 +26,7 @@ from pwscont.system.box import Box
 #: A solution of the graph is a proved solution if closer than this part of a typical magnitude, or
 #: of the largest unknown, or closer than the errors.
 NEAR_A_PROVED_SOLUTION = 1e-6
+TINY = 1e-300
 Range = tuple[float, float]
 Corners = tuple[Array, Array]
 
@@ -274,12 +276,18 @@ def with_slack(solution: Solution, typical: Any) -> Corners:
 
 
 def are_matched(proved: Sequence[Corners], found: Sequence[Corners]) -> bool:
-    """Tell whether every solution proved, between corners, is one found with slack; and reverse."""
-    close = np.zeros((len(proved), len(found)), dtype=bool)
-    for i, (lo, hi) in enumerate(proved):
-        for j, (z, slack) in enumerate(found):
-            close[i, j] = (np.abs(z - 0.5 * (lo + hi)) <= hi - lo + slack).all()
-    return bool(close.any(axis=1).all() and close.any(axis=0).all())
+    """Tell whether solutions proved, between corners, are those found with slack, one to one.
+
+    A solution found belongs to the nearest one proved: none is listed twice for a close one.
+    """
+    if len(proved) != len(found) or not found:
+        return len(proved) == len(found)
+    (lo, hi), (z, slack) = (map(np.array, zip(*each, strict=True)) for each in (proved, found))
+    middle, width = (0.5 * (lo + hi))[:, np.newaxis], (hi - lo)[:, np.newaxis]
+    far = (np.maximum(np.abs(z - middle) - width, 0.0) / (slack + TINY)).max(axis=-1)
+    own = linear_sum_assignment(far)
+    nearest = far.min(axis=0)[own[1]] + NEAR_A_PROVED_SOLUTION
+    return bool((far[own] <= np.minimum(nearest, 1.0)).all())
 
 
 def _plain(thing: Any) -> Any:

@@ -131,6 +131,7 @@ def tape_of(system: PiecewiseSystem) -> Tape:
 
 def _selected(system: PiecewiseSystem, z: Any, alpha: Any, sw: TracedSwitches) -> Any:
     """Return the selections of a class, chosen by the tests one after the other."""
+    z.setflags(write=False)  # all selections get the same unknowns
     tests = np.asarray(system.test_functions(z, alpha), dtype=object).ravel()
     if len(tests) > MOST_TESTS:
         raise NotTracedError(f"{len(tests)} tests are more than {MOST_TESTS}")

@@ -20,6 +20,7 @@ from pwscont.basics.arrays import Array, Indices
 from pwscont.basics.printing import counted
 from pwscont.enumeration.echelon import independent
 from pwscont.graph.branch_graph import BranchGraph
+from pwscont.graph.records import Piece
 from pwscont.proof.cells import MOST_CELLS, Choice, ExactCells, Point, Ranges, segment_of, value
 from pwscont.proof.certificate import ASSUMED, Certificate
 from pwscont.proof.interval import Interval
@@ -43,7 +44,7 @@ def certified_pieces(
     undecided = [f"piece {graph.pieces[k].id}" for k in proof.left_pieces()]
     is_few = proof.cells.number <= MOST_CELLS
     cells = list(proof.left_cells()) if is_few and not undecided else None
-    undecided += [f"special point {node}" for node in proof.inner if not proof.is_joined(node)]
+    undecided += [f"special point {node}" for node in proof.left_points()]
     if cells == []:
         undecided += proof.doubtful_infinities()
     words = f"{counted(len(graph.pieces), 'piece')} and {counted(proof.transitions, 'transition')}"
@@ -95,6 +96,13 @@ class _Pieces:
         #: The inequality that vanishes at the end of a piece, by piece and node.
         self._vanishing: dict[tuple[int, int], Array] = {}
 
+    def _is_drawn(self, piece: Piece) -> bool:
+        """Tell whether a piece is straight, from special point to special point."""
+        ends = [self._graph.point(node).place.x for node in (piece.start, piece.end)]
+        points = piece.points  # of the unknowns that are shown
+        near = np.append(self._near[: points.shape[1] - 1], self._near[-1])
+        return len(points) == 2 and bool((np.abs(points - ends) <= near).all())
+
     def _full_points(self) -> tuple[Array, Array]:
         """Return both ends (z, alpha) of each piece, shape (k, 2, n + 1), and magnitudes."""
         system: Any = self._graph.system
@@ -131,7 +139,8 @@ class _Pieces:
             ranges = Ranges.of((x, sides), self._graph.interval)
             for i, k in enumerate(range(some.start, some.stop)):
                 is_proved = bool(ranges.decided[i]) and self._is_range(k, x[i], ranges, i)
-                if k not in first or not (is_proved or self._rational_ends(k)):
+                is_drawn = k in first and self._is_drawn(self._graph.pieces[k])
+                if not (is_drawn and (is_proved or self._rational_ends(k))):
                     left.append(k)  # a cell has one piece: a second piece repeats the first
         return left
 
@@ -151,6 +160,13 @@ class _Pieces:
             if number >= 0:
                 self._vanishing[k, node] = self.cells.side(self._choices[k], number)
         return True
+
+    def left_points(self) -> list[int]:
+        """Return the special points that are not proved, those on no piece among them."""
+        pieces = self._graph.pieces
+        ends = {node for piece in pieces for node in (piece.start, piece.end)}
+        alone = [node.id for node in self._graph.nodes if node.id not in ends]
+        return alone + [node for node in self.inner if not self.is_joined(node)]
 
     def is_joined(self, node: int) -> bool:
         """Tell whether proved pieces certainly end in one point, or one piece where rays begin.

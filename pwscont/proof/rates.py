@@ -15,7 +15,7 @@ import numpy as np
 from pwscont.basics.arrays import Array
 from pwscont.basics.printing import counted
 from pwscont.proof.certificate import ASSUMED, Certificate
-from pwscont.proof.interval import ULP
+from pwscont.proof.interval import SMALLEST, ULP
 
 #: Most nodes with friction, whose signs are all tried.
 MOST_NODES = 10
@@ -42,16 +42,17 @@ def _doubts(evolution: Any) -> list[str]:
     if len(rubs) > MOST_NODES:
         return [f"{len(rubs)} nodes with friction are more than {MOST_NODES}"]
     frictions = (np.array(signs) * F[rubs] for signs in product((-1.0, 1.0), repeat=len(rubs)))
-    if all(_is_unique(A, N[rubs], T[rubs], friction) for friction in frictions):
+    if all(is_unique(A, N[rubs], T[rubs], friction) for friction in frictions):
         return []
     return ["rates may not be unique at some state: a form is not positive definite"]
 
 
-def _is_unique(A: Array, N: Array, T: Array, friction: Array) -> bool:
+def is_unique(A: Array, N: Array, T: Array, friction: Array) -> bool:
+    """Tell whether the form of some signs, with friction times signs, is positive definite."""
     coupled = T.T @ (friction[:, np.newaxis] * (N @ A))
     form = 0.5 * (A + A.T) - 0.5 * (coupled + coupled.T)
     sizes = np.abs(A) + np.abs(T.T) @ (np.abs(friction)[:, np.newaxis] * (np.abs(N) @ np.abs(A)))
-    error = (2 * len(friction) + 8) * ULP * (sizes + sizes.T)
+    error = (2 * len(friction) + 8) * (ULP * (sizes + sizes.T) + SMALLEST)
     return is_positive_definite(form, error)
 
 

@@ -56,7 +56,7 @@ class Tape:
     size: int
     steps: list[Step] = field(default_factory=list)
     outputs: list[int] = field(default_factory=list)
-    refused: list[NotTracedError] = field(default_factory=list)
+    refused: list[Exception] = field(default_factory=list)
     _places: dict[Step, int] = field(default_factory=dict)
 
     def node(self, name: str, *args: Any, numbers: tuple[Any, ...] = ()) -> Traced:
@@ -70,6 +70,8 @@ class Tape:
     def place_of(self, thing: Any) -> int:
         """Return the place of a node or of a constant."""
         if isinstance(thing, Traced):
+            if thing.tape is not self:
+                raise NotTracedError("the formula keeps numbers that depend on (z, alpha)")
             return thing.place
         return self.node("constant", numbers=(_exact(thing),)).place
 
@@ -180,7 +182,8 @@ class Traced(NDArrayOperatorsMixin):
     def __array_ufunc__(self, ufunc: np.ufunc, method: str, *args: Any, **options: Any) -> Any:
         """Write an operation down; for arrays, the operation of every entry."""
         if method != "__call__" or options:
-            raise NotTracedError(f"the formula calls {ufunc.__name__}.{method} with options")
+            words = f"the formula calls {ufunc.__name__}.{method} with options"
+            raise self._refused(NotTracedError(words))
         if any(isinstance(each, np.ndarray) and each.ndim for each in args):
             return ufunc(*(as_array(each) for each in args))
         numbers = (each.item() if isinstance(each, np.ndarray) else each for each in args)
@@ -202,8 +205,9 @@ class Traced(NDArrayOperatorsMixin):
         if name == "power":
             return self._power(*args)
         if name in KINKED:
-            raise refuse_kink(name)
-        raise NotTracedError(f"the formula takes {name}, which is not known to the tape")
+            raise self._refused(refuse_kink(name))
+        words = f"the formula takes {name}, which is not known to the tape"
+        raise self._refused(NotTracedError(words))
 
     def _power(self, base: Any, power: Any) -> Any:
         if not isinstance(power, Real):
@@ -213,17 +217,23 @@ class Traced(NDArrayOperatorsMixin):
             return base if k == 1.0 else self.tape.node("power", base, numbers=(k,))
         return base.sqrt() if k == 0.5 else (k * base.log()).exp()
 
-    def copy(self) -> Traced:
+    def copy(self, *args: Any) -> Traced:
         """Return the number itself, which never changes."""
         return self
 
+    __copy__ = __deepcopy__ = copy
+
+    def _refused(self, error: Exception) -> Exception:
+        """Return an error, noted for a formula that goes on all the same."""
+        self.tape.refused.append(error)
+        return error
+
     def _refuse(self, *args: Any) -> Any:
-        error = NotTracedError(
+        words = (
             "the formula takes the plain number of, or a decision by, something that depends on "
             "(z, alpha): write decisions with the switches of sw"
         )
-        self.tape.refused.append(error)
-        raise error
+        raise self._refused(NotTracedError(words))
 
     __hash__ = None  # type: ignore[assignment]
     __bool__ = __float__ = __int__ = __index__ = __complex__ = _refuse
