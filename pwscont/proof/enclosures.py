@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from pwscont.basics.arrays import Array
-from pwscont.proof.interval import ULP, Interval, chosen, together, upper
+from pwscont.proof.interval import SMALLEST, ULP, Interval, chosen, together, upper
 from pwscont.proof.operations import OPERATIONS
 from pwscont.proof.tape import Step, Tape
 
@@ -55,6 +55,32 @@ def with_slopes(
     count = len(tape.outputs) // (by + 1)
     shape = (count, by, *box.lo.shape[1:])
     return found[:count], found[count:].arranged(lambda end: end.reshape(shape))
+
+
+def times(matrix: Array, right: Interval) -> Interval:
+    """Return matrices of numbers (n, n, B) times intervals (n, ..., B)."""
+    n, _, count = matrix.shape
+    factors = Interval(matrix.reshape(n, n, *(1,) * (right.lo.ndim - 2), count))
+    return (factors * right).total(axis=1)
+
+
+def turned(tape: Tape, box: Interval, matrix: Array) -> Interval:
+    """Return matrices times the derivatives on boxes, shape (n, n + 1, B)."""
+    return times(matrix, with_slopes(tape.slopes, box)[1])
+
+
+def turned_lines(tape: Tape, box: Interval, matrix: Array) -> Interval:
+    """Return the same, narrower: the derivatives as lines, whose slopes cancel in the product."""
+    n, far = tape.size, (box - box.middle()).reach()
+    slopes, rest = lines_of(tape.slopes, box)
+    shape, rest = (n, n + 1, *far.shape), rest[n:].arranged(lambda end: end.reshape(n, n + 1, -1))
+    bends, sizes = (
+        np.einsum("ijb,jklb->iklb", a, b.reshape(shape))
+        for a, b in ((matrix, slopes.lo[n:]), (np.abs(matrix), np.abs(slopes.lo[n:])))
+    )
+    error = upper((n + ROUNDINGS) * (ULP * sizes + SMALLEST), n)
+    reach = upper(((np.abs(bends) + error) * far).sum(axis=2), len(far))
+    return times(matrix, rest) + Interval(-reach, reach)
 
 
 class Line(NamedTuple):
@@ -105,7 +131,7 @@ def _sum(lines: Sequence[Line], factors: Sequence[Any], rest: Interval, far: Arr
             rest = rest + x.rest if factor == 1.0 else rest - x.rest
         else:
             rest = rest + x.rest * factor
-    error = upper(ROUNDINGS * ULP * (sizes * far).sum(axis=0), len(far))
+    error = upper((ROUNDINGS * (ULP * sizes + SMALLEST) * far).sum(axis=0), len(far))
     reach = upper((np.abs(slopes) * far).sum(axis=0), len(far))
     rest = rest + Interval(-error, error)
     return Line(slopes, rest, rest + Interval(-reach, reach))
@@ -151,10 +177,13 @@ def _larger(x: Sequence[Line], far: Array, sign: float = 1.0) -> Line:
     return _sum(x, factors, rest * (0.5 * sign) + rounding, far)
 
 
-def _either(x: Sequence[Line], far: Array) -> Line:
-    """Return one of two branches; if the test is undecided, their mean and half their distance."""
+def _either(x: Sequence[Line], far: Array, unknown: float = 0.0) -> Line:
+    """Return one of two branches; if the test is undecided, their mean and half their distance.
+
+    If nothing is known then, ``unknown`` is not a number.
+    """
     test, (a, b), half = x[0].values, x[1:], np.full(1, 0.5)
-    apart = _sum([a, b], [half, -half], NOTHING, far).values.reach()
+    apart = _sum([a, b], [half, -half], NOTHING, far).values.reach() + unknown
     mean = _sum([a, b], [half, half], Interval(-apart, apart), far)
     is_a, is_b = test.lo >= 0.0, test.hi < 0.0
     slopes = np.where(is_a, a.slopes, np.where(is_b, b.slopes, mean.slopes))
@@ -191,5 +220,6 @@ RULES: dict[str, Callable[[Sequence[Line], Array], Line]] = {
     "abs": _absolute,
     "max": _larger,
     "min": partial(_larger, sign=-1.0),
-    **dict.fromkeys(["where", "select"], _either),
+    **dict.fromkeys(["where", "select", "slope"], _either),
+    "jump": partial(_either, unknown=np.nan),
 }

@@ -9,6 +9,7 @@ zero lies in the image (Krawczyk 1969; Neumaier 1990, theorem 5.1.8), across kin
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from time import perf_counter
 from typing import Any, NamedTuple
 
@@ -16,7 +17,7 @@ import numpy as np
 
 from pwscont.basics.arrays import Array, Indices, Signs
 from pwscont.basics.budget import check_budget
-from pwscont.proof.enclosures import evaluated, lines_of, with_slopes
+from pwscont.proof.enclosures import evaluated, lines_of, times, turned, turned_lines, with_slopes
 from pwscont.proof.interval import ULP, Interval, above, inverses, together
 from pwscont.proof.tape import Tape
 
@@ -32,8 +33,9 @@ MOST_BOXES = 300_000
 #: No coordinate is halved while another one is this many times as wide, in typical magnitudes:
 #: else a coordinate that hardly matters to any row would never be halved.
 LENGTHY = 4.0
-#: Contraction of the Jacobian, to rounding, above which no tube is tried.
-TRIED = 0.9
+#: Contraction of the Jacobian, to rounding, above which no tube is tried; and the same where so
+#: many boxes are tried at once that lines of derivatives, which are narrower, pay.
+TRIED, TRIED_BY_LINES, MANY = 0.9, 5.0, 100
 #: How much wider than the box a tube is tried.
 WIDER = 1.1
 #: The least radius of a tube, relative to typical magnitudes.
@@ -42,6 +44,7 @@ LEAST = 2.0**-44
 SLACK = 64.0 * ULP
 #: Newton steps that improve the centre of a tube.
 POLISHED = 2
+Turned = Callable[[Tape, Interval, Array], Interval]
 
 
 class Tubes(NamedTuple):
@@ -121,10 +124,14 @@ def _looked_at(
 
     by_z = slopes[:, :-1]  # a tube may be proved where these do not vary too much
     spread = np.einsum("ijb,jkb->ikb", np.abs(inverse_of(by_z.middle())), 0.5 * by_z.width())
-    tried = boxes[:-1].is_within(whole[:-1]).all(axis=0) & (spread.sum(axis=1).max(axis=0) < TRIED)
+    inside, worst = boxes[:-1].is_within(whole[:-1]).all(axis=0), spread.sum(axis=1).max(axis=0)
+    tried, derivatives = inside & (worst < TRIED_BY_LINES), turned_lines
+    if tried.sum() < MANY:
+        tried, derivatives = inside & (worst < TRIED), turned
     rest, found = ~tried, list[Tubes]()
     if tried.any():
-        tubes, is_proved = _around(tape, boxes[:, tried], slopes[..., tried], LEAST * scale[:-1])
+        some = boxes[:, tried], slopes[..., tried], LEAST * scale[:-1]
+        tubes, is_proved = _around(tape, *some, derivatives)
         rest[tried], found = ~is_proved, [tubes.only(is_proved)]
     boxes, slopes = boxes[:, rest], slopes[:, :, rest]
 
@@ -154,13 +161,6 @@ def contracted(box: Interval, slopes: Interval, start: Interval) -> tuple[Interv
         lo[own, each] = np.fmax(lo[own, each], found.lo)
         hi[own, each] = np.fmin(hi[own, each], found.hi)
     return Interval(lo, hi), empty | (lo > hi).any(axis=0)
-
-
-def times(matrix: Array, right: Interval) -> Interval:
-    """Return matrices of numbers (n, n, B) times intervals (n, ..., B)."""
-    n, _, count = matrix.shape
-    factors = Interval(matrix.reshape(n, n, *(1,) * (right.lo.ndim - 2), count))
-    return (factors * right).total(axis=1)
 
 
 def preconditioned(middle: Array, width: Array) -> tuple[Array, Indices]:
@@ -199,7 +199,9 @@ def _halved(boxes: Interval, slopes: Interval, scale: Array) -> list[Interval]:
     return [Interval(boxes.lo, lower), Interval(upper, boxes.hi)]
 
 
-def _around(tape: Tape, box: Interval, slopes: Interval, least: Array) -> tuple[Tubes, Signs]:
+def _around(
+    tape: Tape, box: Interval, slopes: Interval, least: Array, derivatives: Turned
+) -> tuple[Tubes, Signs]:
     """Return tubes that hold boxes (n + 1, B), and which of the tubes are proved.
 
     From ``slopes``, the derivatives on the boxes, the shape of the tubes is guessed. Every tube
@@ -211,7 +213,7 @@ def _around(tape: Tape, box: Interval, slopes: Interval, least: Array) -> tuple[
     centre = polished(tape, middle[:-1], middle[-1], matrix)
     tubes = Tubes(alpha.lo, middle[-1], alpha.hi, centre, slope, centre, centre)
     radius = WIDER * tubes.far(box[:-1], alpha) + SLACK * np.abs(centre)
-    tubes, is_proved = proved(tape, tubes, radius + least[:, np.newaxis], matrix)
+    tubes, is_proved = proved(tape, tubes, radius + least[:, np.newaxis], matrix, derivatives)
     return tubes, is_proved & tubes.hold(box[:-1], alpha)
 
 
@@ -224,15 +226,17 @@ def polished(tape: Tape, z: Array, alpha: Array, matrix: Array) -> Array:
     return z
 
 
-def proved(tape: Tape, tubes: Tubes, radius: Array, matrix: Array) -> tuple[Tubes, Signs]:
+def proved(
+    tape: Tape, tubes: Tubes, radius: Array, matrix: Array, derivatives: Turned = turned
+) -> tuple[Tubes, Signs]:
     """Return tubes of a radius with the radius of their images, and which tubes are proved."""
     alpha = Interval(tubes.first, tubes.last)
-    slopes = with_slopes(tape.slopes, together(np.vstack, tubes.at(alpha, radius), alpha))[1]
+    slopes = derivatives(tape, together(np.vstack, tubes.at(alpha, radius), alpha), matrix)
     start = evaluated(tape, Interval(np.vstack([tubes.centre, tubes.middle])))
     along = (slopes[:, :-1] * Interval(tubes.slope)).total(axis=1)
     away = (slopes[:, -1] + along) * (alpha - Interval(tubes.middle))
-    residual = times(matrix, start + away).reach()
-    off = (np.eye(tape.size)[:, :, np.newaxis] - times(matrix, slopes[:, :-1])).reach()
+    residual = (times(matrix, start) + away).reach()
+    off = (np.eye(tape.size)[:, :, np.newaxis] - slopes[:, :-1]).reach()
     image = above(residual + (Interval(off) * Interval(radius)).total(axis=1).hi)
     is_proved: Signs = np.all((image < radius) & np.isfinite(radius), axis=0)
     return tubes._replace(radius=radius, image=image), is_proved
