@@ -30,14 +30,16 @@ FINEST_ALPHA, THIN = 2.0**-40, 2.0**-12
 TOGETHER = 2048
 #: Most boxes in all for up to three unknowns; for n unknowns (n - 2)**2 times as many.
 MOST_BOXES = 300_000
-#: No coordinate is halved while another one is this many times as wide, in typical magnitudes:
-#: else a coordinate that hardly matters to any row would never be halved.
-LENGTHY = 4.0
-#: Contraction of the Jacobian, to rounding, above which no tube is tried; and the same where so
-#: many boxes are tried at once that lines of derivatives, which are narrower, pay.
-TRIED, TRIED_BY_LINES, MANY = 0.9, 5.0, 100
+#: A tube is tried if the rests of lines, in terms of the unknowns, are narrower than this part of
+#: the box.
+TRIED = 2.0
+#: The widest coordinate is halved, in magnitudes, among those that change preconditioned rows at
+#: least this part as much as another one does.
+MATTERS = 0.5
+#: From so many boxes on, lines of derivatives, which are narrower, pay.
+MANY = 100
 #: How much wider than the box a tube is tried.
-WIDER = 1.1
+WIDER = 1.25
 #: The least radius of a tube, relative to typical magnitudes.
 LEAST = 2.0**-44
 #: How much wider than necessary a tube is: a few roundings, relative to the tube's centre.
@@ -118,28 +120,22 @@ def _looked_at(
 ) -> tuple[list[Tubes], list[Interval], Interval]:
     """Return the tubes of boxes that are proved, the halves of others, and boxes left open."""
     boxes = boxes[:, ~evaluated(tape, boxes).excludes_zero().any(axis=0)]
-    boxes, empty = contracted(boxes, *lines_of(tape, boxes))
-    boxes = boxes[:, ~empty]
-    slopes = with_slopes(tape.slopes, boxes)[1]
-
-    by_z = slopes[:, :-1]  # a tube may be proved where these do not vary too much
-    spread = np.einsum("ijb,jkb->ikb", np.abs(inverse_of(by_z.middle())), 0.5 * by_z.width())
-    inside, worst = boxes[:-1].is_within(whole[:-1]).all(axis=0), spread.sum(axis=1).max(axis=0)
-    tried, derivatives = inside & (worst < TRIED_BY_LINES), turned_lines
-    if tried.sum() < MANY:
-        tried, derivatives = inside & (worst < TRIED), turned
-    rest, found = ~tried, list[Tubes]()
+    slopes, rest = lines_of(tape, boxes)
+    blur = np.einsum("ijb,jb->ib", np.abs(inverse_of(slopes.lo[:, :-1])), rest.width())
+    size, width = scale[:, np.newaxis], boxes.width()
+    is_sharp = (blur < TRIED * width[:-1] + LEAST * size[:-1]).all(axis=0)
+    boxes, empty = contracted(boxes, slopes, rest)
+    tried = is_sharp & ~empty & boxes[:-1].is_within(whole[:-1]).all(axis=0)
+    left, found = ~tried & ~empty, list[Tubes]()
     if tried.any():
-        some = boxes[:, tried], slopes[..., tried], LEAST * scale[:-1]
-        tubes, is_proved = _around(tape, *some, derivatives)
-        rest[tried], found = ~is_proved, [tubes.only(is_proved)]
-    boxes, slopes = boxes[:, rest], slopes[:, :, rest]
-
-    size, (*unknowns, alpha) = scale[:, np.newaxis], boxes.width() / scale[:, np.newaxis]
+        some = boxes[:, tried], slopes.lo[..., tried], LEAST * size[:-1]
+        tubes, is_proved = _around(tape, *some)
+        left[tried], found = ~is_proved, [tubes.only(is_proved)]
+    boxes = boxes[:, left]
+    *unknowns, alpha = boxes.width() / size
     widest = np.max(unknowns, axis=0)
     is_small = (np.maximum(widest, alpha) <= FINEST) | (widest <= THIN) & (alpha <= FINEST_ALPHA)
-    halves = _halved(boxes[:, ~is_small], slopes[:, :, ~is_small], size)
-    return found, halves, boxes[:, is_small]
+    return found, _halved(tape, boxes[:, ~is_small], size), boxes[:, is_small]
 
 
 def contracted(box: Interval, slopes: Interval, start: Interval) -> tuple[Interval, Signs]:
@@ -183,37 +179,32 @@ def inverse_of(middle: Array) -> Array:
     return inverses(middle.transpose(2, 0, 1)).transpose(1, 2, 0)
 
 
-def _halved(boxes: Interval, slopes: Interval, scale: Array) -> list[Interval]:
-    """Return both halves of boxes, along the coordinate that changes preconditioned rows most."""
-    width = boxes.width()
-    matrix, _ = preconditioned(slopes.middle(), width)
-    effect = times(matrix, slopes).reach() * width
+def _halved(tape: Tape, boxes: Interval, scale: Array) -> list[Interval]:
+    """Return both halves of boxes, along the widest coordinate that matters."""
+    slopes, width = with_slopes(tape.slopes, boxes)[1], boxes.width()
+    effect = times(preconditioned(slopes.middle(), width)[0], slopes).reach() * width
     effect = (effect / effect.sum(axis=1, keepdims=True)).sum(axis=0)
-    relative = width / scale
-    effect = np.where(np.isfinite(effect).all(axis=0), effect, relative)
-    effect = np.where(LENGTHY * relative >= relative.max(axis=0), effect, 0.0)
-    effect = np.where(width > FINEST * scale, effect, -1.0)
-    split = effect.argmax(axis=0), np.arange(boxes.lo.shape[1])
+    effect = np.where(width > FINEST * scale, effect, 0.0)
+    relative = np.where(effect < MATTERS * effect.max(axis=0), 0.0, width / scale)
+    split = relative.argmax(axis=0), np.arange(boxes.lo.shape[1])
     lower, upper = boxes.hi.copy(), boxes.lo.copy()
     lower[split] = upper[split] = boxes.middle()[split]
     return [Interval(boxes.lo, lower), Interval(upper, boxes.hi)]
 
 
-def _around(
-    tape: Tape, box: Interval, slopes: Interval, least: Array, derivatives: Turned
-) -> tuple[Tubes, Signs]:
+def _around(tape: Tape, box: Interval, slopes: Array, least: Array) -> tuple[Tubes, Signs]:
     """Return tubes that hold boxes (n + 1, B), and which of the tubes are proved.
 
-    From ``slopes``, the derivatives on the boxes, the shape of the tubes is guessed. Every tube
-    exceeds a radius ``least``: a box may have no width at all.
+    From ``slopes``, about the derivatives, the shape of the tubes is guessed. Every tube exceeds a
+    radius ``least``: a box may have no width at all.
     """
-    guess, middle, alpha = slopes.middle(), box.middle(), box[-1]
-    matrix = inverse_of(guess[:, :-1])
-    slope = -np.einsum("ijb,jb->ib", matrix, guess[:, -1])
+    middle, alpha, matrix = box.middle(), box[-1], inverse_of(slopes[:, :-1])
+    slope = -np.einsum("ijb,jb->ib", matrix, slopes[:, -1])
     centre = polished(tape, middle[:-1], middle[-1], matrix)
     tubes = Tubes(alpha.lo, middle[-1], alpha.hi, centre, slope, centre, centre)
-    radius = WIDER * tubes.far(box[:-1], alpha) + SLACK * np.abs(centre)
-    tubes, is_proved = proved(tape, tubes, radius + least[:, np.newaxis], matrix, derivatives)
+    radius = WIDER * tubes.far(box[:-1], alpha) + SLACK * np.abs(centre) + least
+    derivatives = turned if radius.shape[1] < MANY else turned_lines
+    tubes, is_proved = proved(tape, tubes, radius, matrix, derivatives)
     return tubes, is_proved & tubes.hold(box[:-1], alpha)
 
 
