@@ -6,13 +6,13 @@ The theorem stands on the page "Proofs" of the manual; the room ``proof`` makes 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, fields
 from functools import cached_property
 from itertools import pairwise
 from typing import Any, Protocol, final
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
 from pwscont.basics.arrays import Array, finite_array
 from pwscont.basics.errors import InvalidInputError, SystemNeededError
@@ -26,7 +26,6 @@ from pwscont.system.box import Box
 #: A solution of the graph is a proved solution if closer than this part of a typical magnitude, or
 #: of the largest unknown, or closer than the errors.
 NEAR_A_PROVED_SOLUTION = 1e-6
-TINY = 1e-300
 Range = tuple[float, float]
 Corners = tuple[Array, Array]
 
@@ -111,14 +110,14 @@ class BoxProof:
         Folds, or places where curves leave the box: the number of solutions is proved to go from
         the number before to the number after without turning.
         """
-        before = {each.hi: each.count for each in self.stretches}
-        after = {each.lo: each.count for each in self.stretches}
-        folds = []
-        for lo, hi, turn in self.turns:
-            first, last = before.get(lo), after.get(hi)
-            if first is not None and last is not None and np.sign(last - first) in (0.0, turn):
-                folds += [(lo, hi)] if not np.isnan(turn) else []
-        return folds
+        before = {each.hi: each.count for each in self.stretches if each.count is not None}
+        after = {each.lo: each.count for each in self.stretches if each.count is not None}
+        return [
+            (lo, hi)
+            for lo, hi, turn in self.turns
+            if lo in before and hi in after and not np.isnan(turn)
+            if np.sign(after[hi] - before[lo]) in (0.0, turn)
+        ]
 
     @cached_property
     def windows(self) -> list[Range]:
@@ -138,9 +137,8 @@ class BoxProof:
         InvalidInputError
             If alpha lies outside the interval.
         """
-        first, last = self.interval
-        if not first <= alpha <= last:
-            raise InvalidInputError(f"alpha = {alpha} lies outside the interval ({first}, {last})")
+        if not self.interval[0] <= alpha <= self.interval[1]:
+            raise InvalidInputError(f"alpha = {alpha} lies outside the interval {self.interval}")
         if any(lo <= alpha <= hi for lo, hi, _ in self.turns):
             return None
         return next((each.count for each in self.stretches if each.lo <= alpha <= each.hi), None)
@@ -154,16 +152,13 @@ class BoxProof:
     def words(self) -> str:
         """What is proved, in a few words."""
         if not self.holds:
-            vague = [each for each in self.stretches if each.count is None]
-            parts = [counted(len(self.open), "box", "es")] if self.open else []
-            parts += [counted(len(vague), "stretch", "es")] if vague else []
-            return f"not proved in {' and in '.join(parts)}"
-        if not self.windows:
-            return "complete in the box, proved"
-        return (
-            f"complete in the box, proved, except in {counted(len(self.windows), 'window')} of "
-            f"alpha of width up to {_widest(self.windows):.1g}"
-        )
+            vague = sum(each.count is None for each in self.stretches)
+            parts = ((len(self.open), "box"), (vague, "stretch"))
+            open_parts = (counted(number, what, "es") for number, what in parts if number)
+            return f"not proved in {' and in '.join(open_parts)}"
+        words, number = "complete in the box, proved", len(self.windows)
+        where = f"{counted(number, 'window')} of alpha of width up to {_widest(self.windows):.1g}"
+        return f"{words}, except in {where}" if number else words
 
     @property
     def statements(self) -> tuple[str, ...]:
@@ -180,11 +175,9 @@ class BoxProof:
         """Return the guarantee of a graph with what is proved, from the guarantee without."""
         if graph.searched.spent:  # branches are missing because the run ended early
             return words
-        try:
-            with np.errstate(all="ignore"):
-                wrong = next(self.disagreements(graph), None)
-        except SystemNeededError:  # of a graph that was loaded without the system
-            wrong = None
+        wrong = None
+        with suppress(SystemNeededError), np.errstate(all="ignore"):  # loaded without the system
+            wrong = next(self.disagreements(graph), None)
         if wrong is not None:
             alpha, count, found = wrong
             which = "others" if found == count else f"{found} of them"
@@ -215,9 +208,8 @@ class BoxProof:
             for lo, hi in pairwise(graph.breaks())
             if not any(lo < alpha < hi for alpha in known)
         ]
-        corners = [z for solutions in known.values() for pair in solutions or () for z in pair]
         far = (np.abs(piece.points[:, : len(self.box[0])]).max(axis=0) for piece in graph.pieces)
-        typical = np.abs([0.0 * self.box[0], *corners, *far]).max(axis=0)
+        typical = np.max([0.0 * self.box[0], *far], axis=0)
         for alpha in [*known, *between]:
             count = self.count(alpha)
             if count is not None:
@@ -280,14 +272,14 @@ def are_matched(proved: Sequence[Corners], found: Sequence[Corners]) -> bool:
 
     A solution found belongs to the nearest one proved: none is listed twice for a close one.
     """
-    if len(proved) != len(found) or not found:
-        return len(proved) == len(found)
-    (lo, hi), (z, slack) = (map(np.array, zip(*each, strict=True)) for each in (proved, found))
-    middle, width = (0.5 * (lo + hi))[:, np.newaxis], (hi - lo)[:, np.newaxis]
-    far = (np.maximum(np.abs(z - middle) - width, 0.0) / (slack + TINY)).max(axis=-1)
-    own = linear_sum_assignment(far)
-    nearest = far.min(axis=0)[own[1]] + NEAR_A_PROVED_SOLUTION
-    return bool((far[own] <= np.minimum(nearest, 1.0)).all())
+    left = dict(enumerate(proved))
+    for z, slack in found:
+        far = [np.max((abs(z - 0.5 * (lo + hi)) - hi + lo) / (slack + 1e-300)) for lo, hi in proved]
+        own = min(left, key=far.__getitem__, default=-1)
+        if own < 0 or far[own] > min(max(min(far), 0.0) + NEAR_A_PROVED_SOLUTION, 1.0):
+            return False
+        del left[own]
+    return not left
 
 
 def _plain(thing: Any) -> Any:

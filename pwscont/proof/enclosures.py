@@ -72,15 +72,17 @@ def turned(tape: Tape, box: Interval, matrix: Array) -> Interval:
 def turned_lines(tape: Tape, box: Interval, matrix: Array) -> Interval:
     """Return the same, narrower: the derivatives as lines, whose slopes cancel in the product."""
     n, far = tape.size, (box - box.middle()).reach()
-    slopes, rest = lines_of(tape.slopes, box)
-    shape, rest = (n, n + 1, *far.shape), rest[n:].arranged(lambda end: end.reshape(n, n + 1, -1))
-    bends, sizes = (
-        np.einsum("ijb,jklb->iklb", a, b.reshape(shape))
-        for a, b in ((matrix, slopes.lo[n:]), (np.abs(matrix), np.abs(slopes.lo[n:])))
+    lines, rest = (each[n:] for each in lines_of(tape.slopes, box))
+    bends = lines.lo.reshape(n, n + 1, *far.shape)
+    turned, sizes = (
+        np.einsum("ijb,jklb->iklb", *each)
+        for each in ((matrix, bends), (np.abs(matrix), np.abs(bends)))
     )
     error = upper((n + ROUNDINGS) * (ULP * sizes + SMALLEST), n)
-    reach = upper(((np.abs(bends) + error) * far).sum(axis=2), len(far))
-    return times(matrix, rest) + Interval(-reach, reach)
+    reach = upper(((np.abs(turned) + error) * far).sum(axis=2), len(far))
+    return times(matrix, rest.arranged(lambda end: end.reshape(reach.shape))) + Interval(
+        -reach, reach
+    )
 
 
 class Line(NamedTuple):
@@ -152,26 +154,21 @@ def _quotient(x: Sequence[Line], far: Array) -> Line:
     return _product([x[0], inverse], far)
 
 
-def _magnitude(x: Interval) -> tuple[Array, Interval]:
-    """Return a slope and a rest that hold abs(x): a chord is above, a line through 0 below."""
+def _magnitude(x: Interval) -> tuple[list[Array], Interval]:
+    """Return one slope and a rest that hold abs(x): a chord is above, a line through 0 below."""
     is_certain = (x.lo >= 0.0) | (x.hi <= 0.0)
     slope = np.clip((np.abs(x.hi) - np.abs(x.lo)) / (x.hi - x.lo), -1.0, 1.0)
     slope = np.where(is_certain, np.where(x.lo >= 0.0, 1.0, -1.0), slope)
     tops = [(abs(Interval(end)) - Interval(slope) * end).hi for end in (x.lo, x.hi)]
     top = np.where(is_certain, 0.0, np.maximum(*tops))
-    return slope, Interval(np.zeros_like(top), top)
-
-
-def _absolute(x: Sequence[Line], far: Array) -> Line:
-    slope, rest = _magnitude(x[0].values)
-    return _sum(x, [slope], rest, far)
+    return [slope], Interval(np.zeros_like(top), top)
 
 
 def _larger(x: Sequence[Line], far: Array, sign: float = 1.0) -> Line:
     """Return the larger argument, (a + b + abs(a - b)) / 2, or with sign -1 the smaller."""
     a, b = (each.values for each in x)
     apart = _sum(x, [1.0, -1.0], NOTHING, far).values
-    slope, rest = _magnitude(apart.meet(a - b))
+    (slope,), rest = _magnitude(apart.meet(a - b))
     rounding = (abs(a) + abs(b)) * Interval(-ULP, ULP)
     factors = [0.5 + 0.5 * sign * slope, 0.5 - 0.5 * sign * slope]
     return _sum(x, factors, rest * (0.5 * sign) + rounding, far)
@@ -217,7 +214,7 @@ RULES: dict[str, Callable[[Sequence[Line], Array], Line]] = {
     "subtract": lambda x, far: _sum(x, [1.0, -1.0], NOTHING, far),
     "multiply": _product,
     "divide": _quotient,
-    "abs": _absolute,
+    "abs": lambda x, far: _sum(x, *_magnitude(x[0].values), far),
     "max": _larger,
     "min": partial(_larger, sign=-1.0),
     **dict.fromkeys(["where", "select", "slope"], _either),

@@ -9,7 +9,6 @@ zero lies in the image (Krawczyk 1969; Neumaier 1990, theorem 5.1.8), across kin
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from time import perf_counter
 from typing import Any, NamedTuple
 
@@ -40,13 +39,12 @@ MATTERS = 0.5
 MANY = 100
 #: How much wider than the box a tube is tried.
 WIDER = 1.25
-#: The least radius of a tube, relative to typical magnitudes.
+#: The least radius of a tube, relative to typical magnitudes: a box may have no width at all.
 LEAST = 2.0**-44
 #: How much wider than necessary a tube is: a few roundings, relative to the tube's centre.
 SLACK = 64.0 * ULP
 #: Newton steps that improve the centre of a tube.
 POLISHED = 2
-Turned = Callable[[Tape, Interval, Array], Interval]
 
 
 class Tubes(NamedTuple):
@@ -128,8 +126,7 @@ def _looked_at(
     tried = is_sharp & ~empty & boxes[:-1].is_within(whole[:-1]).all(axis=0)
     left, found = ~tried & ~empty, list[Tubes]()
     if tried.any():
-        some = boxes[:, tried], slopes.lo[..., tried], LEAST * size[:-1]
-        tubes, is_proved = _around(tape, *some)
+        tubes, is_proved = _around(tape, boxes[:, tried], slopes.lo[..., tried], size[:-1])
         left[tried], found = ~is_proved, [tubes.only(is_proved)]
     boxes = boxes[:, left]
     *unknowns, alpha = boxes.width() / size
@@ -192,19 +189,17 @@ def _halved(tape: Tape, boxes: Interval, scale: Array) -> list[Interval]:
     return [Interval(boxes.lo, lower), Interval(upper, boxes.hi)]
 
 
-def _around(tape: Tape, box: Interval, slopes: Array, least: Array) -> tuple[Tubes, Signs]:
+def _around(tape: Tape, box: Interval, slopes: Array, scale: Array) -> tuple[Tubes, Signs]:
     """Return tubes that hold boxes (n + 1, B), and which of the tubes are proved.
 
-    From ``slopes``, about the derivatives, the shape of the tubes is guessed. Every tube exceeds a
-    radius ``least``: a box may have no width at all.
+    ``slopes`` are about the derivatives.
     """
     middle, alpha, matrix = box.middle(), box[-1], inverse_of(slopes[:, :-1])
     slope = -np.einsum("ijb,jb->ib", matrix, slopes[:, -1])
     centre = polished(tape, middle[:-1], middle[-1], matrix)
     tubes = Tubes(alpha.lo, middle[-1], alpha.hi, centre, slope, centre, centre)
-    radius = WIDER * tubes.far(box[:-1], alpha) + SLACK * np.abs(centre) + least
-    derivatives = turned if radius.shape[1] < MANY else turned_lines
-    tubes, is_proved = proved(tape, tubes, radius, matrix, derivatives)
+    radius = WIDER * tubes.far(box[:-1], alpha) + SLACK * np.abs(centre) + LEAST * scale
+    tubes, is_proved = proved(tape, tubes, radius, matrix)
     return tubes, is_proved & tubes.hold(box[:-1], alpha)
 
 
@@ -217,11 +212,10 @@ def polished(tape: Tape, z: Array, alpha: Array, matrix: Array) -> Array:
     return z
 
 
-def proved(
-    tape: Tape, tubes: Tubes, radius: Array, matrix: Array, derivatives: Turned = turned
-) -> tuple[Tubes, Signs]:
+def proved(tape: Tape, tubes: Tubes, radius: Array, matrix: Array) -> tuple[Tubes, Signs]:
     """Return tubes of a radius with the radius of their images, and which tubes are proved."""
     alpha = Interval(tubes.first, tubes.last)
+    derivatives = turned if radius.shape[1] < MANY else turned_lines
     slopes = derivatives(tape, together(np.vstack, tubes.at(alpha, radius), alpha), matrix)
     start = evaluated(tape, Interval(np.vstack([tubes.centre, tubes.middle])))
     along = (slopes[:, :-1] * Interval(tubes.slope)).total(axis=1)

@@ -182,8 +182,7 @@ class Traced(NDArrayOperatorsMixin):
     def __array_ufunc__(self, ufunc: np.ufunc, method: str, *args: Any, **options: Any) -> Any:
         """Write an operation down; for arrays, the operation of every entry."""
         if method != "__call__" or options:
-            words = f"the formula calls {ufunc.__name__}.{method} with options"
-            raise self._refused(NotTracedError(words))
+            self._refuse(f"the formula calls {ufunc.__name__}.{method} with options")
         if any(isinstance(each, np.ndarray) and each.ndim for each in args):
             return ufunc(*(as_array(each) for each in args))
         numbers = (each.item() if isinstance(each, np.ndarray) else each for each in args)
@@ -205,9 +204,8 @@ class Traced(NDArrayOperatorsMixin):
         if name == "power":
             return self._power(*args)
         if name in KINKED:
-            raise self._refused(refuse_kink(name))
-        words = f"the formula takes {name}, which is not known to the tape"
-        raise self._refused(NotTracedError(words))
+            self._refuse(refuse_kink(name))
+        return self._refuse(f"the formula takes {name}, which is not known to the tape")
 
     def _power(self, base: Any, power: Any) -> Any:
         if not isinstance(power, Real):
@@ -223,21 +221,20 @@ class Traced(NDArrayOperatorsMixin):
 
     __copy__ = __deepcopy__ = copy
 
-    def _refused(self, error: Exception) -> Exception:
-        """Return an error, noted for a formula that goes on all the same."""
-        self.tape.refused.append(error)
-        return error
+    def _refuse(self, why: Any) -> Any:
+        """Refuse a formula, also a formula that goes on all the same."""
+        self.tape.refused.append(why if isinstance(why, Exception) else NotTracedError(why))
+        raise self.tape.refused[-1]
 
-    def _refuse(self, *args: Any) -> Any:
-        words = (
+    def _decide(self, *args: Any) -> Any:
+        return self._refuse(
             "the formula takes the plain number of, or a decision by, something that depends on "
             "(z, alpha): write decisions with the switches of sw"
         )
-        raise self._refused(NotTracedError(words))
 
     __hash__ = None  # type: ignore[assignment]
-    __bool__ = __float__ = __int__ = __index__ = __complex__ = _refuse
-    __floor__ = __ceil__ = __trunc__ = __round__ = _refuse
+    __bool__ = __float__ = __int__ = __index__ = __complex__ = _decide
+    __floor__ = __ceil__ = __trunc__ = __round__ = _decide
 
 
 def as_array(thing: Any) -> Any:
