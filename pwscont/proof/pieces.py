@@ -44,7 +44,7 @@ def certified_pieces(
     undecided = [f"piece {graph.pieces[k].id}" for k in proof.left_pieces()]
     is_few = proof.cells.number <= MOST_CELLS
     cells = list(proof.left_cells()) if is_few and not undecided else None
-    undecided += [f"special point {node}" for node in proof.left_points()]
+    undecided += [f"special point {node}" for node in proof.inner if not proof.is_joined(node)]
     if cells == []:
         undecided += proof.doubtful_infinities()
     words = f"{counted(len(graph.pieces), 'piece')} and {counted(proof.transitions, 'transition')}"
@@ -77,14 +77,14 @@ class _Pieces:
 
     def __init__(self, graph: BranchGraph, cells: ExactCells) -> None:
         self._graph, self.cells = graph, cells
-        met: dict[int, list[int]] = {}
+        met: dict[int, list[int]] = {node.id: [] for node in graph.nodes}
         for k, piece in enumerate(graph.pieces):
             for node in (piece.start, piece.end):
-                met.setdefault(node, []).append(k)
+                met[node].append(k)
         self.inner = {
             node: pieces
             for node, pieces in met.items()
-            if len(pieces) > 1 or graph.point(node).alpha not in graph.interval
+            if len(pieces) != 1 or graph.point(node).alpha not in graph.interval
         }
         self.transitions = sum(len(pieces) > 1 for pieces in self.inner.values())
         self.rays: set[Point] = set()
@@ -160,13 +160,6 @@ class _Pieces:
             if number >= 0:
                 self._vanishing[k, node] = self.cells.side(self._choices[k], number)
         return True
-
-    def left_points(self) -> list[int]:
-        """Return the special points that are not proved, those on no piece among them."""
-        pieces = self._graph.pieces
-        ends = {node for piece in pieces for node in (piece.start, piece.end)}
-        alone = [node.id for node in self._graph.nodes if node.id not in ends]
-        return alone + [node for node in self.inner if not self.is_joined(node)]
 
     def is_joined(self, node: int) -> bool:
         """Tell whether proved pieces certainly end in one point, or one piece where rays begin.

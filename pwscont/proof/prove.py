@@ -15,10 +15,9 @@ from pwscont.graph.branch_graph import BranchGraph
 from pwscont.graph.proved import are_matched, with_slack
 from pwscont.graph.records import Solution
 from pwscont.proof.cells import MOST_CELLS, Choice, ExactCells, Point, Ranges, segment_of
-from pwscont.proof.certificate import ASSUMED, Certificate
+from pwscont.proof.certificate import ASSUMED, Certificate, certified_rates
 from pwscont.proof.interval import Interval
 from pwscont.proof.pieces import certified_pieces
-from pwscont.proof.rates import certified_rates
 from pwscont.search.enumeration import Solutions
 from pwscont.system.abilities import ExactData, ExactRates, shown_size
 
