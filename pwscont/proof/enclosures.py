@@ -21,11 +21,10 @@ from pwscont.proof.tape import Step, Tape
 #: Bound of the rounding of a product and of sums of two, in roundings.
 ROUNDINGS = 8.0
 NOTHING = Interval(np.zeros(1))
+Rules = Mapping[str, Callable[..., Interval]]
 
 
-def evaluated(
-    tape: Tape, box: Interval, rules: Mapping[str, Callable[..., Interval]] = OPERATIONS
-) -> Interval:
+def evaluated(tape: Tape, box: Interval, rules: Rules = OPERATIONS) -> Interval:
     """Return the outputs of a tape on boxes (n + 1, B), shape (outputs, B)."""
     values: list[Interval] = []
     for place, step in enumerate(tape.steps):
@@ -42,9 +41,7 @@ def evaluated(
     return found
 
 
-def with_slopes(
-    tape: Tape, box: Interval, rules: Mapping[str, Callable[..., Interval]] = OPERATIONS
-) -> tuple[Interval, Interval]:
+def with_slopes(tape: Tape, box: Interval, rules: Rules = OPERATIONS) -> tuple[Interval, Interval]:
     """Return m outputs and their derivatives by (z, alpha), shapes (m, B) and (m, n + 1, B).
 
     The tape is ``slopes`` or ``tests`` of another tape. Where a switch may be in either mode, a
@@ -64,13 +61,8 @@ def times(matrix: Array, right: Interval) -> Interval:
     return (factors * right).total(axis=1)
 
 
-def turned(tape: Tape, box: Interval, matrix: Array) -> Interval:
-    """Return matrices times the derivatives on boxes, shape (n, n + 1, B)."""
-    return times(matrix, with_slopes(tape.slopes, box)[1])
-
-
 def turned_lines(tape: Tape, box: Interval, matrix: Array) -> Interval:
-    """Return the same, narrower: the derivatives as lines, whose slopes cancel in the product."""
+    """Return matrices times derivatives on boxes (n, n + 1, B), as lines: slopes cancel before."""
     n, far = tape.size, (box - box.middle()).reach()
     lines, rest = (each[n:] for each in lines_of(tape.slopes, box))
     bends = lines.lo.reshape(n, n + 1, *far.shape)
@@ -175,10 +167,7 @@ def _larger(x: Sequence[Line], far: Array, sign: float = 1.0) -> Line:
 
 
 def _either(x: Sequence[Line], far: Array, unknown: float = 0.0) -> Line:
-    """Return one of two branches; if the test is undecided, their mean and half their distance.
-
-    If nothing is known then, ``unknown`` is not a number.
-    """
+    """Return one of two branches; of an undecided test, their mean and half their distance."""
     test, (a, b), half = x[0].values, x[1:], np.full(1, 0.5)
     apart = _sum([a, b], [half, -half], NOTHING, far).values.reach() + unknown
     mean = _sum([a, b], [half, half], Interval(-apart, apart), far)

@@ -223,8 +223,7 @@ class _Pieces:
     def doubtful_infinities(self) -> list[str]:
         """Return where the graph has infinitely many solutions without a vertical piece or ray."""
         graph = self._graph
-        places = [piece.interval[0] for piece in graph.verticals]
-        places += [float(x[-1]) for x in self.rays]
+        places = [p.interval[0] for p in graph.verticals] + [float(x[-1]) for x in self.rays]
         return [
             f"infinitely many solutions for alpha in ({lo:.8g}, {hi:.8g})"
             for lo, hi, _ in graph.infinite

@@ -16,7 +16,7 @@ import numpy as np
 
 from pwscont.basics.arrays import Array, Indices, Signs
 from pwscont.basics.budget import check_budget
-from pwscont.proof.enclosures import evaluated, lines_of, times, turned, turned_lines, with_slopes
+from pwscont.proof.enclosures import evaluated, lines_of, times, turned_lines, with_slopes
 from pwscont.proof.interval import ULP, Interval, above, inverses, together
 from pwscont.proof.tape import Tape
 
@@ -29,8 +29,7 @@ FINEST_ALPHA, THIN = 2.0**-40, 2.0**-12
 TOGETHER = 2048
 #: Most boxes in all for up to three unknowns; for n unknowns (n - 2)**2 times as many.
 MOST_BOXES = 300_000
-#: A tube is tried if the rests of lines, in terms of the unknowns, are narrower than this part of
-#: the box.
+#: A tube is tried where the rests of lines, as unknowns, are narrower than this part of the box.
 TRIED = 2.0
 #: The widest coordinate is halved, in magnitudes, among those that change preconditioned rows at
 #: least this part as much as another one does.
@@ -82,9 +81,12 @@ class Tubes(NamedTuple):
         return held
 
 
+Covered = tuple[Tubes, Interval, int]
+
+
 def covered(
     tape: Tape, box: Interval, scale: Array, seconds: float, most: int | None = None
-) -> tuple[Tubes, Interval, int]:
+) -> Covered:
     """Return proved tubes and open boxes (n + 1, k) that hold all zeros of a formula in a box.
 
     And how many boxes were looked at, in some ``seconds`` at most. ``scale`` are the typical
@@ -215,8 +217,11 @@ def polished(tape: Tape, z: Array, alpha: Array, matrix: Array) -> Array:
 def proved(tape: Tape, tubes: Tubes, radius: Array, matrix: Array) -> tuple[Tubes, Signs]:
     """Return tubes of a radius with the radius of their images, and which tubes are proved."""
     alpha = Interval(tubes.first, tubes.last)
-    derivatives = turned if radius.shape[1] < MANY else turned_lines
-    slopes = derivatives(tape, together(np.vstack, tubes.at(alpha, radius), alpha), matrix)
+    box = together(np.vstack, tubes.at(alpha, radius), alpha)
+    if radius.shape[1] < MANY:
+        slopes = times(matrix, with_slopes(tape.slopes, box)[1])
+    else:
+        slopes = turned_lines(tape, box, matrix)
     start = evaluated(tape, Interval(np.vstack([tubes.centre, tubes.middle])))
     along = (slopes[:, :-1] * Interval(tubes.slope)).total(axis=1)
     away = (slopes[:, -1] + along) * (alpha - Interval(tubes.middle))

@@ -133,10 +133,8 @@ class Tape:
             if step.name == "variable":
                 known.append(seeds.get(step.numbers[0]))
             else:
-                x = [Traced(self, arg) for arg in step.args]
-                known.append(
-                    _derivative(Traced(self, place), step, x, [known[a] for a in step.args])
-                )
+                x, dx = ([Traced(self, k) for k in step.args], [known[k] for k in step.args])
+                known.append(_derivative(Traced(self, place), step, x, dx))
         return known
 
 
