@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import random_bodies
 import reference_enumeration
-from pwscont_coulomb import AffineLoad, ContactBody, CoulombLoad, LoadHistory, QuasiStaticCoulomb
+from pwscont_coulomb import AffineLoad, CoulombLoad
 from pwscont_coulomb.scenes import example3, fig7
 from rational import integer_family, number_of_solutions
 from sweeps import swept
@@ -21,7 +21,6 @@ from pwscont import (
     InvalidInputError,
     Switched,
     enumerate_solutions,
-    evolve,
     explore,
     prove,
     trace,
@@ -29,7 +28,6 @@ from pwscont import (
 from pwscont.extending import ExactMode, Kind
 from pwscont.graph.records import Place
 from pwscont.proof.cells import ExactCells, Ranges, segment_of
-from pwscont.proof.certificate import is_unique
 from pwscont.proof.interval import Interval
 from pwscont.proof.pieces import certified_pieces
 from pwscont.proof.prove import proved_solutions
@@ -497,38 +495,3 @@ def test_what_prove_refuses():
     wide = LCP(np.eye(20), np.ones(20), np.ones(20))
     with pytest.raises(InvalidInputError, match="too many"):
         prove(enumerate_solutions(wide, 0.0))
-
-
-# -- evolutions ------------------------------------------------------------------------------------
-
-
-def evolution(F, A=((2.0, -1.0), (-1.0, 2.0))):
-    body = ContactBody(A, [[1.0, 0.0]], [[0.0, 1.0]])
-    loads = [[0.0, 0.0], [1.0, 3.0], [1.0, -3.0], [0.5, 2.0]]
-    return evolve(QuasiStaticCoulomb(body, LoadHistory(loads), F), (0.0, 3.0))
-
-
-def least_eigenvalue(F):
-    """Return the least eigenvalue of the forms of one node: F couples N A w and T w."""
-    A, row = np.array([[2.0, -1.0], [-1.0, 2.0]]), np.array([2.0, -1.0])
-    forms = [A - 0.5 * s * F * (np.outer([0, 1], row) + np.outer(row, [0, 1])) for s in (-1, 1)]
-    return min(np.linalg.eigvalsh(form).min() for form in forms)
-
-
-@pytest.mark.parametrize("F", [0.0, 0.3, 0.9, 1.4, 4.0])
-def test_one_evolution_is_proved_where_forms_are_positive_definite(F):
-    found = evolution(F)
-    proof = prove(found)
-    assert proof.holds == (least_eigenvalue(F) > 0.0 and len(found.paths()) == 1)
-    assert proof.statements[0].startswith("exactly one evolution" if proof.holds else "not proved")
-
-
-@pytest.mark.parametrize(("F", "is_proved"), [(1.7, True), (1.743, False)])
-def test_rounding_of_the_smallest_numbers_is_counted(F, is_proved):
-    """F = sqrt(3) is the limit; in multiples of 5e-324, products of F with the data are off."""
-    A, rows = np.array([[2.0, -1.0], [-1.0, 2.0]]), np.eye(2)
-    for unit in (1.0, *(k * 5e-324 for k in range(1, 8))):
-        signs = (np.array([F]), np.array([-F]))
-        holds = all(is_unique(unit * A, rows[:1], rows[1:], friction) for friction in signs)
-        assert holds <= is_proved
-        assert holds == is_proved or unit < 1.0
