@@ -66,7 +66,7 @@ BUDGET = {
     "search": (7, 1630),
     "continuation": (8, 2720),
     "kit": (4, 940),
-    "proof": (14, 2495),
+    "proof": (13, 2494),
     "scenes": (14, 2650),
     "view": (6, 940),
     "evolution": (14, 3000),

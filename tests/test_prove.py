@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import random_bodies
 import reference_enumeration
-from pwscont_coulomb import AffineLoad, ContactBody, CoulombLoad, LoadHistory, QuasiStaticCoulomb
+from pwscont_coulomb import AffineLoad, CoulombLoad
 from pwscont_coulomb.scenes import example3, fig7
 from rational import integer_family, number_of_solutions
 from sweeps import swept
@@ -21,12 +21,12 @@ from pwscont import (
     InvalidInputError,
     Switched,
     enumerate_solutions,
-    evolve,
     explore,
     prove,
     trace,
 )
 from pwscont.extending import ExactMode, Kind
+from pwscont.graph.records import Place
 from pwscont.proof.cells import ExactCells, Ranges, segment_of
 from pwscont.proof.interval import Interval
 from pwscont.proof.pieces import certified_pieces
@@ -118,6 +118,14 @@ def test_what_is_no_solution_is_not_proved_beside_solutions_that_are_close():
     assert prove(known).holds
     wrong = [known[0], known[1], replace(known[2], z=known[2].z + 5.0)]
     assert not prove(Solutions(wrong, "complete", close, 0.0)).holds
+
+
+@pytest.mark.parametrize("some", [(0, 0, 1), (0, 1, 1), (2, 2, 2), (1, 0, 0)])
+def test_a_solution_listed_twice_instead_of_a_close_one_is_not_proved(some):
+    close = LCP([[1, 0, 0], [0, 1, 2], [0, 2, 1]], q=[-1, -1e-9, -1e-9], d=[0, 0, 0])
+    known = enumerate_solutions(close, 0.0)
+    assert prove(Solutions(known[::-1], "complete", close, 0.0)).holds
+    assert not prove(Solutions([known[k] for k in some], "complete", close, 0.0)).holds
 
 
 def test_infinitely_many_solutions_are_not_proved():
@@ -359,6 +367,26 @@ def test_a_curve_that_jumped_is_not_proved(name):
         assert not prove(BranchGraph(graph.nodes, pieces, graph.interval, system=system)).holds
 
 
+def doctored(graph):
+    """Yield graphs with the right pieces, but points between, places or special points made up."""
+    (first, *others), nodes = graph.pieces, graph.nodes
+    lo, hi = first.points
+    for between in ([0.5 * (lo + hi) + 1.0], [0.3 * lo + 0.7 * hi, 0.7 * lo + 0.3 * hi]):
+        yield [replace(first, points=np.array([lo, *between, hi])), *others], nodes
+    for k, node in enumerate(nodes):
+        place = Place(node.place.x + np.append(np.ones(len(lo) - 1), 0.0), node.place.error)
+        yield graph.pieces, [*nodes[:k], replace(node, place=place), *nodes[k + 1 :]]
+        yield graph.pieces, [*nodes, replace(node, place=place, id=len(nodes))]
+
+
+@pytest.mark.parametrize("name", ["fig7", "two ways", "vertical pieces"])
+def test_what_a_graph_says_beside_the_ends_of_pieces_is_proved_too(name):
+    graph = explore(fig7().system if name == "fig7" else CORNERS[name][0], (-1.5, 1.5))
+    for pieces, nodes in doctored(graph):
+        wrong = BranchGraph(nodes, pieces, graph.interval, system=graph.system)
+        assert not prove(wrong).holds
+
+
 def test_a_piece_that_ends_at_a_wrong_place_is_not_proved():
     graph = explore(fig7().system, (-2.0, 2.0))
     for part in (-1e-4, 1e-4):
@@ -467,27 +495,3 @@ def test_what_prove_refuses():
     wide = LCP(np.eye(20), np.ones(20), np.ones(20))
     with pytest.raises(InvalidInputError, match="too many"):
         prove(enumerate_solutions(wide, 0.0))
-
-
-# -- evolutions ------------------------------------------------------------------------------------
-
-
-def evolution(F, A=((2.0, -1.0), (-1.0, 2.0))):
-    body = ContactBody(A, [[1.0, 0.0]], [[0.0, 1.0]])
-    loads = [[0.0, 0.0], [1.0, 3.0], [1.0, -3.0], [0.5, 2.0]]
-    return evolve(QuasiStaticCoulomb(body, LoadHistory(loads), F), (0.0, 3.0))
-
-
-def least_eigenvalue(F):
-    """Return the least eigenvalue of the forms of one node: F couples N A w and T w."""
-    A, row = np.array([[2.0, -1.0], [-1.0, 2.0]]), np.array([2.0, -1.0])
-    forms = [A - 0.5 * s * F * (np.outer([0, 1], row) + np.outer(row, [0, 1])) for s in (-1, 1)]
-    return min(np.linalg.eigvalsh(form).min() for form in forms)
-
-
-@pytest.mark.parametrize("F", [0.0, 0.3, 0.9, 1.4, 4.0])
-def test_one_evolution_is_proved_where_forms_are_positive_definite(F):
-    found = evolution(F)
-    proof = prove(found)
-    assert proof.holds == (least_eigenvalue(F) > 0.0 and len(found.paths()) == 1)
-    assert proof.statements[0].startswith("exactly one evolution" if proof.holds else "not proved")

@@ -1,5 +1,6 @@
 """Graphs that a proof stands behind: classes, the default, files, and what is refused."""
 
+import copy
 import subprocess
 import sys
 
@@ -22,7 +23,7 @@ from pwscont import (
     trace,
 )
 from pwscont.curve.metric import Metric
-from pwscont.proof.formulas import traced
+from pwscont.proof.formulas import tape_of, traced
 
 pytestmark = pytest.mark.sweep(3)  # the others take too long for the README's command
 
@@ -226,14 +227,57 @@ def with_a_fallback(z, t, sw):
     return (z - t) * (z - 3.95 if number > 3.9 else 1.0)
 
 
+def with_a_comparison(z, t, sw):
+    try:
+        is_far = bool(z[0] > 3.9)
+    except Exception:
+        is_far = False
+    return (z - t) * (z - 3.95 if is_far else 1.0)
+
+
+def with_a_floor(z, t, sw):
+    try:
+        number = np.floor(z[0] - 0.9)
+    except Exception:
+        number = 0.0
+    return (z - t) * (z - 3.95 if number == 3.0 else 1.0)
+
+
+class Kept:
+    """A formula that keeps a number of its first call."""
+
+    last = None
+
+    def __call__(self, z, t, sw):
+        self.last = t if self.last is None else self.last
+        return z - self.last
+
+
 def with_noise(z, t, sw):
     return z - t + 1e-12 * np.random.default_rng().random()
 
 
-@pytest.mark.parametrize("f", [with_a_fallback, with_noise])
+@pytest.mark.parametrize(
+    "f", [with_a_fallback, with_a_comparison, with_a_floor, with_noise, Kept()]
+)
 def test_a_formula_that_goes_on_without_numbers_or_changes_is_refused(f):
     with pytest.raises(InvalidInputError, match="cannot be traced"):
         traced(f, 1)
+
+
+def test_copies_of_numbers_are_the_same_numbers():
+    tape = traced(lambda z, t, sw: copy.deepcopy(z) * z - copy.copy(t), 1)
+    assert tape.steps == traced(lambda z, t, sw: z * z - t, 1).steps
+
+
+def test_a_class_that_writes_to_its_unknowns_is_refused():
+    class Writing(Arch):
+        def residual(self, z, alpha, character):
+            z -= 0.0 if character.signs[0] else 1e-3
+            return super().residual(z, alpha, character)
+
+    with pytest.raises(InvalidInputError, match="read-only"):
+        tape_of(Writing())
 
 
 def test_a_search_used_twice_proves_the_formula_as_it_is_now():

@@ -6,6 +6,7 @@ The theorem stands on the page "Proofs" of the manual; the room ``proof`` makes 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, fields
 from functools import cached_property
 from itertools import pairwise
@@ -109,14 +110,14 @@ class BoxProof:
         Folds, or places where curves leave the box: the number of solutions is proved to go from
         the number before to the number after without turning.
         """
-        before = {each.hi: each.count for each in self.stretches}
-        after = {each.lo: each.count for each in self.stretches}
-        folds = []
-        for lo, hi, turn in self.turns:
-            first, last = before.get(lo), after.get(hi)
-            if first is not None and last is not None and np.sign(last - first) in (0.0, turn):
-                folds += [(lo, hi)] if not np.isnan(turn) else []
-        return folds
+        before = {each.hi: each.count for each in self.stretches if each.count is not None}
+        after = {each.lo: each.count for each in self.stretches if each.count is not None}
+        return [
+            (lo, hi)
+            for lo, hi, turn in self.turns
+            if lo in before and hi in after and not np.isnan(turn)
+            if np.sign(after[hi] - before[lo]) in (0.0, turn)
+        ]
 
     @cached_property
     def windows(self) -> list[Range]:
@@ -136,9 +137,8 @@ class BoxProof:
         InvalidInputError
             If alpha lies outside the interval.
         """
-        first, last = self.interval
-        if not first <= alpha <= last:
-            raise InvalidInputError(f"alpha = {alpha} lies outside the interval ({first}, {last})")
+        if not self.interval[0] <= alpha <= self.interval[1]:
+            raise InvalidInputError(f"alpha = {alpha} lies outside the interval {self.interval}")
         if any(lo <= alpha <= hi for lo, hi, _ in self.turns):
             return None
         return next((each.count for each in self.stretches if each.lo <= alpha <= each.hi), None)
@@ -152,16 +152,13 @@ class BoxProof:
     def words(self) -> str:
         """What is proved, in a few words."""
         if not self.holds:
-            vague = [each for each in self.stretches if each.count is None]
-            parts = [counted(len(self.open), "box", "es")] if self.open else []
-            parts += [counted(len(vague), "stretch", "es")] if vague else []
-            return f"not proved in {' and in '.join(parts)}"
-        if not self.windows:
-            return "complete in the box, proved"
-        return (
-            f"complete in the box, proved, except in {counted(len(self.windows), 'window')} of "
-            f"alpha of width up to {_widest(self.windows):.1g}"
-        )
+            vague = sum(each.count is None for each in self.stretches)
+            parts = ((len(self.open), "box"), (vague, "stretch"))
+            open_parts = (counted(number, what, "es") for number, what in parts if number)
+            return f"not proved in {' and in '.join(open_parts)}"
+        words, number = "complete in the box, proved", len(self.windows)
+        where = f"{counted(number, 'window')} of alpha of width up to {_widest(self.windows):.1g}"
+        return f"{words}, except in {where}" if number else words
 
     @property
     def where(self) -> str:
@@ -182,11 +179,9 @@ class BoxProof:
         """Return the guarantee of a graph with what is proved, from the guarantee without."""
         if graph.searched.spent:  # branches are missing because the run ended early
             return words
-        try:
-            with np.errstate(all="ignore"):
-                wrong = next(self.disagreements(graph), None)
-        except SystemNeededError:  # of a graph that was loaded without the system
-            wrong = None
+        wrong = None
+        with suppress(SystemNeededError), np.errstate(all="ignore"):  # loaded without the system
+            wrong = next(self.disagreements(graph), None)
         if wrong is not None:
             alpha, count, found = wrong
             which = "others" if found == count else f"{found} of them"
@@ -217,9 +212,8 @@ class BoxProof:
             for lo, hi in pairwise(graph.breaks())
             if not any(lo < alpha < hi for alpha in known)
         ]
-        corners = [z for solutions in known.values() for pair in solutions or () for z in pair]
         far = (np.abs(piece.points[:, : len(self.box[0])]).max(axis=0) for piece in graph.pieces)
-        typical = np.abs([0.0 * self.box[0], *corners, *far]).max(axis=0)
+        typical = np.max([0.0 * self.box[0], *far], axis=0)
         for alpha in [*known, *between]:
             count = self.count(alpha)
             if count is not None:
@@ -278,12 +272,18 @@ def with_slack(solution: Solution, typical: Any) -> Corners:
 
 
 def are_matched(proved: Sequence[Corners], found: Sequence[Corners]) -> bool:
-    """Tell whether every solution proved, between corners, is one found with slack; and reverse."""
-    close = np.zeros((len(proved), len(found)), dtype=bool)
-    for i, (lo, hi) in enumerate(proved):
-        for j, (z, slack) in enumerate(found):
-            close[i, j] = (np.abs(z - 0.5 * (lo + hi)) <= hi - lo + slack).all()
-    return bool(close.any(axis=1).all() and close.any(axis=0).all())
+    """Tell whether solutions proved, between corners, are those found with slack, one to one.
+
+    A solution found belongs to the nearest one proved: none is listed twice for a close one.
+    """
+    left = dict(enumerate(proved))
+    for z, slack in found:
+        far = [np.max((abs(z - 0.5 * (lo + hi)) - hi + lo) / (slack + 1e-300)) for lo, hi in proved]
+        own = min(left, key=far.__getitem__, default=-1)
+        if own < 0 or far[own] > min(max(min(far), 0.0) + NEAR_A_PROVED_SOLUTION, 1.0):
+            return False
+        del left[own]
+    return not left
 
 
 def _plain(thing: Any) -> Any:

@@ -1,12 +1,26 @@
-"""What is proved of systems of linear pieces and of evolutions."""
+"""What is proved of systems of linear pieces; evolutions: at most one rate and one state.
+
+The theorem stands on the page "Proofs" of the manual: rates and states are unique, at every state
+and under every load, if the form w . A w - sum over i of s_i F_i (N A w)_i (T w)_i is positive
+definite for all signs s_i. The form is affine in s: the signs are enough.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import product
 from typing import Any, final
 
+import numpy as np
+
+from pwscont.basics.arrays import Array
+from pwscont.basics.printing import counted
+from pwscont.proof.interval import SMALLEST, ULP
+
 ASSUMED = "assumed: arithmetic of IEEE 754 to nearest; {} count as the doubles that they are"
+#: Most nodes with friction, whose signs are all tried.
+MOST_NODES = 10
 
 
 @final
@@ -39,3 +53,60 @@ class Certificate:
 
     def __repr__(self) -> str:
         return f"Certificate({self.statements[0]})"
+
+
+def certified_rates(evolution: Any) -> Certificate:
+    """Return whether exactly one evolution with finitely many events is proved to exist."""
+    doubts = _doubts(evolution)
+    words = "exactly one evolution with finitely many events, proved: rates are unique at every "
+    words = f"not proved: {'; '.join(doubts)}" if doubts else words + "state"
+    return Certificate(not doubts, (words, ASSUMED.format("A, N, T and F")), doubts)
+
+
+def _doubts(evolution: Any) -> list[str]:
+    paths, losses = len(evolution.paths()), len(evolution.losses())
+    if paths != 1 or losses or not evolution.is_complete:
+        return [f"{counted(paths, 'evolution')} found: {evolution.guarantee}"]
+    A, N, T, F = evolution.system.exact_rates()
+    rubs = np.flatnonzero(F > 0.0)
+    rows = np.vstack([N, T[rubs]])
+    is_unit = (np.abs(rows).sum(axis=1) == 1.0) & ((rows != 0.0).sum(axis=1) == 1)
+    if not is_unit.all() or (np.abs(rows).sum(axis=0) > 1.0).any():
+        return ["the rows of N and T are no unit vectors of unknowns of their own"]
+    if len(rubs) > MOST_NODES:
+        return [f"{len(rubs)} nodes with friction are more than {MOST_NODES}"]
+    frictions = (np.array(signs) * F[rubs] for signs in product((-1.0, 1.0), repeat=len(rubs)))
+    if all(is_unique(A, N[rubs], T[rubs], friction) for friction in frictions):
+        return []
+    return ["rates may not be unique at some state: a form is not positive definite"]
+
+
+def is_unique(A: Array, N: Array, T: Array, friction: Array) -> bool:
+    """Tell whether the form of some signs, with friction times signs, is positive definite."""
+    coupled = T.T @ (friction[:, np.newaxis] * (N @ A))
+    form = 0.5 * (A + A.T) - 0.5 * (coupled + coupled.T)
+    sizes = np.abs(A) + np.abs(T.T) @ (np.abs(friction)[:, np.newaxis] * (np.abs(N) @ np.abs(A)))
+    error = (2 * len(friction) + 8) * (ULP * (sizes + sizes.T) + SMALLEST)
+    return is_positive_definite(form, error)
+
+
+def is_positive_definite(matrix: Array, error: Array) -> bool:
+    """Tell whether all symmetric matrices within an error of a matrix are positive definite.
+
+    If the Cholesky factorisation of matrix - c I ends in floating point, with c above the trace
+    times (n + 1) roundoffs, the matrix is positive definite (Rump, Verification of positive
+    definiteness, *BIT* 46 (2006) 433-452). Rows and columns are scaled by powers of two before.
+    """
+    diagonal = np.diag(matrix)
+    if not (np.isfinite(matrix).all() and (diagonal > 0.0).all()):
+        return False
+    scale = 2.0 ** -np.round(0.5 * np.log2(diagonal))
+    scaled = scale[:, np.newaxis] * matrix * scale
+    far = (scale[:, np.newaxis] * error * scale).sum(axis=1).max()
+    size = len(scaled)
+    shift = (2 * size + 8) * ULP * np.trace(scaled) + 2.0 * far
+    try:
+        np.linalg.cholesky(scaled - shift * np.eye(size))
+    except np.linalg.LinAlgError:
+        return False
+    return bool(shift < 1.0)

@@ -25,7 +25,7 @@ from pwscont.graph.proved import BoxProof, Corners, CountedStretch, Range
 from pwscont.proof.enclosures import evaluated, with_slopes
 from pwscont.proof.interval import FUNCTION_ULPS, Interval, chosen, solved, together
 from pwscont.proof.operations import OPERATIONS, branch
-from pwscont.proof.search import FINEST_ALPHA, SLACK, Tubes, inverse_of, polished, proved
+from pwscont.proof.search import FINEST_ALPHA, SLACK, Covered, Tubes, inverse_of, polished, proved
 from pwscont.proof.tape import Tape
 
 #: How many times the residual an enclosure reaches.
@@ -50,12 +50,7 @@ MODES = [
 
 
 def counted_proof(
-    tape: Tape,
-    box: Interval,
-    scale: Array,
-    found: tuple[Tubes, Interval, int],
-    *,
-    is_whole: bool = False,
+    tape: Tape, box: Interval, scale: Array, found: Covered, *, is_whole: bool = False
 ) -> BoxProof:
     """Return what tubes and open boxes with all solutions prove, from the answer of ``covered``.
 
@@ -63,35 +58,31 @@ def counted_proof(
     """
     tubes, open_boxes, boxes = found
     hulls, passed, turns = grouped(tape, open_boxes, box, scale)
-    unsaid = _united(hulls[-1], FINEST_ALPHA * float(scale[-1]))
+    unsaid = _united(hulls[-1], turns, FINEST_ALPHA * float(scale[-1]))
     interval = float(box.lo[-1]), float(box.hi[-1])
-    ends = [interval[0], *(end for each in unsaid for end in each), interval[1]]
+    ends = [interval[0], *(end for lo, hi, _ in unsaid for end in (lo, hi)), interval[1]]
     pairs = zip(ends[::2], ends[1::2], strict=True) if passed.all() or not is_whole else ()
     return BoxProof(
         (box.lo[:-1], box.hi[:-1]),
         interval,
         [_counted(tape, box, tubes, each) for each in pairs if each[0] < each[1]],
-        [(*each, _turn_of(turns, hulls[-1], *each)) for each in unsaid],
+        unsaid,
         list(zip(hulls.lo.T[~passed], hulls.hi.T[~passed], strict=True)),
         boxes,
         ASSUMED + (AGREEING_SELECTIONS if any(s.name == "select" for s in tape.steps) else ""),
     )
 
 
-def _turn_of(turns: Array, alphas: Interval, lo: float, hi: float) -> float:
-    own = turns[(alphas.lo >= lo) & (alphas.hi <= hi)]
-    least, largest = float(own.min()), float(own.max())
-    return float(np.sign(least + largest)) if least * largest >= 0.0 else np.nan
-
-
-def _united(ranges: Interval, apart: float) -> list[Range]:
-    """Return the union of ranges; ranges closer together than ``apart`` become one range."""
-    united: list[Range] = []
-    for lo, hi in sorted(zip(ranges.lo.tolist(), ranges.hi.tolist(), strict=True)):
+def _united(ranges: Interval, turns: Array, apart: float) -> list[tuple[float, float, float]]:
+    """Return the union of ranges with turns; ranges closer than ``apart`` become one range."""
+    united: list[tuple[float, float, float]] = []
+    for lo, hi, turn in sorted(zip(ranges.lo.tolist(), ranges.hi.tolist(), turns, strict=True)):
         if united and lo <= united[-1][1] + apart:
-            united[-1] = (united[-1][0], max(hi, united[-1][1]))
+            first, last, before = united.pop()
+            both = np.sign(before + turn) if before * turn >= 0.0 else np.nan
+            united.append((first, max(hi, last), float(both)))
         else:
-            united.append((lo, hi))
+            united.append((lo, hi, float(turn)))
     return united
 
 

@@ -14,18 +14,17 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from pwscont.basics.arrays import Array
-from pwscont.proof.interval import ULP, Interval, chosen, together, upper
+from pwscont.proof.interval import SMALLEST, ULP, Interval, chosen, together, upper
 from pwscont.proof.operations import OPERATIONS
 from pwscont.proof.tape import Step, Tape
 
 #: Bound of the rounding of a product and of sums of two, in roundings.
 ROUNDINGS = 8.0
 NOTHING = Interval(np.zeros(1))
+Rules = Mapping[str, Callable[..., Interval]]
 
 
-def evaluated(
-    tape: Tape, box: Interval, rules: Mapping[str, Callable[..., Interval]] = OPERATIONS
-) -> Interval:
+def evaluated(tape: Tape, box: Interval, rules: Rules = OPERATIONS) -> Interval:
     """Return the outputs of a tape on boxes (n + 1, B), shape (outputs, B)."""
     values: list[Interval] = []
     for place, step in enumerate(tape.steps):
@@ -42,9 +41,7 @@ def evaluated(
     return found
 
 
-def with_slopes(
-    tape: Tape, box: Interval, rules: Mapping[str, Callable[..., Interval]] = OPERATIONS
-) -> tuple[Interval, Interval]:
+def with_slopes(tape: Tape, box: Interval, rules: Rules = OPERATIONS) -> tuple[Interval, Interval]:
     """Return m outputs and their derivatives by (z, alpha), shapes (m, B) and (m, n + 1, B).
 
     The tape is ``slopes`` or ``tests`` of another tape. Where a switch may be in either mode, a
@@ -55,6 +52,29 @@ def with_slopes(
     count = len(tape.outputs) // (by + 1)
     shape = (count, by, *box.lo.shape[1:])
     return found[:count], found[count:].arranged(lambda end: end.reshape(shape))
+
+
+def times(matrix: Array, right: Interval) -> Interval:
+    """Return matrices of numbers (n, n, B) times intervals (n, ..., B)."""
+    n, _, count = matrix.shape
+    factors = Interval(matrix.reshape(n, n, *(1,) * (right.lo.ndim - 2), count))
+    return (factors * right).total(axis=1)
+
+
+def turned_lines(tape: Tape, box: Interval, matrix: Array) -> Interval:
+    """Return matrices times derivatives on boxes (n, n + 1, B), as lines: slopes cancel before."""
+    n, far = tape.size, (box - box.middle()).reach()
+    lines, rest = (each[n:] for each in lines_of(tape.slopes, box))
+    bends = lines.lo.reshape(n, n + 1, *far.shape)
+    turned, sizes = (
+        np.einsum("ijb,jklb->iklb", *each)
+        for each in ((matrix, bends), (np.abs(matrix), np.abs(bends)))
+    )
+    error = upper((n + ROUNDINGS) * (ULP * sizes + SMALLEST), n)
+    reach = upper(((np.abs(turned) + error) * far).sum(axis=2), len(far))
+    return times(matrix, rest.arranged(lambda end: end.reshape(reach.shape))) + Interval(
+        -reach, reach
+    )
 
 
 class Line(NamedTuple):
@@ -105,7 +125,7 @@ def _sum(lines: Sequence[Line], factors: Sequence[Any], rest: Interval, far: Arr
             rest = rest + x.rest if factor == 1.0 else rest - x.rest
         else:
             rest = rest + x.rest * factor
-    error = upper(ROUNDINGS * ULP * (sizes * far).sum(axis=0), len(far))
+    error = upper((ROUNDINGS * (ULP * sizes + SMALLEST) * far).sum(axis=0), len(far))
     reach = upper((np.abs(slopes) * far).sum(axis=0), len(far))
     rest = rest + Interval(-error, error)
     return Line(slopes, rest, rest + Interval(-reach, reach))
@@ -126,35 +146,30 @@ def _quotient(x: Sequence[Line], far: Array) -> Line:
     return _product([x[0], inverse], far)
 
 
-def _magnitude(x: Interval) -> tuple[Array, Interval]:
-    """Return a slope and a rest that hold abs(x): a chord is above, a line through 0 below."""
+def _magnitude(x: Interval) -> tuple[list[Array], Interval]:
+    """Return one slope and a rest that hold abs(x): a chord is above, a line through 0 below."""
     is_certain = (x.lo >= 0.0) | (x.hi <= 0.0)
     slope = np.clip((np.abs(x.hi) - np.abs(x.lo)) / (x.hi - x.lo), -1.0, 1.0)
     slope = np.where(is_certain, np.where(x.lo >= 0.0, 1.0, -1.0), slope)
     tops = [(abs(Interval(end)) - Interval(slope) * end).hi for end in (x.lo, x.hi)]
     top = np.where(is_certain, 0.0, np.maximum(*tops))
-    return slope, Interval(np.zeros_like(top), top)
-
-
-def _absolute(x: Sequence[Line], far: Array) -> Line:
-    slope, rest = _magnitude(x[0].values)
-    return _sum(x, [slope], rest, far)
+    return [slope], Interval(np.zeros_like(top), top)
 
 
 def _larger(x: Sequence[Line], far: Array, sign: float = 1.0) -> Line:
     """Return the larger argument, (a + b + abs(a - b)) / 2, or with sign -1 the smaller."""
     a, b = (each.values for each in x)
     apart = _sum(x, [1.0, -1.0], NOTHING, far).values
-    slope, rest = _magnitude(apart.meet(a - b))
+    (slope,), rest = _magnitude(apart.meet(a - b))
     rounding = (abs(a) + abs(b)) * Interval(-ULP, ULP)
     factors = [0.5 + 0.5 * sign * slope, 0.5 - 0.5 * sign * slope]
     return _sum(x, factors, rest * (0.5 * sign) + rounding, far)
 
 
-def _either(x: Sequence[Line], far: Array) -> Line:
-    """Return one of two branches; if the test is undecided, their mean and half their distance."""
+def _either(x: Sequence[Line], far: Array, unknown: float = 0.0) -> Line:
+    """Return one of two branches; of an undecided test, their mean and half their distance."""
     test, (a, b), half = x[0].values, x[1:], np.full(1, 0.5)
-    apart = _sum([a, b], [half, -half], NOTHING, far).values.reach()
+    apart = _sum([a, b], [half, -half], NOTHING, far).values.reach() + unknown
     mean = _sum([a, b], [half, half], Interval(-apart, apart), far)
     is_a, is_b = test.lo >= 0.0, test.hi < 0.0
     slopes = np.where(is_a, a.slopes, np.where(is_b, b.slopes, mean.slopes))
@@ -188,8 +203,9 @@ RULES: dict[str, Callable[[Sequence[Line], Array], Line]] = {
     "subtract": lambda x, far: _sum(x, [1.0, -1.0], NOTHING, far),
     "multiply": _product,
     "divide": _quotient,
-    "abs": _absolute,
+    "abs": lambda x, far: _sum(x, *_magnitude(x[0].values), far),
     "max": _larger,
     "min": partial(_larger, sign=-1.0),
-    **dict.fromkeys(["where", "select"], _either),
+    **dict.fromkeys(["where", "select", "slope"], _either),
+    "jump": partial(_either, unknown=np.nan),
 }

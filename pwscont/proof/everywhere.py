@@ -201,10 +201,8 @@ def _are_known(proof: BoxProof, alpha: float, solutions: list[Array], known: Kno
     size, (lower, upper) = len(proof.box[0]), proof.box
     points = [x[:size] for x in known.at(alpha)]
     points = [z for z in points if ((z >= lower) & (z <= upper)).all()]
-    if len(points) != len(solutions):
-        return False
-    nearest = {int(np.argmin([np.abs(z - x).max() for z in points])) for x in solutions}
-    return len(nearest) == len(points)
+    far = [[np.abs(z - x).max() for z in points] for x in solutions] if points else []
+    return len({int(np.argmin(each)) for each in far}) == len(points) == len(solutions)
 
 
 @final

@@ -40,11 +40,6 @@ def _each(function: Callable[..., Any]) -> Callable[..., Any]:
     return switch
 
 
-def _select(tape: Tape, s: Any, a: Any, b: Any) -> Any:
-    """Return ``a`` where ``s >= 0``, and ``b`` elsewhere, promised to agree where s is 0."""
-    return a if tape.place_of(a) == tape.place_of(b) else tape.node("select", s, a, b)
-
-
 def _parted(tape: Tape, bound: Any) -> tuple[Any, float]:
     """Return a number, with a sign, and a constant: their sum is a bound, exactly."""
     place = tape.place_of(bound)
@@ -92,7 +87,13 @@ class TracedSwitches:
     abs = _each(lambda tape, a: tape.node("abs", a))
     relu = _each(lambda tape, a: tape.node("max", a, 0.0))
     where = _each(lambda tape, s, a, b: tape.node("where", s, a, b))
-    select, clip = _each(_select), _each(_clip)
+    #: ``a`` where ``s >= 0``, and ``b`` elsewhere, promised to agree where s is 0.
+    select = _each(
+        lambda tape, s, a, b: (
+            a if tape.place_of(a) == tape.place_of(b) else tape.node("select", s, a, b)
+        )
+    )
+    clip = _each(_clip)
 
 
 def traced(f: Callable[[Any, Any, Any], Any], size: int) -> Tape:
@@ -131,6 +132,7 @@ def tape_of(system: PiecewiseSystem) -> Tape:
 
 def _selected(system: PiecewiseSystem, z: Any, alpha: Any, sw: TracedSwitches) -> Any:
     """Return the selections of a class, chosen by the tests one after the other."""
+    z.setflags(write=False)  # all selections get the same unknowns
     tests = np.asarray(system.test_functions(z, alpha), dtype=object).ravel()
     if len(tests) > MOST_TESTS:
         raise NotTracedError(f"{len(tests)} tests are more than {MOST_TESTS}")

@@ -20,6 +20,7 @@ from pwscont.basics.arrays import Array, Indices
 from pwscont.basics.printing import counted
 from pwscont.enumeration.echelon import independent
 from pwscont.graph.branch_graph import BranchGraph
+from pwscont.graph.records import Piece
 from pwscont.proof.cells import MOST_CELLS, Choice, ExactCells, Point, Ranges, segment_of, value
 from pwscont.proof.certificate import ASSUMED, Certificate
 from pwscont.proof.interval import Interval
@@ -76,14 +77,14 @@ class _Pieces:
 
     def __init__(self, graph: BranchGraph, cells: ExactCells) -> None:
         self._graph, self.cells = graph, cells
-        met: dict[int, list[int]] = {}
+        met: dict[int, list[int]] = {node.id: [] for node in graph.nodes}
         for k, piece in enumerate(graph.pieces):
             for node in (piece.start, piece.end):
-                met.setdefault(node, []).append(k)
+                met[node].append(k)
         self.inner = {
             node: pieces
             for node, pieces in met.items()
-            if len(pieces) > 1 or graph.point(node).alpha not in graph.interval
+            if len(pieces) != 1 or graph.point(node).alpha not in graph.interval
         }
         self.transitions = sum(len(pieces) > 1 for pieces in self.inner.values())
         self.rays: set[Point] = set()
@@ -94,6 +95,13 @@ class _Pieces:
         self._choices = self._modes()
         #: The inequality that vanishes at the end of a piece, by piece and node.
         self._vanishing: dict[tuple[int, int], Array] = {}
+
+    def _is_drawn(self, piece: Piece) -> bool:
+        """Tell whether a piece is straight, from special point to special point."""
+        ends = [self._graph.point(node).place.x for node in (piece.start, piece.end)]
+        points = piece.points  # of the unknowns that are shown
+        near = np.append(self._near[: points.shape[1] - 1], self._near[-1])
+        return len(points) == 2 and bool((np.abs(points - ends) <= near).all())
 
     def _full_points(self) -> tuple[Array, Array]:
         """Return both ends (z, alpha) of each piece, shape (k, 2, n + 1), and magnitudes."""
@@ -131,7 +139,8 @@ class _Pieces:
             ranges = Ranges.of((x, sides), self._graph.interval)
             for i, k in enumerate(range(some.start, some.stop)):
                 is_proved = bool(ranges.decided[i]) and self._is_range(k, x[i], ranges, i)
-                if k not in first or not (is_proved or self._rational_ends(k)):
+                is_drawn = k in first and self._is_drawn(self._graph.pieces[k])
+                if not (is_drawn and (is_proved or self._rational_ends(k))):
                     left.append(k)  # a cell has one piece: a second piece repeats the first
         return left
 
@@ -214,8 +223,7 @@ class _Pieces:
     def doubtful_infinities(self) -> list[str]:
         """Return where the graph has infinitely many solutions without a vertical piece or ray."""
         graph = self._graph
-        places = [piece.interval[0] for piece in graph.verticals]
-        places += [float(x[-1]) for x in self.rays]
+        places = [p.interval[0] for p in graph.verticals] + [float(x[-1]) for x in self.rays]
         return [
             f"infinitely many solutions for alpha in ({lo:.8g}, {hi:.8g})"
             for lo, hi, _ in graph.infinite

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from math import inf
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 
@@ -15,13 +15,11 @@ from pwscont.graph.branch_graph import BranchGraph
 from pwscont.graph.proved import are_matched, with_slack
 from pwscont.graph.records import Solution
 from pwscont.proof.cells import MOST_CELLS, Choice, ExactCells, Point, Ranges, segment_of
-from pwscont.proof.certificate import ASSUMED, Certificate
+from pwscont.proof.certificate import ASSUMED, Certificate, certified_rates
 from pwscont.proof.interval import Interval
 from pwscont.proof.pieces import certified_pieces
-from pwscont.proof.rates import certified_rates
 from pwscont.search.enumeration import Solutions
 from pwscont.system.abilities import ExactData, ExactRates, shown_size
-from pwscont.system.system import PiecewiseSystem
 
 
 def prove(given: Any, alpha: float | None = None) -> Certificate:
@@ -62,19 +60,24 @@ def prove(given: Any, alpha: float | None = None) -> Certificate:
     >>> prove(explore(LCP([[1, 2], [2, 1]], q=[-1, -1], d=[1, 0]), (-1.0, 2.0))).statements[0]
     'complete, proved: 3 pieces and 2 transitions'
     """
-    if isinstance(getattr(given, "system", None), ExactRates):
+    system: Any = getattr(given, "system", None)
+    if isinstance(system, ExactRates):
         return certified_rates(given)
-    system, alpha, known = _given(given, alpha)
+    is_graph = isinstance(given, BranchGraph)
+    if not is_graph and (not isinstance(given, Solutions) or given.alpha is None):
+        raise InvalidInputError(
+            f"prove takes a graph or what enumerate_solutions returned, got {type(given).__name__}"
+        )
     if not isinstance(system, ExactData):
         raise InvalidInputError(
             f"{type(system).__name__} hands over no exact data: prove takes contact problems and "
             "formulas with linear=True; formulas of curved systems are proved by Everywhere"
         )
+    if not is_graph:
+        return _certified_count(system, given.alpha, given, len(given))
     if alpha is not None:
-        size = shown_size(cast(PiecewiseSystem, system))
-        number = given.count(alpha) if isinstance(given, BranchGraph) else len(known)
-        cells = ExactCells(*system.exact_rows(alpha))
-        return _certified_count(cells, alpha, known, number, size)
+        alpha = float(finite_array("alpha", alpha, ()))
+        return _certified_count(system, alpha, given.solutions(alpha), given.count(alpha))
     rows = system.exact_lines()
     if rows is None:
         raise InvalidInputError(
@@ -84,23 +87,11 @@ def prove(given: Any, alpha: float | None = None) -> Certificate:
     return certified_pieces(given, rows)
 
 
-def _given(given: Any, alpha: float | None) -> tuple[Any, float | None, Sequence[Solution]]:
-    if isinstance(given, BranchGraph):
-        if alpha is None:
-            return given.system, None, []
-        alpha = float(finite_array("alpha", alpha, ()))
-        return given.system, alpha, given.solutions(alpha)
-    if not isinstance(given, Solutions) or given.alpha is None:
-        raise InvalidInputError(
-            f"prove takes a graph or what enumerate_solutions returned, got {type(given).__name__}"
-        )
-    return given.system, given.alpha, given
-
-
 def _certified_count(
-    cells: ExactCells, alpha: float, known: Sequence[Solution], number: float, size: int
+    system: Any, alpha: float, known: Sequence[Solution], number: float
 ) -> Certificate:
     """Return what is proved of all solutions at alpha, and of the known ones, ``number`` in all."""
+    cells, size = ExactCells(*system.exact_rows(alpha)), shown_size(system)
     if cells.number > MOST_CELLS:
         raise InvalidInputError(
             f"{cells.number} cells are too many: at most {MOST_CELLS} are proved"

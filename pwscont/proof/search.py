@@ -16,7 +16,7 @@ import numpy as np
 
 from pwscont.basics.arrays import Array, Indices, Signs
 from pwscont.basics.budget import check_budget
-from pwscont.proof.enclosures import evaluated, lines_of, with_slopes
+from pwscont.proof.enclosures import evaluated, lines_of, times, turned_lines, with_slopes
 from pwscont.proof.interval import ULP, Interval, above, inverses, together
 from pwscont.proof.tape import Tape
 
@@ -29,14 +29,16 @@ FINEST_ALPHA, THIN = 2.0**-40, 2.0**-12
 TOGETHER = 2048
 #: Most boxes in all for up to three unknowns; for n unknowns (n - 2)**2 times as many.
 MOST_BOXES = 300_000
-#: No coordinate is halved while another one is this many times as wide, in typical magnitudes:
-#: else a coordinate that hardly matters to any row would never be halved.
-LENGTHY = 4.0
-#: Contraction of the Jacobian, to rounding, above which no tube is tried.
-TRIED = 0.9
+#: A tube is tried where the rests of lines, as unknowns, are narrower than this part of the box.
+TRIED = 2.0
+#: The widest coordinate is halved, in magnitudes, among those that change preconditioned rows at
+#: least this part as much as another one does.
+MATTERS = 0.5
+#: From so many boxes on, lines of derivatives, which are narrower, pay.
+MANY = 100
 #: How much wider than the box a tube is tried.
-WIDER = 1.1
-#: The least radius of a tube, relative to typical magnitudes.
+WIDER = 1.25
+#: The least radius of a tube, relative to typical magnitudes: a box may have no width at all.
 LEAST = 2.0**-44
 #: How much wider than necessary a tube is: a few roundings, relative to the tube's centre.
 SLACK = 64.0 * ULP
@@ -79,9 +81,12 @@ class Tubes(NamedTuple):
         return held
 
 
+Covered = tuple[Tubes, Interval, int]
+
+
 def covered(
     tape: Tape, box: Interval, scale: Array, seconds: float, most: int | None = None
-) -> tuple[Tubes, Interval, int]:
+) -> Covered:
     """Return proved tubes and open boxes (n + 1, k) that hold all zeros of a formula in a box.
 
     And how many boxes were looked at, in some ``seconds`` at most. ``scale`` are the typical
@@ -115,24 +120,21 @@ def _looked_at(
 ) -> tuple[list[Tubes], list[Interval], Interval]:
     """Return the tubes of boxes that are proved, the halves of others, and boxes left open."""
     boxes = boxes[:, ~evaluated(tape, boxes).excludes_zero().any(axis=0)]
-    boxes, empty = contracted(boxes, *lines_of(tape, boxes))
-    boxes = boxes[:, ~empty]
-    slopes = with_slopes(tape.slopes, boxes)[1]
-
-    by_z = slopes[:, :-1]  # a tube may be proved where these do not vary too much
-    spread = np.einsum("ijb,jkb->ikb", np.abs(inverse_of(by_z.middle())), 0.5 * by_z.width())
-    tried = boxes[:-1].is_within(whole[:-1]).all(axis=0) & (spread.sum(axis=1).max(axis=0) < TRIED)
-    rest, found = ~tried, list[Tubes]()
+    slopes, rest = lines_of(tape, boxes)
+    blur = np.einsum("ijb,jb->ib", np.abs(inverse_of(slopes.lo[:, :-1])), rest.width())
+    size, width = scale[:, np.newaxis], boxes.width()
+    is_sharp = (blur < TRIED * width[:-1] + LEAST * size[:-1]).all(axis=0)
+    boxes, empty = contracted(boxes, slopes, rest)
+    tried = is_sharp & ~empty & boxes[:-1].is_within(whole[:-1]).all(axis=0)
+    left, found = ~tried & ~empty, list[Tubes]()
     if tried.any():
-        tubes, is_proved = _around(tape, boxes[:, tried], slopes[..., tried], LEAST * scale[:-1])
-        rest[tried], found = ~is_proved, [tubes.only(is_proved)]
-    boxes, slopes = boxes[:, rest], slopes[:, :, rest]
-
-    size, (*unknowns, alpha) = scale[:, np.newaxis], boxes.width() / scale[:, np.newaxis]
+        tubes, is_proved = _around(tape, boxes[:, tried], slopes.lo[..., tried], size[:-1])
+        left[tried], found = ~is_proved, [tubes.only(is_proved)]
+    boxes = boxes[:, left]
+    *unknowns, alpha = boxes.width() / size
     widest = np.max(unknowns, axis=0)
     is_small = (np.maximum(widest, alpha) <= FINEST) | (widest <= THIN) & (alpha <= FINEST_ALPHA)
-    halves = _halved(boxes[:, ~is_small], slopes[:, :, ~is_small], size)
-    return found, halves, boxes[:, is_small]
+    return found, _halved(tape, boxes[:, ~is_small], size), boxes[:, is_small]
 
 
 def contracted(box: Interval, slopes: Interval, start: Interval) -> tuple[Interval, Signs]:
@@ -156,13 +158,6 @@ def contracted(box: Interval, slopes: Interval, start: Interval) -> tuple[Interv
     return Interval(lo, hi), empty | (lo > hi).any(axis=0)
 
 
-def times(matrix: Array, right: Interval) -> Interval:
-    """Return matrices of numbers (n, n, B) times intervals (n, ..., B)."""
-    n, _, count = matrix.shape
-    factors = Interval(matrix.reshape(n, n, *(1,) * (right.lo.ndim - 2), count))
-    return (factors * right).total(axis=1)
-
-
 def preconditioned(middle: Array, width: Array) -> tuple[Array, Indices]:
     """Return finite matrices that turn n of n + 1 columns into unit columns, and the columns.
 
@@ -183,35 +178,30 @@ def inverse_of(middle: Array) -> Array:
     return inverses(middle.transpose(2, 0, 1)).transpose(1, 2, 0)
 
 
-def _halved(boxes: Interval, slopes: Interval, scale: Array) -> list[Interval]:
-    """Return both halves of boxes, along the coordinate that changes preconditioned rows most."""
-    width = boxes.width()
-    matrix, _ = preconditioned(slopes.middle(), width)
-    effect = times(matrix, slopes).reach() * width
+def _halved(tape: Tape, boxes: Interval, scale: Array) -> list[Interval]:
+    """Return both halves of boxes, along the widest coordinate that matters."""
+    slopes, width = with_slopes(tape.slopes, boxes)[1], boxes.width()
+    effect = times(preconditioned(slopes.middle(), width)[0], slopes).reach() * width
     effect = (effect / effect.sum(axis=1, keepdims=True)).sum(axis=0)
-    relative = width / scale
-    effect = np.where(np.isfinite(effect).all(axis=0), effect, relative)
-    effect = np.where(LENGTHY * relative >= relative.max(axis=0), effect, 0.0)
-    effect = np.where(width > FINEST * scale, effect, -1.0)
-    split = effect.argmax(axis=0), np.arange(boxes.lo.shape[1])
+    effect = np.where(width > FINEST * scale, effect, 0.0)
+    relative = np.where(effect < MATTERS * effect.max(axis=0), 0.0, width / scale)
+    split = relative.argmax(axis=0), np.arange(boxes.lo.shape[1])
     lower, upper = boxes.hi.copy(), boxes.lo.copy()
     lower[split] = upper[split] = boxes.middle()[split]
     return [Interval(boxes.lo, lower), Interval(upper, boxes.hi)]
 
 
-def _around(tape: Tape, box: Interval, slopes: Interval, least: Array) -> tuple[Tubes, Signs]:
+def _around(tape: Tape, box: Interval, slopes: Array, scale: Array) -> tuple[Tubes, Signs]:
     """Return tubes that hold boxes (n + 1, B), and which of the tubes are proved.
 
-    From ``slopes``, the derivatives on the boxes, the shape of the tubes is guessed. Every tube
-    exceeds a radius ``least``: a box may have no width at all.
+    ``slopes`` are about the derivatives.
     """
-    guess, middle, alpha = slopes.middle(), box.middle(), box[-1]
-    matrix = inverse_of(guess[:, :-1])
-    slope = -np.einsum("ijb,jb->ib", matrix, guess[:, -1])
+    middle, alpha, matrix = box.middle(), box[-1], inverse_of(slopes[:, :-1])
+    slope = -np.einsum("ijb,jb->ib", matrix, slopes[:, -1])
     centre = polished(tape, middle[:-1], middle[-1], matrix)
     tubes = Tubes(alpha.lo, middle[-1], alpha.hi, centre, slope, centre, centre)
-    radius = WIDER * tubes.far(box[:-1], alpha) + SLACK * np.abs(centre)
-    tubes, is_proved = proved(tape, tubes, radius + least[:, np.newaxis], matrix)
+    radius = WIDER * tubes.far(box[:-1], alpha) + SLACK * np.abs(centre) + LEAST * scale
+    tubes, is_proved = proved(tape, tubes, radius, matrix)
     return tubes, is_proved & tubes.hold(box[:-1], alpha)
 
 
@@ -227,12 +217,16 @@ def polished(tape: Tape, z: Array, alpha: Array, matrix: Array) -> Array:
 def proved(tape: Tape, tubes: Tubes, radius: Array, matrix: Array) -> tuple[Tubes, Signs]:
     """Return tubes of a radius with the radius of their images, and which tubes are proved."""
     alpha = Interval(tubes.first, tubes.last)
-    slopes = with_slopes(tape.slopes, together(np.vstack, tubes.at(alpha, radius), alpha))[1]
+    box = together(np.vstack, tubes.at(alpha, radius), alpha)
+    if radius.shape[1] < MANY:
+        slopes = times(matrix, with_slopes(tape.slopes, box)[1])
+    else:
+        slopes = turned_lines(tape, box, matrix)
     start = evaluated(tape, Interval(np.vstack([tubes.centre, tubes.middle])))
     along = (slopes[:, :-1] * Interval(tubes.slope)).total(axis=1)
     away = (slopes[:, -1] + along) * (alpha - Interval(tubes.middle))
-    residual = times(matrix, start + away).reach()
-    off = (np.eye(tape.size)[:, :, np.newaxis] - times(matrix, slopes[:, :-1])).reach()
+    residual = (times(matrix, start) + away).reach()
+    off = (np.eye(tape.size)[:, :, np.newaxis] - slopes[:, :-1]).reach()
     image = above(residual + (Interval(off) * Interval(radius)).total(axis=1).hi)
     is_proved: Signs = np.all((image < radius) & np.isfinite(radius), axis=0)
     return tubes._replace(radius=radius, image=image), is_proved

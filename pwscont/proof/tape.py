@@ -56,7 +56,7 @@ class Tape:
     size: int
     steps: list[Step] = field(default_factory=list)
     outputs: list[int] = field(default_factory=list)
-    refused: list[NotTracedError] = field(default_factory=list)
+    refused: list[Exception] = field(default_factory=list)
     _places: dict[Step, int] = field(default_factory=dict)
 
     def node(self, name: str, *args: Any, numbers: tuple[Any, ...] = ()) -> Traced:
@@ -70,6 +70,8 @@ class Tape:
     def place_of(self, thing: Any) -> int:
         """Return the place of a node or of a constant."""
         if isinstance(thing, Traced):
+            if thing.tape is not self:
+                raise NotTracedError("the formula keeps numbers that depend on (z, alpha)")
             return thing.place
         return self.node("constant", numbers=(_exact(thing),)).place
 
@@ -131,10 +133,8 @@ class Tape:
             if step.name == "variable":
                 known.append(seeds.get(step.numbers[0]))
             else:
-                x = [Traced(self, arg) for arg in step.args]
-                known.append(
-                    _derivative(Traced(self, place), step, x, [known[a] for a in step.args])
-                )
+                x, dx = ([Traced(self, k) for k in step.args], [known[k] for k in step.args])
+                known.append(_derivative(Traced(self, place), step, x, dx))
         return known
 
 
@@ -180,7 +180,7 @@ class Traced(NDArrayOperatorsMixin):
     def __array_ufunc__(self, ufunc: np.ufunc, method: str, *args: Any, **options: Any) -> Any:
         """Write an operation down; for arrays, the operation of every entry."""
         if method != "__call__" or options:
-            raise NotTracedError(f"the formula calls {ufunc.__name__}.{method} with options")
+            self._refuse(f"the formula calls {ufunc.__name__}.{method} with options")
         if any(isinstance(each, np.ndarray) and each.ndim for each in args):
             return ufunc(*(as_array(each) for each in args))
         numbers = (each.item() if isinstance(each, np.ndarray) else each for each in args)
@@ -202,8 +202,8 @@ class Traced(NDArrayOperatorsMixin):
         if name == "power":
             return self._power(*args)
         if name in KINKED:
-            raise refuse_kink(name)
-        raise NotTracedError(f"the formula takes {name}, which is not known to the tape")
+            self._refuse(refuse_kink(name))
+        return self._refuse(f"the formula takes {name}, which is not known to the tape")
 
     def _power(self, base: Any, power: Any) -> Any:
         if not isinstance(power, Real):
@@ -213,21 +213,26 @@ class Traced(NDArrayOperatorsMixin):
             return base if k == 1.0 else self.tape.node("power", base, numbers=(k,))
         return base.sqrt() if k == 0.5 else (k * base.log()).exp()
 
-    def copy(self) -> Traced:
+    def copy(self, *args: Any) -> Traced:
         """Return the number itself, which never changes."""
         return self
 
-    def _refuse(self, *args: Any) -> Any:
-        error = NotTracedError(
+    __copy__ = __deepcopy__ = copy
+
+    def _refuse(self, why: Any) -> Any:
+        """Refuse a formula, also a formula that goes on all the same."""
+        self.tape.refused.append(why if isinstance(why, Exception) else NotTracedError(why))
+        raise self.tape.refused[-1]
+
+    def _decide(self, *args: Any) -> Any:
+        return self._refuse(
             "the formula takes the plain number of, or a decision by, something that depends on "
             "(z, alpha): write decisions with the switches of sw"
         )
-        self.tape.refused.append(error)
-        raise error
 
     __hash__ = None  # type: ignore[assignment]
-    __bool__ = __float__ = __int__ = __index__ = __complex__ = _refuse
-    __floor__ = __ceil__ = __trunc__ = __round__ = _refuse
+    __bool__ = __float__ = __int__ = __index__ = __complex__ = _decide
+    __floor__ = __ceil__ = __trunc__ = __round__ = _decide
 
 
 def as_array(thing: Any) -> Any:
