@@ -62,7 +62,7 @@ def checked_start(
     try:
         z, alpha = start[0], float(start[1])
         pair = len(start) == 2
-    except (TypeError, ValueError, IndexError, KeyError) as error:
+    except (TypeError, ValueError, OverflowError, LookupError) as error:
         raise InvalidInputError(f"{name} must be a pair (z, alpha): {error}") from error
     if not pair:
         raise InvalidInputError(f"{name} must be a pair (z, alpha), got {len(start)} entries")
@@ -86,9 +86,8 @@ def corrected(plan: Plan, start: Start, name: str) -> Found:
         )
     on_curve = settled(plan.reduced_system, plan.metric, found)
     if on_curve is None:
-        raise StartNotFoundError(
-            f"the solution nearest to {name} lies outside the interval {plan.interval}"
-        )
+        words = f"the solution nearest to {name} lies outside the interval {plan.interval}"
+        raise StartNotFoundError(words)
     x, error = on_curve
     if not is_inside(plan.box, x, error, plan.metric.scale):
         raise StartNotFoundError(

@@ -10,7 +10,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from math import inf, isfinite, isnan
+from math import inf, isnan
 from numbers import Real
 from typing import Any, TypeAlias, final
 
@@ -279,7 +279,7 @@ class QuantityAt(Measure):
 
 
 def _check_alpha(alpha: Any) -> None:
-    if not (isinstance(alpha, Real) and isfinite(alpha)):
+    if not (isinstance(alpha, Real) and -inf < alpha < inf):  # type: ignore[operator]
         raise InvalidInputError(f"alpha must be a finite number, got {short(repr(alpha))}")
 
 
@@ -339,7 +339,7 @@ class CriticalValue(Measure):
                 f"critical value of {self.setting}: tolerance must be a positive number in units "
                 f"of {self.setting}, got {short(repr(known))}"
             )
-        if not (isfinite(self.lo) and isfinite(self.hi) and self.lo < self.hi):
+        if not -inf < self.lo < self.hi < inf:
             raise InvalidInputError(
                 f"critical value of {self.setting}: lo must be less than hi, and both finite, "
                 f"got {self.lo} and {self.hi}"
