@@ -111,10 +111,8 @@ def check_stepper_fits(system: PiecewiseSystem, stepper: Any) -> None:
     """Refuse what is no stepper, and the exact stepper where pieces are curved."""
     checked_kind("stepper", stepper, Stepper)
     if isinstance(stepper, ExactLinear) and not isinstance(system, PiecewiseLinearSystem):
-        raise InvalidInputError(
-            f"ExactLinear needs a PiecewiseLinearSystem, and {type(system).__name__} is none; "
-            "use PseudoArclength"
-        )
+        words = f"{type(system).__name__} is none; use PseudoArclength"
+        raise InvalidInputError(f"ExactLinear needs a PiecewiseLinearSystem, and {words}")
 
 
 @final

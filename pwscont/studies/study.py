@@ -5,7 +5,7 @@ Failure modes and answers
 - Ctrl-C: the study ends with the finished rows, and says that the study is not finished.
 - The program is killed: with a store, a study that resumes runs the cases that are missing.
 - The functions have changed since the store was begun: other code, constants or closures are
-  refused. For all else a finished case is run again before further cases, and the rows are compared.
+  refused; for all else a finished case is run again before further cases, and its row is compared.
 """
 
 from __future__ import annotations
