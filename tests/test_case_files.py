@@ -99,7 +99,50 @@ def test_files_in_the_first_format_and_names_with_dots(tmp_path):
     np.testing.assert_allclose(from_matpower(file).load, from_matpower(right).load, rtol=1e-14)
 
 
+#: Statements behind the tables, with the loads of the buses 2 and 3 that MATLAB computes, in MW.
+COMPUTED = [
+    ("mpc.areas = [1 1], mpc.bus(2,3) = 0;", (0, 20)),
+    ("mpc.gencost = [2 0 0 3 0 1 0], mpc.bus(:,3) = mpc.bus(:,3) / 2;", (5, 10)),
+    ("mpc.bus_name = {'a' 'b, c' 'it''s %'}, mpc.bus(2,3) = 5;", (5, 20)),
+    ("mpc.gencost(1, 2) = mpc.gencost(1, 2) * 2, mpc.bus(2,3) = 5;", (5, 20)),
+    ("if find(mpc.bus(:,3) > 1e6)\nmpc.bus(:,3) = 0;\nend", (10, 20)),
+    ("if []\nmpc.bus(:,3) = 0;\nend", (10, 20)),
+    ("if [1 0]\nmpc.bus(:,3) = 0;\nend", (10, 20)),
+    ("if 1 | 1 && 0\nmpc.bus(:,3) = 0;\nend", (10, 20)),
+    ("if 1 || 1 && 0\nmpc.bus(:,3) = 0;\nend", (0, 0)),
+    ("if 0, if 1, x = 1; end, try\nx = 2;\nend, mpc.bus(:,3) = 0; end", (10, 20)),
+    ("if 0, x = mpc.bus(1,end); mpc.if.map = 1; mpc.bus(3,3) = 2; end", (10, 20)),
+    ("x = 1:2.7; mpc.bus(2,3) = x(1,end);", (2, 20)),
+    ("x = 0.1:1.1; mpc.bus(2,3) = x(1,end);", (1.1, 20)),
+    ("x = 0:-0.5; mpc.bus(x, 3) = 5;", (10, 20)),
+    ("mpc.version = 'a; % b'';', mpc.bus(2,3) = 5;", (5, 20)),
+]
+
+
+@pytest.mark.parametrize(("statement", "loads"), COMPUTED)
+def test_statements_mean_what_they_mean_in_matlab(tmp_path, statement, loads):
+    case = random_case(0)[0]
+    case["baseMVA"], case["bus"] = 1.0, case["bus"][:3]
+    case["bus"][:, 2], case["branch"] = [0, 10, 20], case["branch"][:2]
+    found = from_matpower(as_file(tmp_path, case, statement + "\n"))
+    assert found.load.real == pytest.approx([0, *loads], abs=1e-12)
+
+
 REFUSED = [
+    ("mpc.genfuel = {'a'}'; mpc.bus(2,3) = 5; %'", "is no part of a statement"),
+    ("mpc.genfuel = {'a'} '; mpc.bus(2,3) = 5; %'", "has no place in this field"),
+    ("mpc.gencost = [2 0\nmpc.bus(2,3) = 5;\n];", "'=' has no place in this field"),
+    ("mpc.gencost = [2 0)\nmpc.bus(2,3) = 5;", "')' has no place in this field"),
+    ("mpc.gencost = 2];\nmpc.bus(2,3) = 5;", "']' has no place in this field"),
+    ("mpc.gencost(1,\n2);\nmpc.bus(2,3) = 5;", "has no place in this field"),
+    ("mpc.gencost = {1\n2", "'the end of the file' has no place in this field"),
+    ("mpc.areas = 1 mpc.bus(2,3) = 5;", "'=' has no place in this field"),
+    ("x = 2:2:4;", "numbers with a step"),
+    ("if [1 0] || 1\nend", "'||' needs a number on each side"),
+    ("if 0/0\nend", "a condition that is not a number"),
+    ("if 0\nif 1\nendif\nend\nx = 1;\nend", "'endif' after 'if'"),
+    ("[a(1), b] = idx_bus;", "'(' stands where a name is expected"),
+    ("[a, b", "stands where a name is expected"),
     ("mpc.baseMVA = hundred;", "'hundred' is not known"),
     ("mpc.bus = [1 3 x];", "'x' is not known"),
     ("mpc.bus = [1 3\n1 2 3];", "the rows of this table have different lengths"),

@@ -22,6 +22,7 @@ from pwscont import (
     StepSize,
     Tangent,
     TransitionDetector,
+    UnknownNameError,
     check_detector,
     check_search,
     check_stepper,
@@ -241,6 +242,30 @@ def test_a_start_that_leads_nowhere_says_so_once():
     assert point.message.count("leads away from the curve") == 1
     with pytest.raises(KeyError, match=r"there is no special point 99"):
         explore(Bent(), (-2.0, 2.0)).point(99)
+
+
+WRONG = ([0.2], np.array([0.2, 0.3]), {}, None, "zero")
+
+
+@pytest.mark.parametrize("wrong", WRONG, ids=repr)
+def test_arguments_of_another_kind_are_refused_in_words(wrong):
+    graph = explore(Bent(), (-2.0, 2.0))
+    for ask in (graph.point, graph.solution_at, graph.pieces_at):
+        with pytest.raises(UnknownNameError, match="there is no special point"):
+            ask(wrong)
+    with pytest.raises(InvalidInputError, match="count must be a number, got"):
+        graph.with_count(wrong)
+    if not isinstance(wrong, str | None):
+        with pytest.raises(InvalidInputError, match=r"unknown kind .*; kinds are start, end"):
+            graph.special_points(wrong)
+
+
+@pytest.mark.parametrize("wrong", [0, -1, 1.0, None, True, slice(0, 1), (0,), ["z[0]"]], ids=repr)
+def test_a_state_is_asked_by_name(wrong):
+    graph = explore(Bent(), (-2.0, 2.0))
+    for state in (graph.solutions(0.5)[0], graph.special_points()[0]):
+        with pytest.raises(UnknownNameError, match=r"there is no .*; names are z\[0\]"):
+            state[wrong]
 
 
 @pytest.mark.parametrize("error", [[0.0, 0.0], [[0.0, 0.0]], np.zeros(2), np.zeros((3, 2))])

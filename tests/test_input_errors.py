@@ -194,6 +194,7 @@ def test_load_path_that_is_not_finite(bad):
         ((0.0,), "interval must be two numbers"),
         (1.0, "interval must be two numbers"),
         (("a", "b"), "interval must be two numbers"),
+        ((0.0, 10**400), "interval must be two numbers"),
         (None, "interval must be two numbers"),
     ],
 )
@@ -227,6 +228,7 @@ def test_negative_friction_interval(interval):
         ((np.zeros(4),), "start must be a pair"),
         ((np.zeros(4), 0.0, 1.0), "start must be a pair"),
         ((np.zeros(4), "here"), "start must be a pair"),
+        ((np.zeros(4), 10**400), "start must be a pair"),
     ],
 )
 def test_start(start, words):

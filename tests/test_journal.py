@@ -236,8 +236,19 @@ def test_names_that_are_no_files_to_sqlite(tmp_path, monkeypatch, name):
 def test_a_closed_journal_says_so(tmp_path):
     made, journal = fig7(), Journal(tmp_path / "journal")
     journal.close()
-    with pytest.raises(sqlite3.ProgrammingError, match="closed"):
-        explore(made.system, made.interval, journal=journal)
+    for _ in range(2):
+        with pytest.raises(
+            InvalidInputError, match=r"it is closed; Journal\(path\) opens it again"
+        ):
+            explore(made.system, made.interval, journal=journal)
+        with Journal(tmp_path / "journal") as journal:  # closed again, and not empty
+            explore(made.system, made.interval, journal=journal)
+
+
+@pytest.mark.parametrize("path", [None, 3, b"journal"])
+def test_a_journal_needs_a_path(path):
+    with pytest.raises(InvalidInputError, match="a journal needs the path of a file, got"):
+        Journal(path)
 
 
 # -- the log ------------------------------------------------------------------------------------

@@ -10,6 +10,7 @@ from paper_systems import CASES
 from picture_parts import collections, legend_words, lines, steps, words_of
 
 from pwscont import (
+    InvalidInputError,
     PiecewiseSystem,
     PwscontError,
     Switched,
@@ -289,3 +290,22 @@ def test_a_node_does_not_mark_what_other_nodes_do():
         if label.startswith("$u")
     }
     assert marked == {"node 1": True, "node 2": False}
+
+
+@pytest.mark.parametrize(
+    ("function", "words"),
+    [
+        (lambda z, alpha: np.nan, "not: nan"),
+        (lambda z, alpha: np.inf, "not: inf"),
+        (lambda z, alpha: "a", "not: TypeError"),
+        (lambda z, alpha: [1, 2], "not: ValueError: can only convert an array of size 1"),
+        (lambda z, alpha: 1j, "not: TypeError"),
+        (lambda z: 1.0, "not: TypeError: .*takes 1 positional argument"),
+        (lambda z, alpha: 1.0 / 0.0, "not: ZeroDivisionError"),
+    ],
+)
+def test_what_is_drawn_is_a_finite_number(function, words):
+    graph = explore(CASES["fig7"].system, (-2.0, 2.0))
+    message = "value, which is drawn, must be a finite number, at alpha = .* it is "
+    with pytest.raises(InvalidInputError, match=message + words):
+        plot(graph, function, ax=Figure().subplots())

@@ -33,6 +33,7 @@ from pwscont import (
     InvalidInputError,
     MaxCount,
     NonUniqueLength,
+    PiecewiseSystem,
     QuantityAt,
     Study,
     StudyResult,
@@ -336,6 +337,85 @@ def test_settings_in_another_order_number_other_cases(tmp_path):
     turned = Study(one_node, {name: over[name] for name in reversed(over)}, ["max-count"])
     with pytest.raises(InvalidInputError, match=r"over: .* when it was begun"):
         turned.run(store=path, resume=True)
+
+
+def cubic(factor, further=0.0):
+    """Return a function with the same name for each factor."""
+
+    class Cubic(PiecewiseSystem):
+        size = 1
+
+        def test_functions(self, z, alpha):
+            return np.zeros(0)
+
+        def residual(self, z, alpha, character):
+            return z**3 - factor * z - alpha
+
+    def case(k):
+        return Cubic(), (-k, k + further)
+
+    return case
+
+
+def counted_with(number):
+    return lambda graph: graph.count(0.0) + number
+
+
+greatest = partial(QuantityAt, "z[0]", 0.1)
+TWO = [
+    (cubic(1.0), cubic(-1.0), MaxCount(), MaxCount()),
+    (cubic(1.0), cubic(1.0, further=1.0), MaxCount(), MaxCount()),
+    (cubic(1.0), cubic(1.0), counted_with(0), counted_with(1)),
+    (cubic(1.0), cubic(1.0), greatest(lambda v: max(v) + 1), greatest(lambda v: max(v) + 2)),
+    (cubic(1.0), cubic(1.0), counted_with(np.array([1.0])), counted_with(np.array([2.0]))),
+]
+
+
+@pytest.mark.parametrize(("problem", "other", "measure", "another"), TWO)
+def test_another_function_of_the_same_name_is_refused(tmp_path, problem, other, measure, another):
+    """The study is finished, and no case is run again."""
+    path, over = tmp_path / "study.db", {"k": [1.0, 2.0]}
+    Study(problem, over, {"asked": measure}).run(store=path).close()
+    Study(problem, over, {"asked": measure}).run(store=path, resume=True).close()
+    with pytest.raises(InvalidInputError, match=r"is of another study: functions: .* when it was"):
+        Study(other, over, {"asked": another}).run(store=path, resume=True)
+
+
+TOLD = """
+import sys
+sys.path[:0] = {paths}
+import numpy as np
+from pwscont import CountAt, QuantityAt
+from pwscont.studies.case import digest
+
+LIMIT, WORDS = 3.0, ("a", "b")
+
+def helper(x, y=2, *, z=frozenset("abc")):
+    return [LIMIT * v for v in (x, y)] if x in {{"p", "q", "r"}} else helper(y)
+
+class Law:
+    stiffness = 4.0
+    names = property(lambda self: WORDS)
+    @staticmethod
+    def force(z):
+        return helper(z) + {factor}
+
+def case(k):
+    return Law(), lambda graph: np.sin(Law.force(k))
+
+print(digest([case, QuantityAt("u", 1.0, max), CountAt(1.0), helper]))
+"""
+
+
+def told_by_a_process(seed, factor):
+    code = TOLD.format(paths=sys.path, factor=factor)
+    surroundings = {**os.environ, "PYTHONHASHSEED": str(seed)}
+    run = [sys.executable, "-c", code]
+    return subprocess.run(run, env=surroundings, capture_output=True, text=True, check=True).stdout
+
+
+def test_functions_are_told_alike_by_all_processes():
+    assert told_by_a_process(1, 5.0) == told_by_a_process(2, 5.0) != told_by_a_process(1, 5.5)
 
 
 def test_a_function_that_has_changed_is_noticed(tmp_path):

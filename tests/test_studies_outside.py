@@ -281,6 +281,13 @@ def test_alpha_of_a_measure_is_a_finite_number(measure, alpha):
         measure(alpha)
 
 
+def test_an_alpha_beyond_all_floats_lies_outside():
+    measures = {"far": CountAt(10**400), "most": MaxCount()}
+    (row,) = Study(parabola, {"unit": [1.0]}, measures).run()
+    assert row.values["most"] > 0
+    assert "lies outside the interval" in row.failure
+
+
 def test_what_is_no_measure_is_refused():
     with pytest.raises(InvalidInputError, match="measure must be several names, got None"):
         Study(one_node, {"friction": [1.0]}, None)

@@ -233,6 +233,10 @@ def test_a_graph_without_its_functions_says_how_to_give_them(tmp_path):
         ({"degree": lambda self: 1}, "Mine.degree must be a value, not a method"),
         ({"unique": lambda self: True}, "Mine.unique must be a value, not a method"),
         ({"size": 0}, "Mine.size must be the number of unknowns, got 0"),
+        (
+            {"cells": lambda self: None},
+            r"Mine.cells\(\) must yield a Character for each cell, got None",
+        ),
         ({"label": lambda self, c: None}, "Mine.label must return a text, got None"),
         (
             {"residual": lambda self, z, a, c: z + np.nan},

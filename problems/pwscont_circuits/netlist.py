@@ -33,9 +33,13 @@ from pwscont_circuits.circuit import Circuit
 from pwscont_circuits.elements import Element
 from pwscont_circuits.stamps import GROUND
 
-NUMBER = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?)(t|g|meg|k|m|u|µ|n|p|f)?[a-zΩ]*")
+NUMBER = re.compile(
+    r"([+-]?(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?)(t|g|meg|k|m|u|\u03bc|n|p|f)?[a-z\u03c9]*"
+)
+#: A thousandth of an inch, in SPICE.
+MIL = re.compile(r"[-+.\d]+(e[+-]?\d+)?mil|.*mils?$")
 SUFFIXES = {"t": 1e12, "g": 1e9, "meg": 1e6, "k": 1e3, "m": 1e-3}
-SUFFIXES |= {"u": 1e-6, "µ": 1e-6, "n": 1e-9, "p": 1e-12, "f": 1e-15, "": 1.0}
+SUFFIXES |= {"u": 1e-6, "\u03bc": 1e-6, "n": 1e-9, "p": 1e-12, "f": 1e-15, "": 1.0}
 
 DIODE = {"von": "threshold", "ron": "resistance", "goff": "leakage"}
 TUNNEL = {
@@ -172,8 +176,9 @@ def _at_line(number: int, read: Callable[[list[str]], None], words: list[str]) -
 
 def number_of(word: str) -> float:
     """Return the number that a word stands for, such as 4700 for ``4.7kOhm``."""
-    match = NUMBER.fullmatch(word.lower())
-    if match is None or word.lower().endswith("mil"):  # a thousandth of an inch, in SPICE
+    plain = word.casefold()  # of both signs for micro this is the Greek letter
+    match = NUMBER.fullmatch(plain)
+    if match is None or MIL.match(plain):
         raise InvalidInputError(f"{word!r} is no number")
     return float(match[1]) * SUFFIXES[match[2] or ""]
 
@@ -255,4 +260,5 @@ class _Reader:
             raise InvalidInputError(".dc needs a source and two values, perhaps a step")
         if self.sweep:
             raise InvalidInputError("there is a second .dc; one source is swept")
-        self.sweep = self._spelled(words[0]), number_of(words[1]), number_of(words[2])
+        first, last, *_ = map(number_of, words[1:])
+        self.sweep = self._spelled(words[0]), first, last

@@ -17,7 +17,7 @@ import numpy as np
 
 from pwscont import InvalidInputError
 from pwscont.extending import Array
-from pwscont_power.expressions import Reader, Token, refuse
+from pwscont_power.expressions import TEXT, Reader, Token, refuse
 
 #: The fields that are read, and fields that say nothing about the power flow: names, costs, limits
 #: of the optimal power flow, results.
@@ -31,7 +31,10 @@ BESIDE = {
 }
 # fmt: on
 #: The part of a line before a comment or three dots; a text in quotes holds no comment or dots.
-CODE = re.compile(r"(?:'[^'\n]*'|\"[^\"\n]*\"|(?!\.\.\.)[^%])*")
+CODE = re.compile(rf"(?:{TEXT}|(?!\.\.\.)[^%])*")
+BRACKETS = {"(": ")", "[": "]", "{": "}"}
+#: The statements that end with ``end``.
+BLOCKS = {"if", "for", "parfor", "while", "switch", "try"}
 #: Function that names columns -> the names with values, in the order of the returned values.
 NAMES = {
     "idx_bus": "PQ=1 PV=2 REF=3 NONE=4 BUS_I=1 BUS_TYPE=2 PD=3 QD=4 GS=5 BS=6 BUS_AREA=7 VM=8 VA=9 "
@@ -116,7 +119,7 @@ class CaseFile:
         if token.text == "function":
             self._function()
         elif token.text == "if":
-            if not reader.expression().all():
+            if not self._holds(token.line):
                 self._skipped()
         elif token.text == "define_constants":
             for names in NAMES.values():
@@ -130,18 +133,20 @@ class CaseFile:
         else:
             self._assignment(token)
 
+    def _holds(self, line: int) -> bool:
+        """Tell whether a condition is true: a table with entries, all of them different from 0."""
+        value = self._reader.expression()
+        if np.isnan(value).any():
+            refuse(line, "a condition that is not a number")
+        return value.size > 0 and bool(value.all())
+
     def _function(self) -> None:
         """Read the names of the values that the file returns: a case, or the tables."""
         reader = self._reader
         if self._fields or self._names:
             refuse(reader.next.line, "a second function is not known here")
-        self._outputs = []
-        several = reader.taken("[")
-        while not reader.taken("]" if several else "="):
-            if not reader.taken(","):
-                self._outputs.append(reader.take().text)
-        if several:
-            reader.take("=")
+        self._outputs = self._named() if reader.taken("[") else [reader.take().text]
+        reader.take("=")
         self._case = self._outputs[0] if len(self._outputs) == 1 else ""
         reader.take()
         if reader.taken("("):
@@ -149,28 +154,38 @@ class CaseFile:
 
     def _skipped(self) -> None:
         """Pass over the statements of an ``if`` whose condition is false, up to ``end``."""
-        depth, begins = 1, True
+        depth, brackets, before = 1, 0, ""
         while depth:
             token = self._reader.take()
-            if token.kind == "end" or (begins and token.text in ("else", "elseif") and depth == 1):
+            is_other = token.text in ("else", "elseif") and depth == 1
+            is_other |= token.text.startswith("end") and token.text != "end"
+            is_keyword = not brackets and before != "."  # not in x(end, 1) or mpc.if
+            if token.kind == "end" or (is_keyword and is_other):
                 refuse(token.line, f"{token.text!r} after 'if' is not known here")
-            if begins and token.text in ("if", "for", "while", "switch"):
-                depth += 1
-            depth -= begins and token.text == "end"
-            begins = token.text in (";", ",", "\n")
+            depth += is_keyword * ((token.text in BLOCKS) - (token.text == "end"))
+            brackets += (token.text in BRACKETS) - (token.text in BRACKETS.values())
+            before = token.text
 
     def _named_columns(self) -> None:
         """Carry out ``[PQ, PV, ...] = idx_bus``."""
-        reader, names = self._reader, []
-        line = reader.take("[").line
-        while not reader.taken("]"):
-            if not reader.taken(","):
-                names.append(reader.take().text)
+        reader = self._reader
+        line, names = reader.take("[").line, self._named()
         reader.take("=")
         function = reader.take().text
         if function not in NAMES:
             refuse(line, f"the function {function!r} is not known here")
         self._assign_names(names, NAMES[function])
+
+    def _named(self) -> list[str]:
+        """Return the names up to a square bracket; ``~`` stands for a value that is not kept."""
+        names = []
+        while not self._reader.taken("]"):
+            token = self._reader.take()
+            if token.kind == "name" or token.text == "~":
+                names.append(token.text)
+            elif token.text != ",":
+                refuse(token.line, f"{token.text!r} stands where a name is expected")
+        return names
 
     def _assign_names(self, names: list[str], values: str) -> None:
         for name, pair in zip(names, values.split(), strict=False):
@@ -204,10 +219,19 @@ class CaseFile:
         return table
 
     def _passed_over(self) -> None:
-        """Pass over an assignment that says nothing about the power flow."""
-        depth = 0
-        while depth or self._reader.next.text not in (";", "\n"):
-            text = self._reader.take().text
-            depth += (text in "([{") - (text in ")]}")
-            if self._reader.next.kind == "end":
-                return
+        """Pass over an assignment that says nothing about the power flow, up to its end."""
+        reader, expected, signs = self._reader, list[str](), list[str]()
+        while expected or reader.next.text not in (";", ",", "\n"):
+            token = reader.take()
+            is_wrong = token.kind == "end" or (token.text == "\n" and ")" in expected)
+            if token.text == "=":
+                is_wrong = "=" in signs or bool(expected)
+            elif token.kind == "text":
+                is_wrong = not expected and signs[-1:] != ["="]
+            elif token.text in BRACKETS:
+                expected.append(BRACKETS[token.text])
+            elif token.text in BRACKETS.values():
+                is_wrong = not expected or expected.pop() != token.text
+            if is_wrong:
+                refuse(token.line, f"{token.text!r} has no place in this field, which is not read")
+            signs.append(token.text)

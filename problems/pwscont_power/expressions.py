@@ -14,13 +14,15 @@ from typing import Any, NoReturn, final
 import numpy as np
 
 from pwscont import InvalidInputError
-from pwscont.extending import Array, Indices
+from pwscont.extending import EPS, Array, Indices
 
 #: Tables written out in plain numbers, the largest part of a file, need no reading word by word.
 TABLE = re.compile(r"\[[-+.,;\s\deEiInNfFaA]*\]")
+#: A text in quotes; a quote right behind a value is a transpose.
+TEXT = r"(?<![\w)\]}.'])(?:'(?:[^'\n]|'')*'(?!')|\"(?:[^\"\n]|\"\")*\"(?!\"))"
 TOKEN = re.compile(
     r"(?P<space>[ \t\r\f]+)|(?P<number>(?:\d+(?:\.(?![*/^])\d*)?|\.\d+)(?:[eE][-+]?\d+)?(?!\w))"
-    r"|(?P<name>[A-Za-z]\w*)|(?P<text>'(?:[^'\n]|'')*'|\"[^\"\n]*\")"
+    rf"|(?P<name>[A-Za-z]\w*)|(?P<text>{TEXT})"
     r"|(?P<sign>\.[*/^]|[=~<>]=|&&|\|\||[-+*/^()\[\]{}.,;:=<>&|~\n])"
 )
 CONSTANTS = {"Inf": np.inf, "inf": np.inf, "NaN": np.nan, "nan": np.nan, "pi": np.pi}
@@ -31,15 +33,25 @@ FUNCTIONS: dict[str, Callable[[Array], Any]] = {
     **{name: getattr(np, name) for name in ("isinf", "isnan")},
     "find": lambda table: np.flatnonzero(table.ravel(order="F"))[:, np.newaxis] + 1.0,
 }
+
+
+def steps(first: Array, last: Array) -> Array:
+    """Return a row of numbers from the first to the last, or below the last, one apart."""
+    a, b = first.item(), last.item()
+    return a + np.arange(np.floor(b - a + 2.0 * EPS * max(abs(a), abs(b))) + 1.0)[np.newaxis]
+
+
 #: The operators, from loose binding to tight binding.
 BINARY: tuple[dict[str, Callable[[Array, Array], Array]], ...] = (
-    {"|": np.logical_or, "||": np.logical_or},
-    {"&": np.logical_and, "&&": np.logical_and},
+    {"||": np.logical_or},
+    {"&&": np.logical_and},
+    {"|": np.logical_or},
+    {"&": np.logical_and},
     {
         **{"<": np.less, "<=": np.less_equal, ">": np.greater, ">=": np.greater_equal},
         **{"==": np.equal, "~=": np.not_equal},
     },
-    {":": lambda first, last: np.arange(first.item(), last.item() + 0.5)[np.newaxis]},
+    {":": steps},
     {"+": np.add, "-": np.subtract},
     {"*": np.multiply, "/": np.divide, ".*": np.multiply, "./": np.divide},
 )
@@ -48,8 +60,7 @@ BINARY: tuple[dict[str, Callable[[Array, Array], Array]], ...] = (
 NEEDS_NUMBER: dict[str, tuple[str, Callable[[Array, Array], bool]]] = {
     "*": ("one side", lambda a, b: 1 in (a.size, b.size)),
     "/": ("its right", lambda a, b: b.size == 1),
-    "^": ("each side", lambda a, b: a.size == b.size == 1),
-    ":": ("each side", lambda a, b: a.size == b.size == 1),
+    **dict.fromkeys(("^", ":", "||", "&&"), ("each side", lambda a, b: a.size == b.size == 1)),
 }
 ANYTHING = ("", lambda a, b: True)
 
@@ -157,6 +168,8 @@ class Reader:
         while self.next.text in BINARY[level] and not self._begins_entry():
             token = self.take()
             value = self._combined(token, BINARY[level], value, self.expression(level + 1))
+            if token.text == self.next.text == ":":
+                refuse(token.line, "numbers with a step, as in 1:2:5, are not known here")
         return value
 
     def _begins_entry(self) -> bool:

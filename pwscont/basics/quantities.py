@@ -90,9 +90,8 @@ def checked_record(record: Any, names: Iterable[str] = ()) -> Mapping[str, Funct
 def checked_names(names: tuple[str, ...], size: int) -> tuple[str, ...]:
     """Return the names of all unknowns, or raise an error that names the fault."""
     if len(names) != size:
-        raise InvalidSystemError(
-            f"names() must return {size} names, one for each unknown, got {len(names)}"
-        )
+        words = f"must return {size} names, one for each unknown, got {len(names)}"
+        raise InvalidSystemError(f"names() {words}")
     if not all(isinstance(name, str) for name in names):
         raise InvalidSystemError("names() must return texts")
     return names
@@ -176,6 +175,8 @@ class Quantities:
         InvalidInputError
             If the function of a recorded quantity fails, or returns no finite float.
         """
+        if not isinstance(name, str):
+            raise UnknownNameError(_unknown(name, [*self.names(len(z)), *self.record]))
         names = () if name in self.record else self.names(len(z))
         if name not in (*self.record, *names, *self._elsewhere):
             name = as_written(name, (*names, *self.record))
@@ -232,9 +233,8 @@ def evaluated(what: str, function: Callable[..., Any], z: Array, alpha: float) -
     if not _is_finite(value):
         hint = CONDITION if isinstance(value, bool | np.bool_) else ""
         got = f"{' '.join(repr(value).split())[:80]}, {_words(z)}{hint}"
-        raise InvalidInputError(
-            f"{what} must return a finite float, at alpha = {alpha:.8g} it returned {got}"
-        )
+        words = f"must return a finite float, at alpha = {alpha:.8g} it returned {got}"
+        raise InvalidInputError(f"{what} {words}")
     return float(value)
 
 
@@ -250,7 +250,7 @@ def _is_finite(value: Any) -> bool:
         return False
 
 
-def _unknown(name: str, known: Sequence[str]) -> str:
+def _unknown(name: object, known: Sequence[str]) -> str:
     near = get_close_matches(str(name), known, n=3, cutoff=0.5)
     more = ", ..." if len(known) > MOST_NAMES else ""
     hint = f"; did you mean {' or '.join(near)}?" if near else ""

@@ -340,8 +340,7 @@ def check_unique(graph: BranchGraph) -> None:
             apart = np.abs(first.z - second.z)
             errors = (first.error + second.error)[:-1] if len(first.error) else 0.0 * apart
             if (apart > CONFIDENCE * errors).any():
-                raise InvalidSystemError(
-                    f"{type(graph.system).__name__}.unique promises one solution at one "
-                    f"{graph.parameter}, but there are two at {graph.parameter} = {alpha:.10g}: "
-                    f"{first!r} and {second!r}; set unique = False"
-                )
+                promise = f"{type(graph.system).__name__}.unique promises one solution at one"
+                found = f"two at {graph.parameter} = {alpha:.10g}: {first!r} and {second!r}"
+                words = f"{promise} {graph.parameter}, but there are {found}"
+                raise InvalidSystemError(f"{words}; set unique = False")

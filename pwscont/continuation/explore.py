@@ -62,13 +62,12 @@ def checked_start(
     try:
         z, alpha = start[0], float(start[1])
         pair = len(start) == 2
-    except (TypeError, ValueError, IndexError, KeyError) as error:
+    except (TypeError, ValueError, OverflowError, LookupError) as error:
         raise InvalidInputError(f"{name} must be a pair (z, alpha): {error}") from error
     if not pair:
         raise InvalidInputError(f"{name} must be a pair (z, alpha), got {len(start)} entries")
-    lo, hi = interval
-    if not lo <= alpha <= hi:
-        raise InvalidInputError(f"{name} at alpha = {alpha} lies outside the interval ({lo}, {hi})")
+    if not interval[0] <= alpha <= interval[1]:
+        raise InvalidInputError(f"{name} at alpha = {alpha} lies outside the interval {interval}")
     return completed(system, finite_array(f"z of {name}", z, (shown_size(system),)), alpha), alpha
 
 
@@ -80,21 +79,18 @@ def corrected(plan: Plan, start: Start, name: str) -> Found:
     z, alpha = start
     found = semismooth_newton(plan.reduced_system, plan.metric, plan.reduced(z), alpha)
     if isinstance(found, Failure):
-        raise StartNotFoundError(
-            f"no solution found near {name} at alpha = {alpha}: {found}; start closer to a "
-            "solution, or let explore() search for starts"
-        )
+        advice = "start closer to a solution, or let explore() search for starts"
+        words = f"no solution found near {name} at alpha = {alpha}"
+        raise StartNotFoundError(f"{words}: {found}; {advice}")
     on_curve = settled(plan.reduced_system, plan.metric, found)
     if on_curve is None:
-        raise StartNotFoundError(
-            f"the solution nearest to {name} lies outside the interval {plan.interval}"
-        )
+        words = f"the solution nearest to {name} lies outside the interval {plan.interval}"
+        raise StartNotFoundError(words)
     x, error = on_curve
     if not is_inside(plan.box, x, error, plan.metric.scale):
-        raise StartNotFoundError(
-            f"the solution found near {name} at alpha = {alpha} lies outside the bounds of "
-            f"{type(plan.system).__name__}: z = {x[:-1]}; start closer to a solution within them"
-        )
+        where = f"lies outside the bounds of {type(plan.system).__name__}: z = {x[:-1]}"
+        words = f"the solution found near {name} at alpha = {alpha} {where}"
+        raise StartNotFoundError(f"{words}; start closer to a solution within them")
     return on_curve
 
 

@@ -20,6 +20,7 @@ from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from hashlib import blake2b
 from itertools import count, pairwise
+from os import PathLike
 from pathlib import Path
 from typing import Any, TypeAlias, final
 
@@ -116,6 +117,7 @@ MEANINGS = {
     "SQLITE_READONLY": NOT_WRITABLE,
     "SQLITE_IOERR": NOT_WRITABLE,
 }
+CLOSED = "it is closed; Journal(path) opens it again"
 FULL_DISK = {"SQLITE_FULL", "SQLITE_IOERR_WRITE"}
 
 #: Values of the same functions, evaluated in another order, differ by far less than this.
@@ -161,6 +163,8 @@ class Journal:
     def __init__(self, path: str | Path) -> None:
         import sqlite3  # noqa: PLC0415  most runs keep no journal
 
+        if not isinstance(path, str | PathLike):
+            raise InvalidInputError(f"a journal needs the path of a file, got {path!r}")
         self.path = Path(path)
         self.trouble: Exception | None = None
         #: The revised typical magnitudes of the unknowns, shape (n,), None until a revision.
@@ -250,7 +254,11 @@ class Journal:
 
     def _read(self, number: int) -> tuple[str, str, bytes]:
         """Return kind, text and rows of a record."""
-        for kind, text, rows, checksum in self._data.execute(READ, [number]).fetchall():
+        try:
+            found = self._data.execute(READ, [number]).fetchall()
+        except self._data.ProgrammingError as error:
+            raise self._refusal(CLOSED) from error
+        for kind, text, rows, checksum in found:
             if checksum == _digest(repr((number, kind, text)).encode(), rows):
                 return kind, text, rows
         raise self._refusal(f"it is damaged (record {number} is missing or changed); {ADVICE}")
@@ -268,8 +276,8 @@ class Journal:
         checksum = _digest(repr((number, kind, text)).encode(), rows)
         try:
             self._data.execute(WRITE, (number, kind, text, rows, checksum))
-        except self._data.ProgrammingError:
-            raise  # the journal is closed: a mistake of the caller
+        except self._data.ProgrammingError as error:
+            raise self._refusal(CLOSED) from error
         except (self._data.Error, OverflowError) as error:
             self.trouble = error
         else:

@@ -32,6 +32,7 @@ from pwscont.basics.budget import INTERRUPTED, Budget, Limits
 from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidInputError
 from pwscont.basics.outcome import FILL, FILL_CURVES, GIVEN_UP, Guarantee, Kind, SearchScope
+from pwscont.basics.printing import short
 from pwscont.basics.quantities import Function
 from pwscont.basics.rounding import SAME_ALPHA
 from pwscont.continuation.assembly import assemble, check_unique, mark
@@ -94,15 +95,15 @@ def checked_interval(system: PiecewiseSystem, interval: tuple[float, float]) -> 
     check_attributes(system)
     try:
         lo, hi = (float(end) for end in interval)
-    except (TypeError, ValueError) as error:
-        raise InvalidInputError(f"interval must be two numbers, got {interval!r}") from error
+    except (TypeError, ValueError, OverflowError) as error:
+        words = f"interval must be two numbers, got {short(repr(interval))}"
+        raise InvalidInputError(words) from error
     if not (isfinite(lo) and isfinite(hi) and lo < hi):
         raise InvalidInputError(f"interval needs finite lo < hi, got ({lo}, {hi})")
     low, high = system.domain
     if lo < low or hi > high:
-        raise InvalidInputError(
-            f"interval ({lo}, {hi}) leaves the domain [{low}, {high}] of {type(system).__name__}"
-        )
+        words = f"leaves the domain [{low}, {high}] of {type(system).__name__}"
+        raise InvalidInputError(f"interval ({lo}, {hi}) {words}")
     return lo, hi
 
 
@@ -110,10 +111,8 @@ def check_stepper_fits(system: PiecewiseSystem, stepper: Any) -> None:
     """Refuse what is no stepper, and the exact stepper where pieces are curved."""
     checked_kind("stepper", stepper, Stepper)
     if isinstance(stepper, ExactLinear) and not isinstance(system, PiecewiseLinearSystem):
-        raise InvalidInputError(
-            f"ExactLinear needs a PiecewiseLinearSystem, and {type(system).__name__} is none; "
-            "use PseudoArclength"
-        )
+        words = f"{type(system).__name__} is none; use PseudoArclength"
+        raise InvalidInputError(f"ExactLinear needs a PiecewiseLinearSystem, and {words}")
 
 
 @final

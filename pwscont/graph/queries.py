@@ -7,6 +7,7 @@ from collections.abc import Iterable, Sequence
 from itertools import groupby, pairwise
 from numbers import Real
 from operator import itemgetter
+from typing import Any
 
 import numpy as np
 
@@ -194,8 +195,7 @@ def _where(segment: CurvedSegment, alpha: float) -> float:
 
 def _around(points: Array, alpha: float) -> tuple[Array, Array]:
     """Return the two neighbouring points around an alpha."""
-    rising = points[-1, -1] > points[0, -1]
-    ordered = points if rising else points[::-1]
+    ordered = points if points[-1, -1] > points[0, -1] else points[::-1]
     i = int(np.searchsorted(ordered[:, -1], alpha))
     i = min(max(i, 1), len(points) - 1)
     return ordered[i - 1], ordered[i]
@@ -203,10 +203,8 @@ def _around(points: Array, alpha: float) -> tuple[Array, Array]:
 
 def _on_chord(piece: Piece, alpha: float) -> Array:
     if len(piece.points) > 2:
-        raise SystemNeededError(
-            f"piece {piece.id} is curved, and this graph was loaded without its system; "
-            "use BranchGraph.load(path, system=...)"
-        )
+        words = f"piece {piece.id} is curved, and this graph was loaded without its system"
+        raise SystemNeededError(f"{words}; use BranchGraph.load(path, system=...)")
     a, b = _around(piece.points, alpha)
     x: Array = a + (alpha - a[-1]) / (b[-1] - a[-1]) * (b - a)
     x[-1] = alpha
@@ -216,8 +214,7 @@ def _on_chord(piece: Piece, alpha: float) -> Array:
 def joined(parts: Iterable[Continuum], known: Sequence[float]) -> tuple[Stretch, ...]:
     """Return the stretches that parts cover together; ends at known values of alpha are these."""
     ends = [*known, 0.0]
-    rows: list[Stretch] = []
-    found: list[Stretch] = []
+    rows, found = list[Stretch](), list[Stretch]()
     for part in parts:
         lo, hi = (_known_end(end, part.blur, ends) for end in (part.lo, part.hi))
         rows.append(Stretch(lo, hi, math.inf, part.lo_closed, part.hi_closed))
@@ -330,9 +327,8 @@ def runs(graph: ConnectedPieces) -> list[Stretch]:
 
 def is_infinite(graph: ConnectedPieces, alpha: float) -> bool:
     """Tell whether there are infinitely many solutions at ``alpha``."""
-    if any(graph.same(piece.interval[0], alpha) for piece in graph.verticals):
-        return True
-    return any(_has(graph, stretch, alpha) for stretch in graph.infinite)
+    is_vertical = any(graph.same(piece.interval[0], alpha) for piece in graph.verticals)
+    return is_vertical or any(_has(graph, stretch, alpha) for stretch in graph.infinite)
 
 
 def is_beside_infinite(graph: ConnectedPieces, alpha: float) -> bool:
@@ -352,6 +348,7 @@ def _has(graph: ConnectedPieces, stretch: Stretch, alpha: float) -> bool:
 
 def with_count(graph: ConnectedPieces, count: int | float) -> list[Stretch]:
     """Return all stretches and single values of alpha with exactly ``count`` solutions."""
+    _check_number("count", count)
     return [run for run in runs(graph) if run[2] == count]
 
 
@@ -366,10 +363,14 @@ def index_at(graph: ConnectedPieces, node: int) -> int:
 def check_inside(graph: ConnectedPieces, alpha: float) -> None:
     """Refuse an alpha that is no number or lies outside the interval of the graph."""
     lo, hi = graph.interval
-    if np.ndim(alpha) or not isinstance(np.asarray(alpha).item(), Real):
-        raise InvalidInputError(f"alpha must be a number, got {alpha!r}")
+    _check_number("alpha", alpha)
     if not lo <= alpha <= hi:
         raise InvalidInputError(f"alpha = {alpha} lies outside the interval [{lo}, {hi}]")
+
+
+def _check_number(name: str, value: Any) -> None:
+    if np.ndim(value) or not isinstance(np.asarray(value).item(), Real):
+        raise InvalidInputError(f"{name} must be a number, got {value!r}")
 
 
 def pieces_over(graph: ConnectedPieces, alpha: float) -> list[Piece]:

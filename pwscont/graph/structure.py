@@ -8,6 +8,7 @@ from dataclasses import replace
 from difflib import get_close_matches
 from functools import cached_property
 from itertools import chain, combinations
+from numbers import Real
 from typing import Any
 
 import numpy as np
@@ -100,9 +101,8 @@ class ConnectedPieces:
         """The names of the unknowns; empty where a graph has neither a system nor points."""
         if self.system is None and not self.nodes:
             return ()
-        return self.quantities.names(
-            shown_size(self.system) if self.system else len(self.nodes[0].z)
-        )
+        size = shown_size(self.system) if self.system else len(self.nodes[0].z)
+        return self.quantities.names(size)
 
     def special_points(self, kind: str | None = None) -> list[SpecialPoint]:
         """Return all special points, or the special points of a given kind.
@@ -122,16 +122,15 @@ class ConnectedPieces:
         if kind is None:
             return everything
         kinds = dict.fromkeys([*map(str, Kind), *(str(point.kind) for point in everything)])
-        if kind not in kinds:
+        if not isinstance(kind, str) or kind not in kinds:
             _check_spelling(kind, list(kinds))
         return [point for point in everything if point.kind == kind]
 
     def point(self, node: int) -> SpecialPoint:
         """Return the special point with this id."""
-        if node not in self._nodes:
-            raise UnknownNameError(
-                f"there is no special point {node}; graph.special_points() has all"
-            )
+        if not isinstance(node, Real) or node not in self._nodes:
+            words = f"there is no special point {node}; graph.special_points() has all"
+            raise UnknownNameError(words)
         return self._nodes[node]
 
     def components(self) -> list[list[Piece]]:
@@ -156,7 +155,7 @@ class ConnectedPieces:
 
     def pieces_at(self, node: int) -> list[Piece]:
         """Return the pieces that begin or end at a special point."""
-        return list(self._touching[node])
+        return list(self._touching[self.point(node).id])
 
     def path(self, a: Solution, b: Solution) -> list[Piece]:
         """Return the pieces of a shortest way along the branches from ``a`` to ``b``.

@@ -179,16 +179,13 @@ def values_within(
     lo, hi = interval
     for alpha in finite_array(f"at of scene {scene.name}", own).ravel().tolist():
         if not lo <= alpha <= hi:
-            raise InvalidInputError(
-                f"at of scene {scene.name}: {alpha} lies outside the interval [{lo}, {hi}]"
-            )
+            words = f"{alpha} lies outside the interval [{lo}, {hi}]"
+            raise InvalidInputError(f"at of scene {scene.name}: {words}")
     if np.ndim(own) != 1:
-        raise InvalidInputError(
-            f"at of scene {scene.name} must be several numbers, as in (0.5,), got {own!r}"
-        )
+        words = f"must be several numbers, as in (0.5,), got {own!r}"
+        raise InvalidInputError(f"at of scene {scene.name} {words}")
     for alpha in wanted or ():
         if not lo <= alpha <= hi:
-            raise InvalidInputError(
-                f"--at {alpha} lies outside the interval [{lo}, {hi}] of scene {scene.name}"
-            )
+            words = f"lies outside the interval [{lo}, {hi}] of scene {scene.name}"
+            raise InvalidInputError(f"--at {alpha} {words}")
     return tuple(own if wanted is None else wanted)

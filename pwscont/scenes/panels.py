@@ -6,6 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
+from math import isfinite
 from numbers import Integral
 from typing import Any, Protocol, TypeAlias, final
 
@@ -131,7 +132,8 @@ class Drawn:
         if isinstance(what, str):
             return cls._named(graph, what)
         if callable(what):
-            return cls(getattr(what, "__name__", "value").replace("<lambda>", "value"), _each(what))
+            name = getattr(what, "__name__", "value").replace("<lambda>", "value")
+            return cls(name, _each(name, what))
         raise _undrawable(what)
 
     def is_constant(self, values: Sequence[Array]) -> bool:
@@ -155,7 +157,7 @@ class Drawn:
         value = partial(graph.quantities.value, name)
         if name not in graph.quantities.record:
             value(np.zeros(len(graph.names)), 0.0)  # raises an error that lists similar names
-        return cls(name, _each(value))
+        return cls(name, _each(name, value))
 
 
 def is_parameter(graph: BranchGraph, name: str) -> bool:
@@ -188,9 +190,8 @@ def check_drawn(what: Any, unknowns: Sequence[str], record: Mapping[str, Functio
 
 
 def _undrawable(what: object) -> InvalidInputError:
-    return InvalidInputError(
-        f"what is drawn must be an index, a name or a function of (z, alpha), got {what!r}"
-    )
+    wanted = "an index, a name or a function of (z, alpha)"
+    return InvalidInputError(f"what is drawn must be {wanted}, got {what!r}")
 
 
 def _check_index(index: int, size: int) -> None:
@@ -205,12 +206,18 @@ def _size(graph: BranchGraph, index: int) -> float:
     return max((float(np.abs(piece.z).max()) for piece in graph.pieces), default=0.0)
 
 
-def _each(function: Function) -> Callable[[Array], Array]:
-    def along(points: Array) -> Array:
-        values = [np.asarray(function(x[:-1].copy(), float(x[-1]))).item() for x in points]
-        return np.array(values, dtype=float)
+def _each(name: str, function: Function) -> Callable[[Array], Array]:
+    def value(x: Array) -> float:
+        try:
+            found = np.asarray(function(x[:-1].copy(), float(x[-1]))).item()
+            if isfinite(found):
+                return float(found)
+        except Exception as error:
+            found = f"{type(error).__name__}: {error}"
+        words = f"{name}, which is drawn, must be a finite number, at alpha = {x[-1]:.8g} it is"
+        raise InvalidInputError(f"{words} not: {found}")
 
-    return along
+    return lambda points: np.array([value(x) for x in points])
 
 
 @final

@@ -90,6 +90,8 @@ FARTHEST_START = 1e3
 #: Number of values of a single unknown at which the equation is evaluated, within LINE_WIDTH times
 #: the known magnitude and again farther out.
 ON_LINE, LINE_WIDTH = 64, 1.5
+#: Number of such values still farther out, on each side, each WIDER_BY times as far as the last.
+FARTHER_PLACES = 10
 #: Accuracy of a sign change, as a part of the known magnitude, and distance below which a sign
 #: change is a known solution, measured like SAME_SOLUTION.
 ZERO_ACCURACY, NEAR_ZERO = 1e-3, 1e-2
@@ -164,8 +166,9 @@ class Pursuit:
             return float(residual_at(system, full, alpha, system.character(full, alpha))[0])
 
         even = np.linspace(-1.0, 1.0, ON_LINE + 2)[1:-1]
-        places = reach * np.concatenate([LINE_WIDTH * even, WIDER_BY * _with_tails(even)])
-        places = np.unique(np.clip(places, box.lower[0], box.upper[0]))
+        farther = np.outer([-1.0, 1.0], WIDER_BY ** np.arange(2, FARTHER_PLACES + 2)).ravel()
+        spread = np.concatenate([LINE_WIDTH * even, WIDER_BY * _with_tails(even), farther])
+        places = np.unique(np.clip(reach * spread, box.lower[0], box.upper[0]))
         signs = np.sign([equation(z) for z in places])
         from scipy.optimize import bisect  # noqa: PLC0415  importing takes as long as all else
 

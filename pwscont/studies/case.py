@@ -14,16 +14,20 @@ from __future__ import annotations
 import time
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, is_dataclass, replace
+from hashlib import blake2b
 from importlib.metadata import version
 from pathlib import Path
 from platform import python_version
-from typing import final
+from types import CodeType, FunctionType
+from typing import Any, final
+
+import numpy as np
 
 from pwscont import PwscontError
 from pwscont.extending import one_thread
 from pwscont.studies.measures import ExploredCase, Measure, Measured
-from pwscont.studies.problem import Grid, Problem, Setting
+from pwscont.studies.problem import Grid, Problem, Setting, described
 
 #: Packages whose versions may change the last digits.
 PACKAGES = ("pwscont", "numpy", "scipy")
@@ -32,6 +36,58 @@ PACKAGES = ("pwscont", "numpy", "scipy")
 def versions() -> dict[str, str]:
     """Return the versions of Python and of the packages that compute."""
     return {"python": python_version()} | {name: version(name) for name in PACKAGES}
+
+
+#: Values that are told by their words, and the parts of what wraps a function.
+PLAIN = bool | int | float | complex | str | bytes | np.generic | None
+WRAPPED = ("func", "args", "fget", "__func__", "__wrapped__")
+
+
+def digest(things: Iterable[Any]) -> str:
+    """Return a few letters, other ones for functions with other code, constants or closures.
+
+    Lists, dictionaries and objects may change in a run and do not count; functions and classes of
+    other packages count by name.
+    """
+    told = repr([_told(thing, {}, {}) for thing in things])
+    return blake2b(told.encode(), digest_size=8).hexdigest()
+
+
+def _told(thing: Any, scope: Mapping[str, Any], seen: dict[int, Any]) -> str:
+    """Return what a thing computes; ``scope`` has the names that are known to its code."""
+    parts: list[Any] = []
+    if isinstance(thing, PLAIN):
+        return repr(thing)
+    if isinstance(thing, tuple | frozenset):
+        parts = [*thing] if isinstance(thing, tuple) else sorted(thing, key=repr)
+    elif isinstance(thing, np.ndarray):
+        parts = [repr(thing.tolist())]
+    elif isinstance(thing, CodeType):
+        parts = [thing.co_code, thing.co_names, *thing.co_consts, *map(scope.get, thing.co_names)]
+    elif id(thing) not in seen:
+        seen[id(thing)] = thing
+        scope, parts = _reached(thing, scope)
+    return f"{type(thing).__name__}({', '.join(_told(part, scope, seen) for part in parts)})"
+
+
+def _reached(thing: Any, scope: Mapping[str, Any]) -> tuple[Mapping[str, Any], list[Any]]:
+    """Return the scope within a function, a class or an object, and the parts that count."""
+    if isinstance(thing, type | FunctionType):
+        own, home = (str(n).split(".")[0] for n in (thing.__module__, scope.get("__name__")))
+        if own == "pwscont" or (scope and own != home):
+            return scope, [described(thing)]
+        if isinstance(thing, type):
+            kept = (
+                part for part in vars(thing).items() if part[0][:2] != "__" or callable(part[1])
+            )
+            return {"__name__": own}, [*thing.__bases__, *sorted(kept)]
+        cells = (c for c in thing.__closure__ or () if not repr(c).endswith("empty>"))
+        defaults = (thing.__defaults__, *(thing.__kwdefaults__ or {}).items())
+        known = {**thing.__globals__, "__name__": own}  # decorators live in other packages
+        return known, [thing.__code__, defaults, *(c.cell_contents for c in cells)]
+    names = [name for name in ("__qualname__", *WRAPPED) if hasattr(thing, name)]
+    names += [part.name for part in fields(thing)] if is_dataclass(thing) else []
+    return scope, [type(thing), *(getattr(thing, name) for name in names)]
 
 
 @final

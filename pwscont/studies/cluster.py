@@ -74,10 +74,8 @@ def _row(future: Any, run: CaseRunner, number: int) -> StudyRow:
     if future.status == "finished":
         return future.result()  # type: ignore[no-any-return]
     if future.status != "error":
-        raise InvalidInputError(
-            f"the scheduler does not have case {number} any more (it is {future.status}): was it "
-            "started again? With a store, resume goes on"
-        )
+        words = f"the scheduler does not have case {number} any more (it is {future.status})"
+        raise InvalidInputError(f"{words}: was it started again? With a store, resume goes on")
     error = future.exception()
     return run.failed(number, " ".join(f"{type(error).__name__}: {error}".split()))
 
@@ -86,20 +84,18 @@ def _distributed() -> Any:
     try:
         return import_module("distributed")
     except ImportError as error:
-        raise MissingPackageError(
-            "a scheduler needs Dask: pip install 'dask[distributed]', or pip install '.[study]' "
-            "in a checkout of pwscont"
-        ) from error
+        words = (
+            "pip install 'dask[distributed]', or pip install '.[study]' in a checkout of pwscont"
+        )
+        raise MissingPackageError(f"a scheduler needs Dask: {words}") from error
 
 
 def _client(distributed: Any, address: str) -> Any:
     try:
         return distributed.Client(address, timeout=PATIENCE, set_as_default=False)
     except (OSError, ValueError, MemoryError) as error:  # sizes that another service seems to send
-        raise InvalidInputError(
-            f"no Dask scheduler answers at {address!r}; start one with 'dask scheduler', which "
-            "prints its address"
-        ) from error
+        words = "start one with 'dask scheduler', which prints its address"
+        raise InvalidInputError(f"no Dask scheduler answers at {address!r}; {words}") from error
 
 
 def _check_versions(client: Any) -> None:
@@ -108,7 +104,5 @@ def _check_versions(client: Any) -> None:
     for worker, there in client.run(versions).items():
         for name in here:
             if there[name] != here[name]:
-                raise InvalidInputError(
-                    f"worker {worker} has {name} {there[name]}, and this process {here[name]}: "
-                    "the numbers may differ"
-                )
+                words = f"worker {worker} has {name} {there[name]}, and this process {here[name]}"
+                raise InvalidInputError(f"{words}: the numbers may differ")

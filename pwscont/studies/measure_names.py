@@ -24,25 +24,15 @@ from pwscont.studies.problem import checked_column
 
 
 def _critical(text: str, bracket: bool = False) -> Measure:
-    setting, lo, hi, *tolerance = text.split(":")
-    return CriticalValue(setting, float(lo), float(hi), tolerance=_only(tolerance), bracket=bracket)
+    setting, *numbers = text.split(":")
+    ends_and_tolerance: Any = [*map(float, numbers), *[None] * (len(numbers) == 2)]
+    lo, hi, tolerance = ends_and_tolerance
+    return CriticalValue(setting, lo, hi, tolerance=tolerance, bracket=bracket)
 
 
-def _only(tolerance: list[str]) -> float | None:
-    """Return the tolerance from the words behind a bracket, None for no word."""
-    if len(tolerance) > 1:
-        raise ValueError("more than a tolerance behind the bracket")
-    return float(tolerance[0]) if tolerance else None
-
-
-def _largest(text: str) -> Measure:
+def _extreme(of_all: Callable[[Iterable[float]], Any], text: str) -> Measure:
     name, alpha = text.rsplit("@", 1)
-    return QuantityAt(name, float(alpha), max)
-
-
-def _smallest(text: str) -> Measure:
-    name, alpha = text.rsplit("@", 1)
-    return QuantityAt(name, float(alpha), min)
+    return QuantityAt(name, float(alpha), of_all)
 
 
 #: Names of measures without value, and names of measures with a value: the form of the value, and
@@ -57,8 +47,8 @@ WITH_VALUE: Mapping[str, tuple[str, Callable[[str], Measure]]] = {
     "count-at": ("ALPHA", lambda text: CountAt(float(text))),
     "critical": ("SETTING:LO:HI[:TOLERANCE]", _critical),
     "critical-bracket": ("SETTING:LO:HI[:TOLERANCE]", partial(_critical, bracket=True)),
-    "largest": ("QUANTITY@ALPHA", _largest),
-    "smallest": ("QUANTITY@ALPHA", _smallest),
+    "largest": ("QUANTITY@ALPHA", partial(_extreme, max)),
+    "smallest": ("QUANTITY@ALPHA", partial(_extreme, min)),
 }
 #: All measures with the forms of the values, in words.
 FORMS = ", ".join([*SIMPLE, *(f"{name}={form}" for name, (form, _) in WITH_VALUE.items())])
@@ -112,8 +102,6 @@ def _measure(name: str, what: Any) -> Measure:
     if isinstance(what, Measure):
         return what
     if isinstance(what, type) or not callable(what):
-        raise InvalidInputError(
-            f"measure {name!r} must be a Measure, a function of the graph, or the name of a "
-            f"measure, got {short(repr(what))}"
-        )
+        words = "a Measure, a function of the graph, or the name of a measure"
+        raise InvalidInputError(f"measure {name!r} must be {words}, got {short(repr(what))}")
     return OfGraph(what)

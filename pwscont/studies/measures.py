@@ -10,7 +10,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from math import inf, isfinite, isnan
+from math import inf, isnan
 from numbers import Real
 from typing import Any, TypeAlias, final
 
@@ -279,7 +279,7 @@ class QuantityAt(Measure):
 
 
 def _check_alpha(alpha: Any) -> None:
-    if not (isinstance(alpha, Real) and isfinite(alpha)):
+    if not (isinstance(alpha, Real) and -inf < alpha < inf):  # type: ignore[operator]
         raise InvalidInputError(f"alpha must be a finite number, got {short(repr(alpha))}")
 
 
@@ -333,17 +333,13 @@ class CriticalValue(Measure):
 
     def __post_init__(self) -> None:
         """Check bracket and tolerance."""
-        known = self.tolerance
+        known, what = self.tolerance, f"critical value of {self.setting}"
         if known is not None and not (isinstance(known, Real) and 0.0 < known < inf):
-            raise InvalidInputError(
-                f"critical value of {self.setting}: tolerance must be a positive number in units "
-                f"of {self.setting}, got {short(repr(known))}"
-            )
-        if not (isfinite(self.lo) and isfinite(self.hi) and self.lo < self.hi):
-            raise InvalidInputError(
-                f"critical value of {self.setting}: lo must be less than hi, and both finite, "
-                f"got {self.lo} and {self.hi}"
-            )
+            words = f"tolerance must be a positive number in units of {self.setting}"
+            raise InvalidInputError(f"{what}: {words}, got {short(repr(known))}")
+        if not -inf < self.lo < self.hi < inf:
+            words = f"lo must be less than hi, and both finite, got {self.lo} and {self.hi}"
+            raise InvalidInputError(f"{what}: {words}")
 
     @property
     def varied(self) -> tuple[str, ...]:  # type: ignore[override]
@@ -355,10 +351,8 @@ class CriticalValue(Measure):
         if not self._is_there(case, self.hi):
             return None
         if self._is_there(case, self.lo):
-            raise InvalidInputError(
-                f"{self.setting} = {self.lo:g} is beyond the critical value already: choose a "
-                "smaller one"
-            )
+            words = f"{self.setting} = {self.lo:g} is beyond the critical value already"
+            raise InvalidInputError(f"{words}: choose a smaller one")
         last = self._bisected(case)
         return last if self.bracket else last[1]
 
@@ -386,7 +380,6 @@ def plain(value: Any) -> Measured:
     if isinstance(value, float) and isnan(value):
         raise InvalidInputError("it is nan; return None where there is nothing to measure")
     if not (value is None or isinstance(value, bool | int | float | str)):
-        raise InvalidInputError(
-            f"it must be a number, a text, several of them, or None, got {short(repr(value))}"
-        )
+        words = "a number, a text, several of them, or None"
+        raise InvalidInputError(f"it must be {words}, got {short(repr(value))}")
     return value

@@ -101,9 +101,6 @@ def draw_study(
     return figure
 
 
-# -- over one setting --------------------------------------------------------------------
-
-
 def _lines(drawing: Drawing, figure: Figure) -> None:
     figure.set_size_inches(6.4, 3.8)
     ax = figure.subplots()
@@ -135,9 +132,6 @@ def _line_marks(drawing: Drawing) -> list[Any]:
     hollow = {"marker": "o", "linestyle": "none", "color": COLORS[0], "markerfacecolor": "w"}
     marks = [(drawing.unproven, "not proven", hollow), (drawing.failed, "failed", CROSS)]
     return [Line2D([], [], label=words, **mark) for where, words, mark in marks if where.any()]
-
-
-# -- over two and three settings ---------------------------------------------------------
 
 
 def _maps(drawing: Drawing, figure: Figure) -> None:
@@ -227,9 +221,6 @@ def _map_marks(drawing: Drawing, colours: tuple[Colormap, Normalize]) -> list[An
     if drawing.failed.any():
         marks.append(Line2D([], [], label="failed", **CROSS))
     return marks
-
-
-# -- axes --------------------------------------------------------------------------------
 
 
 def _is_scale(values: Sequence[Setting]) -> bool:

@@ -148,10 +148,8 @@ def checked_problem(given: Any) -> Problem:
         scene_settings(given)
         return RegisteredScene(given)
     if isinstance(given, Runnable | PiecewiseSystem) or not callable(given):
-        raise InvalidInputError(
-            "a study needs the name of a scene, or a function that takes settings by keyword and "
-            f"returns {WANTED}; got {short(repr(given))}"
-        )
+        words = "a study needs the name of a scene, or a function that takes settings by keyword"
+        raise InvalidInputError(f"{words} and returns {WANTED}; got {short(repr(given))}")
     return given  # type: ignore[no-any-return]
 
 
@@ -220,6 +218,5 @@ def explored(made: Any) -> BranchGraph:
         return uninterrupted(scene.run())
     if isinstance(made, tuple) and len(made) == 2 and isinstance(made[0], PiecewiseSystem):
         return uninterrupted(explore(*made))
-    raise InvalidInputError(
-        f"the function of a study must return {WANTED}; got {short(repr(made))}"
-    )
+    words = f"the function of a study must return {WANTED}; got {short(repr(made))}"
+    raise InvalidInputError(words)

@@ -6,7 +6,7 @@ import csv
 import json
 import os
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, final
@@ -143,7 +143,7 @@ class StudyResult:
             raise UnknownNameError(f"there is no column {name!r}; columns are {', '.join(known)}")
         values = np.full(self.total, None, dtype=object)
         for row in self:
-            values[row.case] = _cell(row, name)
+            values[row.case] = row.values[name] if name in row.values else getattr(row, name)
         masked = np.ma.masked_array(values, [value is None for value in values])
         return _typed(masked).reshape(self._grid.shape)
 
@@ -217,7 +217,8 @@ class StudyResult:
         names = [*self.measures, *FIXED[1:]]
         variables = {name: (list(self.over), _filled(self.column(name))) for name in names}
         coordinates = {name: list(values) for name, values in self.over.items()}
-        told = {name: json.dumps(what, ensure_ascii=False) for name, what in self._kept().items()}
+        kept = {name: self.provenance[name] for name in ("problem", "measure", "versions")}
+        told = {name: json.dumps(what, ensure_ascii=False) for name, what in kept.items()}
         return xarray.Dataset(variables, coordinates, told)
 
     def write_netcdf(self, path: str | Path) -> None:
@@ -249,9 +250,6 @@ class StudyResult:
             for row in self:
                 writer.writerow({k: _text(value) for k, value in self._record(row).items()})
 
-    def _kept(self) -> Mapping[str, Any]:
-        return {name: what for name, what in self.provenance.items() if name != "over"}
-
     def _columns(self) -> list[str]:
         return [FIXED[0], *self.over, *self.measures, *FIXED[1:]]
 
@@ -260,16 +258,11 @@ class StudyResult:
         return told | dict(row.settings) | dict(row.values)
 
 
-def _cell(row: StudyRow, name: str) -> Any:
-    return row.values[name] if name in row.values else getattr(row, name)
-
-
 def _typed(values: Any) -> Any:
     """Return a masked array of bool, int or float if all values fit, else the objects unchanged."""
     kinds = {type(value) for value in values.compressed()}
-    kind = next((k for k in (bool, int, float) if kinds <= {k}), None)
-    if kind is None and kinds <= {int, float}:
-        kind = float
+    fitting: Any = {bool: {bool}, int: {int}, float: {int, float}}
+    kind = next((kind for kind, fits in fitting.items() if kinds <= fits), None)
     if kind is None or not kinds:
         return values
     empty = np.ma.masked_array(np.zeros(values.shape, dtype=kind), values.mask)

@@ -129,9 +129,9 @@ class Store:
             self._write(ABOUT, json.dumps(given))
             return
         different = [
-            f"{name}: {_short(known.get(name))} when it was begun, {_short(now)} now"
+            f"{name}: {short(str(known[name]))} when it was begun, {short(str(now))} now"
             for name, now in given.items()
-            if _differ(known.get(name), now)
+            if _differ(known.get(name, now), now)  # a store of an earlier version has no functions
         ]
         if different:
             raise self.refusal(f"it is of another study: {'; '.join(different)}; {ADVICE}")
@@ -178,10 +178,6 @@ def _checksum(number: int, text: str) -> str:
 def _differ(known: Any, now: Any) -> bool:
     """Tell whether two values differ, also in the order of parts, which numbers the cases."""
     return known != now or list(known) != list(now)
-
-
-def _short(value: Any) -> str:
-    return short("none" if value is None else str(value))
 
 
 def _parts(row: StudyRow) -> list[Any]:

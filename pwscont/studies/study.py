@@ -4,8 +4,8 @@ Failure modes and answers
 -------------------------
 - Ctrl-C: the study ends with the finished rows, and says that the study is not finished.
 - The program is killed: with a store, a study that resumes runs the cases that are missing.
-- The functions have changed since the store was begun: before the study resumes, a finished case is
-  run again, and the rows are compared.
+- The functions have changed since the store was begun: other code, constants or closures are
+  refused; for all else a finished case is run again before further cases, and its row is compared.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from typing import Any, TypeAlias, final
 
 from pwscont import InvalidInputError
 from pwscont.extending import card, counted, named
-from pwscont.studies.case import CaseRunner, StudyRow, in_process, versions
+from pwscont.studies.case import CaseRunner, StudyRow, digest, in_process, versions
 from pwscont.studies.cluster import on_cluster
 from pwscont.studies.measure_names import checked_measures
 from pwscont.studies.measures import Measure
@@ -148,7 +148,8 @@ class Study:
         return {
             "problem": described(self._problem),
             "over": self._grid.values,
-            "measure": {name: str(what) for name, what in self._measures.items()},
+            "measure": {name: described(what) for name, what in self._measures.items()},
+            "functions": digest([self._problem, *self._measures.values()]),
             "versions": versions(),
         }
 
@@ -169,10 +170,8 @@ def _check_quickest(kept: Store, run: CaseRunner) -> None:
     finished = (row for row in kept if not row.failure)
     row = min(finished, key=lambda row: row.seconds, default=None)
     if row is not None and next(in_process(run, [row.case])).numbers != row.numbers:
-        raise kept.refusal(
-            f"case {row.case} gives other numbers now: its functions have changed; remove it, or "
-            "write elsewhere"
-        )
+        words = f"case {row.case} gives other numbers now: its functions have changed"
+        raise kept.refusal(f"{words}; remove it, or write elsewhere")
 
 
 def _rows(
@@ -227,7 +226,6 @@ def _directory(path: str | Path | None) -> Path | None:
     try:
         directory.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise InvalidInputError(
-            f"cannot make the directory {directory}: {error.strerror or error}"
-        ) from error
+        words = f"cannot make the directory {directory}: {error.strerror or error}"
+        raise InvalidInputError(words) from error
     return directory

@@ -215,13 +215,11 @@ class Crew:
         if self._deaths[case] < MOST_DEATHS:
             self._again.extend([] if case is None else [case])
         elif case is None:
-            raise InvalidInputError(
-                f"worker processes end before their first case (exit code {code}); {GUARD}"
-            )
+            words = f"worker processes end before their first case (exit code {code}); {GUARD}"
+            raise InvalidInputError(words)
         else:
-            yield self._run.failed(
-                case, f"the case ended its process {MOST_DEATHS} times (exit code {code})"
-            )
+            words = f"the case ended its process {MOST_DEATHS} times (exit code {code})"
+            yield self._run.failed(case, words)
         self._workers[place] = Worker(self._message)
 
 
@@ -239,6 +237,5 @@ def sendable(run: CaseRunner) -> bytes:
     try:
         return pickle.dumps(run)
     except (pickle.PicklingError, AttributeError, TypeError) as error:
-        raise InvalidInputError(
-            f"the study cannot be sent to other processes: {error}; {IMPORTABLE}"
-        ) from error
+        words = f"the study cannot be sent to other processes: {error}; {IMPORTABLE}"
+        raise InvalidInputError(words) from error

@@ -121,6 +121,8 @@ def check_declaration(system: PiecewiseSystem) -> None:
         names = Counter(checked_names(tuple(found), size))
         if twice := [name for name, number in names.items() if number > 1]:
             raise broken(system, "names()", f"gives several unknowns the name {twice[0]!r}")
+    if not isinstance(cells := system.cells(), Iterable):
+        raise broken(system, "cells()", f"must yield a Character for each cell, got {cells!r}")
     check_abilities(system)
 
 
@@ -184,8 +186,7 @@ def residual_at(system: PiecewiseSystem, z: Array, alpha: float, character: Char
     InvalidSystemError
         If the shape is wrong at this point, even if the shape was right at other points.
     """
-    value = system.residual(z, alpha, character)
-    return own_array(system, "residual", value, (system.size,))
+    return own_array(system, "residual", system.residual(z, alpha, character), (system.size,))
 
 
 def jacobian_at(system: PiecewiseSystem, z: Array, alpha: float, character: Character) -> Matrix:

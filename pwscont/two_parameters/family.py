@@ -28,7 +28,7 @@ class AlphaRange:
     def __init__(self, alphas: tuple[float, float]) -> None:
         try:
             self.lo, self.hi = (float(end) for end in alphas)
-        except (TypeError, ValueError) as error:
+        except (TypeError, ValueError, OverflowError) as error:
             raise InvalidInputError(f"alphas must be two numbers, got {alphas!r}") from error
         if not self.lo < self.hi:
             raise InvalidInputError(f"alphas need lo < hi, got ({self.lo}, {self.hi})")
