@@ -107,6 +107,18 @@ def test_branches_that_a_weak_load_hardly_moves(n, most, load):
         assert graph.count(0.5) == number, (graph.guarantee, roots)
 
 
+@pytest.mark.parametrize("unit", [1.0, 1e-4, 1e4])
+@pytest.mark.parametrize("load", [1e-3, 1e-5, 1e-7])
+def test_constants_that_cancel_beside_a_weak_load(load, unit):
+    b = 1.85 * unit
+
+    def curve(z, alpha):
+        return (z - b) ** 2 / b**2 + 0.5 * z / b - 1.0 - load * alpha
+
+    graph = explore(Curve(curve), (0.1, 1.0))
+    assert (graph.count(0.5), graph.guarantee) == (2, "balanced")
+
+
 @pytest.mark.parametrize("width", [1e-4, 1e-7, 1e-10])
 @pytest.mark.parametrize("given", [None, 1.0])
 def test_narrow_intervals(width, given):

@@ -115,7 +115,7 @@ def newton(curve: Curve, border: Border, x: Array, most_iterations: int) -> Root
         if size <= CONVERGED or size > STALLED * before > 0.0:
             quotient = first_quotient(sizes)
             root = Root(x, last, jacobian, row, factor, metric.scale, iteration, stale, quotient)
-            if size <= CONVERGED or is_rounding(root):
+            if size <= CONVERGED or is_rounding(root) or _is_unseen_rounding(curve, root, border):
                 return root if metric.admits(x) else Failure(FailureReason.OUTSIDE)
         before = size
     return Failure(FailureReason.NOT_CONVERGED)
@@ -230,6 +230,15 @@ def is_rounding(root: Root, error: Array | None = None) -> bool:
     """Tell whether an error, default :func:`uncertainty`, explains the last correction."""
     error = uncertainty(root) if error is None else error
     return bool((root.error <= CONFIDENCE * magnitude(root.x, error)).all())
+
+
+def _is_unseen_rounding(curve: Curve, root: Root, border: Border) -> bool:
+    """Tell whether rounding that derivatives do not tell explains the last correction.
+
+    Constants that cancel in H may be far larger than all other terms.
+    """
+    unseen = unseen_rounding(curve, root, lambda x: border(x)[0])
+    return bool(unseen.any()) and is_rounding(root, uncertainty(root, unseen))
 
 
 def uncertainty_beside(curve: Curve, state: State) -> Array:
