@@ -423,7 +423,7 @@ def test_other_units_leave_the_map_as_it_is(seed):
         assert known.count(alpha, mu) == len(enumerate_solutions(LCP(M, q + mu * e, d), alpha))
 
 
-@pytest.mark.parametrize("seed", swept(range(12), range(12, 200)))
+@pytest.mark.parametrize("seed", swept([95, 155, 168, *range(4)], range(4, 95)))
 def test_wrong_magnitudes_make_no_complete_map(seed):
     """Rounding of magnitudes that are far too large hides sides of cells, which is said."""
     rng = np.random.default_rng([37, seed])

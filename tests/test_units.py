@@ -388,6 +388,15 @@ def test_small_unknowns_make_no_false_solution():
     assert len(enumerate_solutions(LCP(M, q, d), 0.3)) == 0
 
 
+@pytest.mark.parametrize("unit", [1e-100, 1e-50, 1e50, 1e100])
+def test_enumeration_in_extreme_units(unit):
+    M, q, d = np.array([[1.0, 2.0], [2.0, 1.0]]), np.array([-1.0, -1.0]), np.array([1.0, 0.0])
+    for system in (LCP(M, unit * q, unit * d), LCP(unit * M, q, d)):
+        assert len(enumerate_solutions(system, 0.0)) == 3
+    with pytest.raises(InvalidSystemError, match="choose other units"):
+        enumerate_solutions(LCP(M, unit**2.5 * q, unit**2.5 * d), 0.0)
+
+
 class InUnits:
     """J x + Y |s| + b = 0, s = c + Z x + L |s|: small integers or any numbers, in any units."""
 

@@ -21,7 +21,7 @@ from pwscont.basics.arrays import Array, Indices, generic, own_dense
 from pwscont.basics.character import Character
 from pwscont.basics.rounding import EPS, GUARD
 from pwscont.curve.magnitudes import rounded_to_one
-from pwscont.curve.metric import Metric
+from pwscont.curve.metric import LARGEST, SHORTEST, Metric
 from pwscont.enumeration.echelon import MOST_WORK, independent
 from pwscont.linear.balance import balanced
 from pwscont.system.box import Box
@@ -311,8 +311,10 @@ def measured_at(
     for matrix, vector in affine_forms(system, alpha, np.zeros(system.size + 1)):
         known = np.where(np.isfinite(matrix), np.abs(matrix), 0.0)  # by alpha: may be infinite
         rows.append(np.column_stack([known, np.fmax(np.abs(vector), abs(alpha) * known[:, -1])]))
-    sizes = rounded_to_one(balanced(np.vstack(rows), system.size + 1)[0])
-    (low, high), width = system.domain, max(1.0, abs(alpha))
-    lo, hi = (alpha, min(alpha + width, high)) if alpha < high else (max(alpha - width, low), alpha)
-    fitted = system.within(lo, hi, sizes[:-1])
-    return fitted, Metric.at(fitted, alpha, float(sizes[-1]))
+    terms = np.vstack(rows)
+    terms[terms[:, -1] < np.finfo(float).tiny, -1] = 0.0  # without digits
+    *of_z, width = balanced(terms, system.size + 1)[0].tolist()
+    (low, high), step = system.domain, max(1.0, abs(alpha))
+    lo, hi = (alpha, min(alpha + step, high)) if alpha < high else (max(alpha - step, low), alpha)
+    fitted = system.within(lo, hi, rounded_to_one(np.array(of_z)))
+    return fitted, Metric.at(fitted, alpha, min(max(width, SHORTEST), LARGEST))
