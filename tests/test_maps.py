@@ -398,3 +398,55 @@ def test_without_shapely_scenes_follow_loci(monkeypatch):
     (remark,) = found.remarks
     assert "pip install '.[maps]'" in remark
     assert sorted(sector.count for sector in found.sectors) == [1, 1, 1, 3]
+
+
+def in_units(rng, n):
+    """Return M, q, d, e of an LCP, and of the same one with units of powers of two."""
+    M, (q, d, e) = rng.normal(size=(n, n)), rng.normal(size=(3, n))
+    of_z, of_w = 2.0 ** rng.integers(-30, 31, (2, n))
+    return (M, q, d, e), (of_w[:, np.newaxis] * M / of_z, of_w * q, of_w * d, of_w * e)
+
+
+@pytest.mark.parametrize("seed", swept(range(12), range(12, 200)))
+def test_other_units_leave_the_map_as_it_is(seed):
+    """A unit of 1e-9 to 1e9 for each unknown, each row and each parameter, without scale=."""
+    rng = np.random.default_rng([36, seed])
+    usual, other = in_units(rng, int(rng.integers(1, 5)))
+    a, m = 2.0 ** rng.integers(-30, 31, 2)
+    known = plane(lambda mu: LCP(usual[0], usual[1] + mu * usual[3], usual[2]), UNIT, UNIT)
+    M, q, d, e = other
+    found = plane(lambda mu: LCP(M, q + mu / m * e, d / a), (-a, a), (-m, m))
+    assert found.guarantee == known.guarantee == "complete"
+    assert len(found.sectors) == len(known.sectors)
+    for alpha, mu in points(known, 10):
+        assert found.count(a * alpha, m * mu) == known.count(alpha, mu)
+        assert known.count(alpha, mu) == len(enumerate_solutions(LCP(M, q + mu * e, d), alpha))
+
+
+@pytest.mark.parametrize("seed", swept([95, 155, 168, *range(4)], range(4, 95)))
+def test_wrong_magnitudes_make_no_complete_map(seed):
+    """Rounding of magnitudes that are far too large hides sides of cells, which is said."""
+    rng = np.random.default_rng([37, seed])
+    M, q, d, e = in_units(rng, n := int(rng.integers(1, 5)))[0]
+    unit = 10.0 ** rng.integers(-9, 10)
+    found = plane(lambda mu: LCP(M, unit * (q + mu * e), unit * d, scale=np.ones(n)), UNIT, UNIT)
+    is_right = all(
+        found.count(alpha, mu) == len(enumerate_solutions(LCP(M, q + mu * e, d), alpha))
+        for alpha, mu in points(found, 10)
+    )
+    assert is_right or found.guarantee.startswith("not certain")
+
+
+@pytest.mark.parametrize("unit", swept([2.0**15], [2.0**-20]))
+def test_other_units_leave_loci_as_they_are(unit):
+    """A coupling that is no load; loci have the magnitudes of the solutions."""
+    M, q, d = np.array([[1.0, 0.4], [0.3, 1.2]]), np.array([-0.4, 0.3]), np.array([1.0, 0.5])
+    one, other = (
+        LociPlane.between(
+            lambda mu, u=u: LCP(M + mu * np.eye(2)[::-1], u * q, u * d), UNIT, (0.0, 0.5), [0.2]
+        )
+        for u in (1.0, unit)
+    )
+    assert [s.count for s in other.sectors] == [s.count for s in one.sectors]
+    assert other.guarantee == one.guarantee
+    assert len(other.loci) == len(one.loci) > 0

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from paper_systems import CASES, ONE_NODE, TWO_NODES
 from pwscont_coulomb import AffineLoad, ContactBody, CoulombFriction, CoulombLoad
+from pwscont_optimisation import QuadraticProgram
 from pwscont_power import Network, PowerFlow
 from pwscont_power.networks import ieee14
 from reference_enumeration import Body
@@ -15,13 +16,16 @@ from sweeps import swept
 
 from pwscont import (
     LCP,
+    AbsNormal,
     Complementarity,
     ExactLinear,
     InvalidInputError,
     InvalidSystemError,
+    PiecewiseLinearSystem,
     PiecewiseSystem,
     PseudoArclength,
     Switched,
+    enumerate_solutions,
     explore,
     trace,
 )
@@ -362,4 +366,109 @@ def test_complementarity_in_a_unit_for_each_unknown_and_each_row(seed):
     system = LCP(of_w[:, np.newaxis] * M / of_z, of_w * q, of_w * d)
     graph = explore(system, (-2.0, 2.0))
     for alpha in (-1.73, -0.91, -0.13, 0.37, 1.19, 1.81):
-        assert graph.count(alpha) == complementary_cells(M, q + alpha * d)
+        expected = complementary_cells(M, q + alpha * d)
+        assert graph.count(alpha) == len(enumerate_solutions(system, alpha)) == expected
+
+
+@pytest.mark.parametrize("unit", [1.0, 1e-3, 1e-7, 1e-9, 1e-12, 1e9])
+@pytest.mark.parametrize("cost", [1.0, 1e4, 1e7, 1e-9])
+def test_a_program_has_its_two_solutions_in_any_unit(unit, cost):
+    """-x^2 / 2 - 0.3 x, x <= 1: a maximum at -0.3, and the constraint."""
+    slope = cost / unit
+    system = QuadraticProgram([[-slope / unit]], [-0.3 * slope], [[1.0]], [unit], d=[0.1 * slope])
+    found = enumerate_solutions(system, 0.0)
+    assert sorted(s.z[0] / unit for s in found) == pytest.approx([-0.3, 1.0], rel=1e-14)
+    assert found.guarantee == "complete"
+
+
+def test_small_unknowns_make_no_false_solution():
+    """The inequalities fail by as much as their terms, which are small."""
+    M = [[2.0409191213851825, -2555665.031314182], [0.41809884672577885, -567769.6061279299]]
+    q, d = [-4.5e-10, -2.2e-10], [-2.0e-9, -2.3e-10]
+    assert len(enumerate_solutions(LCP(M, q, d), 0.3)) == 0
+
+
+@pytest.mark.parametrize("unit", [1e-100, 1e-50, 1e50, 1e100])
+def test_enumeration_in_extreme_units(unit):
+    M, q, d = np.array([[1.0, 2.0], [2.0, 1.0]]), np.array([-1.0, -1.0]), np.array([1.0, 0.0])
+    for system in (LCP(M, unit * q, unit * d), LCP(unit * M, q, d)):
+        assert len(enumerate_solutions(system, 0.0)) == 3
+    with pytest.raises(InvalidSystemError, match="choose other units"):
+        enumerate_solutions(LCP(M, unit**2.5 * q, unit**2.5 * d), 0.0)
+
+
+class InUnits:
+    """J x + Y |s| + b = 0, s = c + Z x + L |s|: small integers or any numbers, in any units."""
+
+    def __init__(self, rng):
+        n, m = self.shape = int(rng.integers(1, 4)), int(rng.integers(1, 5))
+        any_number, shapes = rng.random() < 0.6, [(m, n), (m, m), (n, n), (n, m), (2, m), (2, n)]
+        numbers = (rng.normal(size=s) if any_number else rng.integers(-2, 3, s) for s in shapes)
+        self.Z, self.L, self.J, self.Y, self.c, self.b = (each.astype(float) for each in numbers)
+        self.L = np.tril(self.L, -1)
+        self.c[rng.integers(2)] *= rng.random() < 0.7
+        self.b[rng.integers(2)] *= rng.random() < 0.7
+
+    def system(self, of_x=1.0, of_rows=1.0, of_s=1.0, of_alpha=1.0):
+        """Return the system in these units, which multiply numbers by powers of two."""
+        n, m = self.shape
+        x, rows, s = np.broadcast_to(of_x, n), np.broadcast_to(of_rows, n), np.broadcast_to(of_s, m)
+        alpha = np.array([[1.0], [of_alpha]])
+        return AbsNormal(
+            Z=s[:, np.newaxis] * self.Z / x,
+            L=s[:, np.newaxis] * self.L / s,
+            J=rows[:, np.newaxis] * self.J / x,
+            Y=rows[:, np.newaxis] * self.Y / s,
+            c=s * self.c / alpha,
+            b=rows * self.b / alpha,
+        )
+
+
+def powers_of_two(rng, *sizes):
+    return [2.0 ** rng.integers(-30, 31, size) for size in sizes]
+
+
+@pytest.mark.parametrize("seed", swept(range(20), range(20, 400)))
+def test_other_units_change_neither_solutions_nor_guarantee(seed):
+    """Units of 1e-9 to 1e9 for each unknown, row and switch: powers of two change no digit."""
+    rng = np.random.default_rng([36, seed])
+    family = InUnits(rng)
+    n, m = family.shape
+    x, rows, s, (of_alpha,) = powers_of_two(rng, n, n, m, 1)
+    usual, other = family.system(), family.system(x, rows, s, of_alpha)
+    for alpha in (0.0, 1.0, -0.5, rng.normal()):
+        expected = enumerate_solutions(usual, alpha)
+        found = enumerate_solutions(other, alpha * of_alpha)
+        assert len(found) == len(expected)
+        assert found.guarantee == expected.guarantee
+    graphs = explore(usual, (-2.0, 1.5)), explore(other, (-2.0 * of_alpha, 1.5 * of_alpha))
+    guarantees = [graph.guarantee.split(";")[0] for graph in graphs]  # then follow values of alpha
+    assert guarantees[0] == guarantees[1]
+    alpha = rng.uniform(-2.0, 1.5)
+    assert graphs[0].count(alpha) == graphs[1].count(alpha * of_alpha)
+
+
+class WithoutJacobian(PiecewiseLinearSystem):
+    """M z + |z| = q + alpha d, whose derivatives are differences."""
+
+    def __init__(self, M, q, d):
+        self.size, self.M, self.q, self.d = len(q), M, q, d
+
+    def test_functions(self, z, alpha):
+        return z.copy()
+
+    def residual(self, z, alpha, character):
+        sides = 2.0 * character.array - 1.0
+        return self.M @ z + sides * z - self.q - alpha * self.d
+
+
+@pytest.mark.parametrize("unit", [1e-12, 1e-6, 1e6, 1e12])
+def test_differences_fit_the_unit(unit):
+    rng = np.random.default_rng(36)
+    M, (q, d) = rng.normal(size=(3, 3)), rng.normal(size=(2, 3))
+    one, other = (WithoutJacobian(M, u * q, u * d) for u in (1.0, unit))
+    for alpha in (-1.0, 0.0, 0.3, 2.0):
+        expected, found = (enumerate_solutions(system, alpha) for system in (one, other))
+        assert len(found) == len(expected)
+        for s, known in zip(found, expected, strict=True):
+            np.testing.assert_allclose(s.z / unit, known.z, rtol=1e-9)

@@ -75,9 +75,9 @@ class Metric:
         return cls._checked(system, system.scale(lo, hi), hi - lo, interval)
 
     @classmethod
-    def at(cls, system: PiecewiseSystem, alpha: float) -> Metric:
-        """Return the metric of a system at a single alpha."""
-        width = max(1.0, abs(alpha))
+    def at(cls, system: PiecewiseSystem, alpha: float, width: float | None = None) -> Metric:
+        """Return the metric of a system at a single alpha; ``width`` is the magnitude of alpha."""
+        width = width or max(1.0, abs(alpha))
         return cls._checked(system, system.scale(alpha, alpha), width, EVERYWHERE)
 
     @classmethod

@@ -19,8 +19,10 @@ import scipy.linalg
 from pwscont.basics.arrays import Array, Indices, generic, own_dense
 from pwscont.basics.character import Character
 from pwscont.basics.rounding import EPS, GUARD
-from pwscont.curve.metric import Metric
+from pwscont.curve.magnitudes import rounded_to_one
+from pwscont.curve.metric import LARGEST, SHORTEST, Metric
 from pwscont.enumeration.echelon import MOST_WORK, independent
+from pwscont.linear.balance import balanced
 from pwscont.system.box import Box
 from pwscont.system.contract import residual_at
 from pwscont.system.promises import check_blocks, refuse_bent, refuse_bent_tests
@@ -272,3 +274,27 @@ def _reduced(matrix: Array, vector: Array, origin: Array, basis: Array) -> tuple
     lengths[nothing] = (terms + np.abs(matrix) @ np.abs(origin) + np.abs(vector))[nothing]
     lengths[lengths == 0.0] = 1.0
     return rows / lengths[:, np.newaxis], rest / lengths
+
+
+def measured_at(
+    system: SlicewiseLinearSystem, alpha: float
+) -> tuple[SlicewiseLinearSystem, Metric]:
+    """Return a system with typical magnitudes at a single alpha, and the metric there.
+
+    Where the user gives no magnitudes, the magnitudes balance the terms of all rows and tests, so
+    that other units change nothing. A constant is as large as the part that alpha brings: the sum
+    may be zero.
+    """
+    if system.gives_scale:
+        return system, Metric.at(system, alpha)
+    rows = list[Array]()
+    for matrix, vector in affine_forms(system, alpha, np.zeros(system.size + 1)):
+        known = np.where(np.isfinite(matrix), np.abs(matrix), 0.0)  # by alpha: may be infinite
+        rows.append(np.column_stack([known, np.fmax(np.abs(vector), abs(alpha) * known[:, -1])]))
+    terms = np.vstack(rows)
+    terms[terms[:, -1] < np.finfo(float).tiny, -1] = 0.0  # without digits
+    *of_z, width = balanced(terms, system.size + 1)[0].tolist()
+    (low, high), step = system.domain, max(1.0, abs(alpha))
+    lo, hi = (alpha, min(alpha + step, high)) if alpha < high else (max(alpha - step, low), alpha)
+    fitted = system.within(lo, hi, rounded_to_one(np.array(of_z)))
+    return fitted, Metric.at(fitted, alpha, min(max(width, SHORTEST), LARGEST))

@@ -22,7 +22,7 @@ from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidSystemError
 from pwscont.basics.printing import UNNAMED, named, state
 from pwscont.basics.rounding import EPS
-from pwscont.curve.metric import Metric
+from pwscont.enumeration.options import measured_at
 from pwscont.search.enumeration import solve_surely
 from pwscont.system.abilities import all_names
 from pwscont.system.contract import check_contract, residual_at
@@ -209,7 +209,7 @@ def _wrong_number(system: SlicewiseLinearSystem, x: Array) -> Iterator[Defect]:
     if number_of_cells(system.blocks()) > MOST_CELLS:
         return
     alpha = float(x[-1])
-    found = solve_surely(system, Metric.at(system, alpha), alpha)
+    found = solve_surely(*measured_at(system, alpha), alpha)
     if found.faces or found.undecided or found.singular:
         return
     if any(len(point.characters) > 1 for point in found.points):

@@ -31,6 +31,7 @@ from pwscont.enumeration.polyhedron import Face, face_of
 from pwscont.enumeration.slices import FEW_CELLS, Points
 from pwscont.enumeration.tree import CUT_OFF_LINES, leaves
 from pwscont.graph.records import FEW_DIGITS, significant
+from pwscont.linear.balance import balanced
 from pwscont.linear.factorise import factor
 from pwscont.search.enumeration import starts_at
 from pwscont.search.search import Search
@@ -113,9 +114,8 @@ def _has_free_unknowns(system: PiecewiseSystem) -> bool:
     if not factor(jacobian[:, :-1], power_of_two(differences.scale[:-1])).is_singular():
         return False  # nearly always, and sooner than by a rank
     rows = np.vstack([jacobian, dense(system.test_jacobian(z, alpha))])[:, :-1]
-    rows = rows * differences.scale[:-1]
-    sizes = np.abs(rows).max(axis=1, initial=0.0)
-    scaled = rows / np.where(sizes > 0.0, sizes, 1.0)[:, np.newaxis]
+    magnitudes, sizes = balanced(rows, system.size)
+    scaled = rows * magnitudes / sizes[:, np.newaxis]
     return bool(np.linalg.matrix_rank(scaled) < system.size)
 
 

@@ -31,6 +31,7 @@ from pwscont.curve.error_samples import (
 )
 from pwscont.curve.metric import Metric
 from pwscont.enumeration.exact import solve_exactly
+from pwscont.enumeration.options import measured_at
 from pwscont.enumeration.polyhedron import Point, Slice
 from pwscont.enumeration.slices import ALONE, det_sign, is_in_doubt, lone_point, solve_slice
 from pwscont.graph.records import FEW_DIGITS, Solution, significant
@@ -116,12 +117,12 @@ def enumerate_solutions(system: SlicewiseLinearSystem, alpha: float) -> Solution
         )
     check_attributes(system)
     alpha = float(finite_array("alpha", alpha, ()))
-    metric, box = Metric.at(system, alpha), Box.of(system)
     with few_threads(system.size):
-        found = solve_surely(system, metric, alpha)
+        fitted, metric = measured_at(system, alpha)
+        found = solve_surely(fitted, metric, alpha)
         points = [*found.points, *_representatives(found, metric)]
-        solutions = [_solution(system, metric, point) for point in points]
-    pairs = zip(solutions, points, strict=True)
+        solutions = [_solution(fitted, metric, point) for point in points]
+    pairs, box = zip(solutions, points, strict=True), Box.of(system)
     within = [s for s, p in pairs if is_inside(box, p.x, p.error, metric.scale)]
     guarantee = _guarantee(system, found, sum(s.det_sign for s in solutions))
     return Solutions(within, guarantee, system, alpha, is_finite=not found.faces)

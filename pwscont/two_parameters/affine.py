@@ -23,7 +23,7 @@ from typing import TypeAlias, final
 import numpy as np
 
 from pwscont import InvalidInputError, PiecewiseLinearSystem, PiecewiseSystem
-from pwscont.extending import EPS, Array, Box, affine_forms, dense, finite_array
+from pwscont.extending import EPS, Array, Box, affine_forms, balanced, dense, finite_array
 from pwscont.two_parameters.family import AlphaRange, Family, MakeSystem
 
 
@@ -129,6 +129,10 @@ class AffineFamily:
         family = Family(make, float(window.centre[1]), AlphaRange(window.alphas))
         system = _checked(family.sample)
         _check_sizes(family, window)
+        if not system.gives_scale:
+            rough = _forms(family, window, np.zeros(system.size))
+            family = family.with_magnitudes(_magnitudes(rough, system.size))
+            system = _checked(family.sample)
         scale = family.scale(window.mus)
         forms, necessary = _forms(family, window, scale), _necessary(family, window, scale)
         return cls(system, window, forms, necessary, scale, _typical(forms, scale))
@@ -170,6 +174,15 @@ def _necessary(family: Family, window: Window, scale: Array) -> Form:
         return square, np.ones(4)
     own = np.hstack([A, s, t])
     return np.vstack([own, square]), np.append(0.5 * (by_s + by_t), np.ones(4))
+
+
+def _magnitudes(forms: Iterable[Form], n: int) -> Array:
+    """Return magnitudes of z that balance the terms of all rows and tests over the window."""
+    rows = [
+        np.column_stack([matrix[:, :n], np.abs([*matrix[:, n:].T, vector]).max(axis=0)])
+        for matrix, vector in forms
+    ]
+    return balanced(np.vstack(rows), n)[0]
 
 
 def _typical(forms: Iterable[Form], scale: Array) -> Array:

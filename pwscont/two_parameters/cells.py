@@ -14,6 +14,7 @@ Failure modes and answers
   gradient is rounding, and gives no side. The test holds all over the cell, or nowhere.
 - Lines of a nearly singular cell have larger errors: the field ``blur`` has the error, and lines
   closer than the largest blur count as one line.
+- Magnitudes are far too large, and all sides of a cell are rounding: the blur is the whole square.
 """
 
 from __future__ import annotations
@@ -292,9 +293,18 @@ def _cells(
         if len(polygon) > 2:
             character, z = cells.character(i), points[i]
             sign = _det_sign(family, metric, character, z, polygon)
-            label, blur = family.system.label(character), off / lengths[moves].min(initial=np.inf)
+            label, blur = family.system.label(character), _blur(sides[i], moves, off)
             tests = cells.tests[i, own][moves]
-            yield Cell(character, label, sign, z, lines, tests, polygon, float(blur), off)
+            yield Cell(character, label, sign, z, lines, tests, polygon, blur, off)
+
+
+def _blur(sides: Array, moves: Signs, off: float) -> float:
+    """Return by how much rounding moves the sides: the whole square if rounding hides all sides."""
+    lengths, hidden = np.hypot(*sides[:, :2].T), np.abs(sides[~moves, 2]) <= 0.25 * GUARD * off
+    if not moves.any() and (hidden & (lengths > 0.0)).any():
+        return 1.0
+    least = float(lengths[moves].min(initial=np.inf))
+    return off / (least if moves.all() else min(least, 1.0))
 
 
 def _polygon(sides: Array, blur: Array) -> Array:

@@ -81,6 +81,8 @@ class Family:
         A value of mu for which there is a system.
     limits : AlphaRange
         Limits of alpha; no system is evaluated beyond finite limits.
+    magnitudes : ndarray, shape (n,), optional
+        Typical magnitudes of z for systems that give none; not used without limits.
 
     Attributes
     ----------
@@ -88,14 +90,25 @@ class Family:
         The system that gives sizes and names.
     """
 
-    def __init__(self, make: MakeSystem, sample: float, limits: AlphaRange) -> None:
+    def __init__(
+        self,
+        make: MakeSystem,
+        sample: float,
+        limits: AlphaRange,
+        magnitudes: Array | None = None,
+    ) -> None:
         self._make, self._sampled_at, self._limits = make, float(sample), limits
+        self._magnitudes = magnitudes
         self.at = lru_cache(REMEMBERED)(self._checked)
         self.sample = self.at(self._sampled_at)
 
-    def __reduce__(self) -> tuple[type[Family], tuple[MakeSystem, float, AlphaRange]]:
+    def __reduce__(self) -> tuple[type[Family], tuple[MakeSystem, float, AlphaRange, Array | None]]:
         """Return the arguments for a pickle; a copy builds the systems anew."""
-        return Family, (self._make, self._sampled_at, self._limits)
+        return Family, (self._make, self._sampled_at, self._limits, self._magnitudes)
+
+    def with_magnitudes(self, magnitudes: Array) -> Family:
+        """Return the same family with other typical magnitudes of z, shape (n,)."""
+        return Family(self._make, self._sampled_at, self._limits, magnitudes)
 
     def _checked(self, mu: float) -> PiecewiseSystem:
         system = self._make(mu)
@@ -105,7 +118,9 @@ class Family:
                 "PiecewiseSystem is expected"
             )
         limits = self._limits
-        return system.within(limits.lo, limits.hi) if limits.are_finite else system
+        if not limits.are_finite:
+            return system
+        return system.within(limits.lo, limits.hi, self._magnitudes)
 
     def scale(self, mus: tuple[float, float]) -> Array:
         """Return typical magnitudes of z, shape (n,), over ``mus`` and the limits of alpha."""

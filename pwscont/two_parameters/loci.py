@@ -216,8 +216,9 @@ def follow_transitions(
     """
     found = list(known)
     for mu in levels:
-        for point, test in _transitions(family, alphas, mu):
+        for point, test, magnitudes in _transitions(family, alphas, mu):
             locus = TransitionLocus(family, test, mu, alphas)
+            locus.family = locus.family.with_magnitudes(magnitudes)
             y = np.append(completed(family(mu), point.z, point.alpha), point.alpha)
             if not any(_passes(other, locus, y, mu) for other in found):
                 done = sum(len(other.graph.pieces) for other in found)
@@ -231,11 +232,12 @@ def follow_transitions(
 
 def _transitions(
     family: MakeSystem, alphas: tuple[float, float], mu: float
-) -> Iterator[tuple[SpecialPoint, int]]:
-    """Yield the transitions at a value of mu, each with the number of the vanishing test."""
-    system = family(mu)
+) -> Iterator[tuple[SpecialPoint, int, Array]]:
+    """Yield the transitions at a value of mu, with the vanishing test and magnitudes of z."""
+    graph = uninterrupted(explore(family(mu), alphas))
+    system = graph.system or family(mu)  # the graph's has the magnitudes of the solutions
     scale = Metric.of(system, alphas).scale
-    for point in uninterrupted(explore(system, alphas)).special_points():
+    for point in graph.special_points():
         if point.kind == Kind.FOLD:
             raise InvalidInputError(
                 f"there is a smooth fold at alpha = {point.alpha:.8g} for the level {mu:g}, and "
@@ -250,7 +252,7 @@ def _transitions(
                 f"{mu:g}, where {len(zero)} test functions vanish, so loci meet; choose another "
                 f"level"
             )
-        yield point, int(zero[0])
+        yield point, int(zero[0]), scale[:-1]
 
 
 def _vanishing(system: PiecewiseSystem, point: SpecialPoint, scale: Array) -> Indices:
