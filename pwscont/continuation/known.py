@@ -257,10 +257,6 @@ class FollowedBranches(KnownBranches):
             found += [points[i] for i in sorted(numbers)]
         return found
 
-    def are_all(self) -> bool:
-        """Tell that nothing is proved by following branches."""
-        return False
-
     def leave_off(self) -> None:
         """Note that a search is given up."""
         self.is_left_off = True

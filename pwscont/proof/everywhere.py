@@ -25,7 +25,7 @@ from pwscont.proof.interval import Interval
 from pwscont.proof.search import covered
 from pwscont.search.default_search import default_search
 from pwscont.search.pursuit import solution_from
-from pwscont.search.search import KnownBranches, NothingKnown, Search, scope_of, starts_of
+from pwscont.search.search import KnownBranches, Search, scope_of, starts_of
 from pwscont.system.abilities import completed, formula_of, shown_size
 from pwscont.system.box import Box
 from pwscont.system.system import PiecewiseSystem
@@ -91,7 +91,7 @@ class Everywhere(Search):
 
     def starts(self, system: PiecewiseSystem, metric: Metric, interval: Range) -> Iterator[Found]:
         """Yield the proved solutions, then what the default search finds if something is open."""
-        return self.starts_beside(system, metric, interval, NothingKnown())
+        return self.starts_beside(system, metric, interval, KnownBranches())
 
     def starts_beside(
         self, system: PiecewiseSystem, metric: Metric, interval: Range, known: KnownBranches
@@ -118,7 +118,7 @@ class Everywhere(Search):
         """
         tape = tape_of(system)
         scale = np.append(metric.scale[: tape.size], interval[1] - interval[0])
-        lower, upper = self.box or _default_box(system, metric, tape.size, known or NothingKnown())
+        lower, upper = self.box or _default_box(system, metric, tape.size, known or KnownBranches())
         if not {np.size(lower), np.size(upper)} <= {1, tape.size}:
             raise InvalidInputError(f"box must broadcast to {tape.size} unknowns, got {self.box}")
         ends = [np.broadcast_to(end, (tape.size,)) for end in (lower, upper)]
@@ -220,7 +220,7 @@ class AlsoProved(Search):
 
     def starts(self, system: PiecewiseSystem, metric: Metric, interval: Range) -> Iterator[Found]:
         """Yield what the search finds, then what is proved."""
-        return self.starts_beside(system, metric, interval, NothingKnown())
+        return self.starts_beside(system, metric, interval, KnownBranches())
 
     def starts_beside(
         self, system: PiecewiseSystem, metric: Metric, interval: Range, known: KnownBranches

@@ -23,7 +23,7 @@ from pwscont.curve.error_samples import Found
 from pwscont.curve.metric import Metric
 from pwscont.search.enumeration import starts_at
 from pwscont.search.pursuit import MOST_FOUND, Pursuit, is_new, solution_from
-from pwscont.search.search import KnownBranches, NothingKnown, Search
+from pwscont.search.search import KnownBranches, Search
 from pwscont.system.abilities import completed, shown_size
 from pwscont.system.box import Box
 from pwscont.system.system import PiecewiseSystem
@@ -169,7 +169,7 @@ class Throughout(Search):
         self, system: PiecewiseSystem, metric: Metric, interval: tuple[float, float]
     ) -> Iterator[Found]:
         """Yield solutions at the ends of the interval and inside."""
-        return self.starts_beside(system, metric, interval, NothingKnown())
+        return self.starts_beside(system, metric, interval, KnownBranches())
 
     def starts_beside(
         self,

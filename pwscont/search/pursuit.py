@@ -259,10 +259,9 @@ class Pursuit:
         ``known``: solutions (z, alpha) that are deflated away.
         """
 
-        def step_at(y: Array, residual: Array, jacobian: Array) -> tuple[Array, float]:
+        def step_at(y: Array, residual: Array, jacobian: Array) -> Array:
             step = np.append(_newton_step(jacobian[:, :-1], residual), 0.0)
-            step *= stretch(self._metric, known, y * self._scale, step * self._scale)
-            return _limited(step, y)
+            return step * stretch(self._metric, known, y * self._scale, step * self._scale)
 
         return self._pursued(y, step_at, known)
 
@@ -272,36 +271,32 @@ class Pursuit:
         The steps begin aside of a point, in a direction.
         """
 
-        def step_at(y: Array, residual: Array, jacobian: Array) -> tuple[Array, float]:
-            step, part = _limited(_shortest_step(jacobian, residual), y)
-            if self._ends[0] <= y[-1] + step[-1] <= self._ends[1]:
-                return step, part
+        def step_at(y: Array, residual: Array, jacobian: Array) -> Array:
+            step = _shortest_step(jacobian, residual)
+            if self._ends[0] <= y[-1] + _limit(step, y) * step[-1] <= self._ends[1]:
+                return step
             rise = self._ends[0 if step[-1] < 0.0 else 1] - y[-1]  # to the end that is left
             rest = residual + jacobian[:, -1] * rise
-            return _limited(np.append(_newton_step(jacobian[:, :-1], rest), rise), y)
+            return np.append(_newton_step(jacobian[:, :-1], rest), rise)
 
         aside = y + self._slack(y, MOVED_ASIDE) * direction
         found, arrived = self._pursued(aside, step_at, ())
         return found if arrived else None
 
     def _pursued(
-        self, y: Array, step_at: Callable[..., tuple[Array, float]], known: Sequence[Array]
+        self, y: Array, step_at: Callable[[Array, Array, Array], Array], known: Sequence[Array]
     ) -> tuple[Array, bool]:
-        """Return where steps lead, and whether a solution is there.
-
-        ``step_at`` returns a step from a point, its residual and Jacobian, and what part it is of
-        the step that leads to a solution of the linear equations.
-        """
+        """Return where steps lead, and whether a solution is there."""
         for _ in range(MOST_PURSUIT_STEPS):
             here = self._linear(y)
             if here is None:
                 return y, False
-            step, part = step_at(y, *here)
+            step = step_at(y, *here)
             if not are_finite(step):
                 return y, False
             if _length(step) <= self._slack(y, LAST_STEP):
                 return y + step, True
-            moved = self._moved(y, here[0], (step, part), known)
+            moved = self._moved(y, here[0], step, known)
             if moved is None or _length(moved[:-1]) > self._farthest:
                 return y, False
             y = moved
@@ -373,24 +368,24 @@ class Pursuit:
         return (x[:-1], float(x[-1])) if self._metric.admits(x) else None
 
     def _moved(
-        self, y: Array, residual: Array, way: tuple[Array, float], known: Sequence[Array]
+        self, y: Array, residual: Array, step: Array, known: Sequence[Array]
     ) -> Array | None:
         """Return the first of y + step, y + step / 2, ... that reduces the merit enough.
 
-        ``way``: the step, and what part it is of the step to the solution.
+        A step is shortened first if much longer than the way from zero to the point.
         """
 
         def merit(y: Array, residual: Array) -> float:
             return _length(residual) * deflation(self._metric, known, y * self._scale)
 
-        (step, part), before, length = way, merit(y, residual), 1.0
+        before, part = merit(y, residual), _limit(step, y)
         for _ in range(MOST_STEP_HALVINGS):
-            trial = y + length * step
+            trial = y + part * step
             if place := self._place(trial):
                 off = residual_at(self._system, *place, self._system.character(*place)) / self._rows
-                if merit(trial, off) <= (1.0 - DESCENT * length * part) * before:
+                if merit(trial, off) <= (1.0 - DESCENT * part) * before:
                     return trial
-            length *= 0.5
+            part *= 0.5
         return None
 
     def _slack(self, y: Array, tolerance: float) -> float:
@@ -443,11 +438,9 @@ def _shortest_step(jacobian: Array, residual: Array) -> Array:
     return step
 
 
-def _limited(step: Array, y: Array) -> tuple[Array, float]:
-    """Return a step, shortened if much longer than the way from zero to the point, and the part."""
-    most, length = LONGEST_STEP * (1.0 + _length(y[:-1])), _length(step)
-    part = min(1.0, most / length) if length else 1.0
-    return part * step, part
+def _limit(step: Array, y: Array) -> float:
+    """Return the part of a step that is not much longer than the way from zero to the point."""
+    return min(1.0, LONGEST_STEP * (1.0 + _length(y[:-1])) / max(_length(step), EPS))
 
 
 def _length(y: Array) -> float:

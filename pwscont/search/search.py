@@ -21,52 +21,27 @@ from pwscont.system.selection import unexplained
 from pwscont.system.system import PiecewiseSystem, SlicewiseLinearSystem
 
 
-class KnownBranches(ABC):
-    """The branches of a run so far; a search need not lead to these branches again."""
+class KnownBranches:
+    """The branches of a run so far, which a search need not find again; default none."""
 
-    @abstractmethod
     def at(self, alpha: float) -> list[Array]:
         """Return a point (z, alpha) for each known solution, interpolated between stored points."""
-
-    @abstractmethod
-    def near(self, x: Array, metric: Metric) -> Array | None:
-        """Return the nearest point between stored points, None if x can be on no known branch."""
-
-    @abstractmethod
-    def extremes(self) -> list[Array]:
-        """Return the points (z, alpha) of pieces at which alpha or an unknown is extremal."""
-
-    @abstractmethod
-    def are_all(self) -> bool:
-        """Tell whether it is proved that there are no others, so that no search is needed."""
-
-    @abstractmethod
-    def leave_off(self) -> None:
-        """Note that a search is given up because of the number of solutions."""
-
-
-@final
-class NothingKnown(KnownBranches):
-    """No branches."""
-
-    def at(self, alpha: float) -> list[Array]:
-        """Return nothing."""
         return []
 
     def near(self, x: Array, metric: Metric) -> Array | None:
-        """Return nothing."""
+        """Return the nearest point between stored points, None if x can be on no known branch."""
         return None
 
     def extremes(self) -> list[Array]:
-        """Return nothing."""
+        """Return the points (z, alpha) of pieces at which alpha or an unknown is extremal."""
         return []
 
     def are_all(self) -> bool:
-        """Tell that nothing is proved."""
+        """Tell whether it is proved that there are no others, so that no search is needed."""
         return False
 
     def leave_off(self) -> None:
-        """Keep nothing."""
+        """Note that a search is given up because of the number of solutions."""
 
 
 #: The values that a search should yield, in words, for errors about values that are nearly right.
@@ -152,7 +127,7 @@ class CombinedSearch(Search):
         self, system: PiecewiseSystem, metric: Metric, interval: tuple[float, float]
     ) -> Iterator[Found]:
         """Yield what the first finds, then what the second finds."""
-        return self.starts_beside(system, metric, interval, NothingKnown())
+        return self.starts_beside(system, metric, interval, KnownBranches())
 
     def starts_beside(
         self,
