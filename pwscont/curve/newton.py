@@ -48,6 +48,9 @@ MOST_CHORDS = 2
 MOST_CORRECTIONS = 6
 #: Largest ratio of two corrections that still converge.
 STALLED = 0.1
+#: Largest last correction, as a part of the length of z, that rounding of constants may explain:
+#: closer to a point where H has infinite slope, curvature would pass for rounding.
+SMALL = 100.0 * CONVERGED
 #: Largest residual at a root, as a part of what alpha changes in the row over the interval.
 SOLVED = 1e-4
 #: A factorisation is stale where the Jacobian changes by more than this part within the last
@@ -115,7 +118,9 @@ def newton(curve: Curve, border: Border, x: Array, most_iterations: int) -> Root
         if size <= CONVERGED or size > STALLED * before > 0.0:
             quotient = first_quotient(sizes)
             root = Root(x, last, jacobian, row, factor, metric.scale, iteration, stale, quotient)
-            if size <= CONVERGED or is_rounding(root) or _is_unseen_rounding(curve, root, border):
+            is_done = size <= CONVERGED or is_rounding(root)
+            is_small = size <= SMALL * largest(np.abs(x / metric.scale)[:-1])
+            if is_done or (is_small and _is_unseen_rounding(curve, root, border)):
                 return root if metric.admits(x) else Failure(FailureReason.OUTSIDE)
         before = size
     return Failure(FailureReason.NOT_CONVERGED)

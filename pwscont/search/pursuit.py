@@ -90,8 +90,9 @@ FARTHEST_START = 1e3
 #: Number of values of a single unknown at which the equation is evaluated, within LINE_WIDTH times
 #: the known magnitude and again farther out.
 ON_LINE, LINE_WIDTH = 64, 1.5
-#: Number of such values still farther out, on each side, each WIDER_BY times as far as the last.
-FARTHER_PLACES = 10
+#: Number of such values still farther out, on each side, each WIDER_BY times as far as the last,
+#: and by what factor the equation must have grown there.
+FARTHER_PLACES, GROWS = 8, 2.0
 #: Accuracy of a sign change, as a part of the known magnitude, and distance below which a sign
 #: change is a known solution, measured like SAME_SOLUTION.
 ZERO_ACCURACY, NEAR_ZERO = 1e-3, 1e-2
@@ -166,10 +167,15 @@ class Pursuit:
             return float(residual_at(system, full, alpha, system.character(full, alpha))[0])
 
         even = np.linspace(-1.0, 1.0, ON_LINE + 2)[1:-1]
-        farther = np.outer([-1.0, 1.0], WIDER_BY ** np.arange(2, FARTHER_PLACES + 2)).ravel()
-        spread = np.concatenate([LINE_WIDTH * even, WIDER_BY * _with_tails(even), farther])
-        places = np.unique(np.clip(reach * spread, box.lower[0], box.upper[0]))
-        signs = np.sign([equation(z) for z in places])
+        near = np.concatenate([LINE_WIDTH * even, wide := WIDER_BY * _with_tails(even)])
+        farther = wide[-1] * WIDER_BY ** np.arange(1, FARTHER_PLACES + 1)
+        places = reach * np.concatenate([near, farther, -farther])
+        places = np.unique(np.clip(places, box.lower[0], box.upper[0]))
+        values = np.array([equation(z) for z in places])
+        # farther out a function that grows has few zeros, and any other function too many
+        is_far, sizes = np.abs(places) > reach * wide[-1], np.abs(values)
+        grows = sizes > GROWS * sizes.max(where=~is_far & np.isfinite(sizes), initial=0.0)
+        signs = np.where(is_far & ~grows, 0.0, np.sign(values))
         from scipy.optimize import bisect  # noqa: PLC0415  importing takes as long as all else
 
         for i in np.flatnonzero(signs[1:] * signs[:-1] < 0.0):
