@@ -55,28 +55,28 @@ LONGEST_FILE = 500
 #: Most files and lines of each room, a little above the figures when they were set. When a room
 #: becomes smaller, its budget becomes smaller.
 BUDGET = {
-    "basics": (10, 1166),
-    "system": (10, 2142),
-    "linear": (11, 1486),
+    "basics": (10, 1171),
+    "system": (10, 2158),
+    "linear": (11, 1503),
     "notation": (13, 2860),
-    "curve": (14, 2773),
-    "enumeration": (11, 2553),
-    "transitions": (12, 3605),
-    "graph": (10, 2609),
-    "search": (7, 1630),
-    "continuation": (8, 2720),
+    "curve": (14, 2836),
+    "enumeration": (11, 2579),
+    "transitions": (12, 3638),
+    "graph": (10, 2631),
+    "search": (7, 1638),
+    "continuation": (8, 2758),
     "kit": (4, 940),
-    "proof": (13, 2494),
+    "proof": (13, 2500),
     "scenes": (14, 2650),
     "view": (6, 940),
     "evolution": (14, 3000),
-    "two_parameters": (16, 3560),
+    "two_parameters": (16, 3597),
     "studies": (11, 2240),
     "bench": (15, 1840),
     "commands": (10, 1150),
 }
 #: Most files and classes that the README's arch meets; a change that needs more says why.
-MOST_FILES_MET, MOST_CLASSES_MET = 49, 57
+MOST_FILES_MET, MOST_CLASSES_MET = 50, 57
 
 
 def module_of(path):

@@ -119,7 +119,7 @@ def newton(curve: Curve, border: Border, x: Array, most_iterations: int) -> Root
             quotient = first_quotient(sizes)
             root = Root(x, last, jacobian, row, factor, metric.scale, iteration, stale, quotient)
             is_done = size <= CONVERGED or is_rounding(root)
-            is_small = size <= SMALL * largest(np.abs(x / metric.scale)[:-1])
+            is_small = size <= SMALL * largest(np.abs(x / metric.scale)[:-1]) and metric.admits(x)
             if is_done or (is_small and _is_unseen_rounding(curve, root, border)):
                 return root if metric.admits(x) else Failure(FailureReason.OUTSIDE)
         before = size
