@@ -59,7 +59,7 @@ BUDGET = {
     "system": (10, 2158),
     "linear": (11, 1503),
     "notation": (13, 2860),
-    "curve": (14, 2836),
+    "curve": (14, 2845),
     "enumeration": (11, 2579),
     "transitions": (12, 3638),
     "graph": (10, 2631),
@@ -76,7 +76,7 @@ BUDGET = {
     "commands": (10, 1150),
 }
 #: Most files and classes that the README's arch meets; a change that needs more says why.
-MOST_FILES_MET, MOST_CLASSES_MET = 50, 57
+MOST_FILES_MET, MOST_CLASSES_MET = 50, 58
 
 
 def module_of(path):

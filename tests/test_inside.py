@@ -129,6 +129,7 @@ def test_narrow_intervals(width, given):
     assert np.allclose(sorted(float(s.z[0]) for s in graph.solutions(middle)), exact, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_a_search_that_is_given_up_says_so():
     graph = explore(Curve(lambda z, a: np.sin(z) - 0.5 * a), (-1.0, 1.0))
     assert "there may be more" in graph.guarantee

@@ -437,6 +437,7 @@ def test_wrong_magnitudes_make_no_complete_map(seed):
     assert is_right or found.guarantee.startswith("not certain")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("unit", swept([2.0**15], [2.0**-20]))
 def test_other_units_leave_loci_as_they_are(unit):
     """A coupling that is no load; loci have the magnitudes of the solutions."""

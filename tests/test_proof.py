@@ -138,6 +138,7 @@ def test_a_krawczyk_image_accepted_outside_its_box_is_caught(monkeypatch):
     assert bad_certificates(range(4))[0] > 0
 
 
+@pytest.mark.slow
 def test_a_single_selection_at_kinks_is_caught(monkeypatch):
     switches = pwscont.proof.operations.SWITCHES
     monkeypatch.setitem(switches, "abs", (switches["abs"][0], single_selection))

@@ -82,6 +82,7 @@ def test_explore_proves_small_formulas_by_default():
     assert graph.to_dict()["guarantee"] == graph.guarantee
 
 
+@pytest.mark.slow
 def test_by_default_what_is_not_proved_is_not_mentioned():
     graph = explore(Switched(1, lambda z, t, sw: (z - t) ** 2 * (z - 3)), (-1.0, 1.0))
     assert graph.proof is None

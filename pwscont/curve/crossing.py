@@ -20,10 +20,11 @@ from typing import final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, generic_angles, largest, power_of_two
+from pwscont.basics.arrays import Array, Matrix, generic_angles, largest, power_of_two
 from pwscont.basics.outcome import Failure, FailureReason
 from pwscont.basics.rounding import CONFIDENCE, CONVERGED, EPS
 from pwscont.curve.curve import Curve
+from pwscont.linear.factor import Factor
 from pwscont.linear.factorise import augmented, columns_scaled, largest_in_rows, rows_divided
 
 #: Most Newton iterations to a branch point.
@@ -115,12 +116,15 @@ def crossing(curve: Curve, x: Array) -> Crossing | Failure:
 
 def loses_rank(curve: Curve, x: Array) -> bool:
     """Tell whether the Jacobian has rank n - 1 at most at a point, compared to points beside."""
-    equations = _equations(curve, x)
-    null = _null(curve, x, equations, *_generic(len(x) - 1))
+    equations, borders, n = _equations(curve, x), _generic(len(x) - 1), len(x) - 1
+    _, matrix = _bordered(curve, x, equations, *borders)
+    if not matrix.is_singular():
+        g = [matrix.solve(unit)[n] for unit in np.eye(n + 2)[n:]]
+        if largest(np.abs(np.array(g))) > FULL_RANK**0.5:
+            return False  # nearly always: generic borders make g larger, by far less than that
+    null = _null(curve, x, equations, *borders)
     for _ in range(FIRST_BORDERS):
-        if null is None or largest(np.abs(null.g)) > FULL_RANK**0.5:
-            break  # nearly always: generic borders make g larger, by far less than that
-        null = _null(curve, x, equations, *null.borders)
+        null = null and _null(curve, x, equations, *null.borders)
     return null is None or largest(np.abs(null.g)) < FULL_RANK
 
 
@@ -141,11 +145,16 @@ def _equations(curve: Curve, x: Array) -> Array:
     return power_of_two(np.where(np.isfinite(rows[1]), np.maximum(*rows), rows[0]))
 
 
+def _bordered(curve: Curve, x: Array, rows: Array, b: Array, C: Array) -> tuple[Matrix, Factor]:
+    """Return the Jacobian in unknowns scaled to about 1, and M, whose unknown mu is number n."""
+    scaled = columns_scaled(curve.selection.jacobian(x), curve.metric.scale)
+    return scaled, augmented(rows_divided(scaled, rows), b, C)
+
+
 def _null(curve: Curve, x: Array, rows: Array, b: Array, C: Array) -> _Null | None:
     """Solve with M and the transpose of M; None for a singular M."""
     n, scale = len(b), curve.metric.scale
-    scaled = columns_scaled(curve.selection.jacobian(x), scale)
-    matrix = augmented(rows_divided(scaled, rows), b, C)
+    scaled, matrix = _bordered(curve, x, rows, b, C)
     if matrix.is_singular():
         return None
     units, order = np.eye(n + 2)[n:], [*range(n), n + 1, n]  # mu last
