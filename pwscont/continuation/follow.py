@@ -392,9 +392,9 @@ class PieceFollower:
 
         So close to a crossing Newton may find points of either curve: such points are left out.
         """
-        point, metric = crossing_on_end(self._curve, self._state.x), self._curve.metric
-        if point is None or len(self._points) == 1:
-            return None
+        if len(self._points) == 1 or not (point := crossing_on_end(self._curve, self._state.x)):
+            return None  # a start at a crossing is recognised as one
+        metric = self._curve.metric
         far = [x for x in self._points if metric.norm(x - point.x) > DISTANCE_TO_SIGN]
         points = far or self._points[:1]
         way = metric.covector(point.x - points[-1])

@@ -118,9 +118,7 @@ def newton(curve: Curve, border: Border, x: Array, most_iterations: int) -> Root
         if size <= CONVERGED or size > STALLED * before > 0.0:
             quotient = first_quotient(sizes)
             root = Root(x, last, jacobian, row, factor, metric.scale, iteration, stale, quotient)
-            is_done = size <= CONVERGED or is_rounding(root)
-            is_small = size <= SMALL * largest(np.abs(x / metric.scale)[:-1]) and metric.admits(x)
-            if is_done or (is_small and _is_unseen_rounding(curve, root, border)):
+            if size <= CONVERGED or is_rounding(root) or _is_unseen_rounding(curve, root, border):
                 return root if metric.admits(x) else Failure(FailureReason.OUTSIDE)
         before = size
     return Failure(FailureReason.NOT_CONVERGED)
@@ -242,6 +240,9 @@ def _is_unseen_rounding(curve: Curve, root: Root, border: Border) -> bool:
 
     Constants that cancel in H may be far larger than all other terms.
     """
+    size, far = curve.metric.relative(root.error, root.x), np.abs(root.x / root.scale)[:-1]
+    if size > SMALL * largest(far) or not curve.metric.admits(root.x):
+        return False
     unseen = unseen_rounding(curve, root, lambda x: border(x)[0])
     return bool(unseen.any()) and is_rounding(root, uncertainty(root, unseen))
 

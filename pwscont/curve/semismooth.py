@@ -108,8 +108,7 @@ def semismooth_newton(
             ):
                 point, crossings = _evaluated(system, there), crossings + 1
                 continue
-            own = Selection(system, character)
-            is_root = is_solved(own, metric, x, linear.jacobian, residual)
+            is_root = is_solved(Selection(system, character), metric, x, linear.jacobian, residual)
             if not is_root and unsolved < MOST_UNSOLVED:
                 point, linear, unsolved = _evaluated(system, there), None, unsolved + 1
                 continue
