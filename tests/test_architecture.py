@@ -55,16 +55,16 @@ LONGEST_FILE = 500
 #: Most files and lines of each room, a little above the figures when they were set. When a room
 #: becomes smaller, its budget becomes smaller.
 BUDGET = {
-    "basics": (10, 1171),
+    "basics": (10, 1182),
     "system": (10, 2158),
     "linear": (11, 1503),
     "notation": (13, 2860),
     "curve": (14, 2845),
     "enumeration": (11, 2579),
     "transitions": (12, 3638),
-    "graph": (10, 2631),
+    "graph": (10, 2632),
     "search": (7, 1638),
-    "continuation": (8, 2758),
+    "continuation": (8, 2783),
     "kit": (4, 940),
     "proof": (13, 2500),
     "scenes": (14, 2650),

@@ -213,6 +213,43 @@ def test_an_interrupt_raised_by_a_report():
     assert rows(graph) < rows(explored())
 
 
+def test_ctrl_c_while_events_are_marked_keeps_all_pieces():
+    press = press_after(400)  # the first calls are those of the starts
+
+    def half(z, alpha):
+        press()
+        return alpha - 0.1
+
+    graph = explored(events={"half": half})
+    assert graph.guarantee.startswith("interrupted; no events are marked on")
+    assert len(graph.pieces) >= len(explored().pieces)
+    assert graph.count(0.0) == explored().count(0.0)
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+def test_events_are_marked_on_what_was_found_before_ctrl_c():
+    def report(pieces, alpha):
+        if pieces == 2:
+            raise KeyboardInterrupt
+
+    found = explored(report=report)
+    middle = 0.5 * sum(found.pieces[0].interval)
+    graph = explored(report=report, events={"half": lambda z, alpha: alpha - middle})
+    assert len(graph.special_points("event")) == found.count(middle) > 0
+    assert "events" not in graph.guarantee
+
+
+def test_a_limit_of_seconds_bounds_events_too():
+    now = [0.0]
+    with Budget(Limits(seconds=1.0), clock=lambda: now[0]) as budget:
+        now[0] = 2.0
+        budget.extend()
+        check_budget()
+        now[0] = 2.6
+        with pytest.raises(KeyboardInterrupt, match="limit of 1 seconds"):
+            check_budget()
+
+
 def test_a_second_ctrl_c_does_not_wait():
     """The first one cannot end a residual that hangs."""
 

@@ -39,7 +39,8 @@ class Limits:
         The most pieces that the graph may have; default any number.
     seconds : float, optional
         The time after which the run ends; default no limit. The run first finishes the current step
-        of the search or of a piece, which takes longer for large systems.
+        of the search or of a piece, which takes longer for large systems. Events are marked
+        afterwards, for at most half of the limit; the guarantee says if events are missing.
 
     Raises
     ------
@@ -76,6 +77,8 @@ def _is_positive(value: object) -> bool:
 NO_LIMITS = Limits()
 #: The reason of a run that a user ended.
 INTERRUPTED = "interrupted"
+#: The time for work on what a run has found, as a part of the limit.
+AFTERWARDS = 0.5
 
 _current: ContextVar[Budget | None] = ContextVar("budget", default=None)
 
@@ -125,7 +128,7 @@ class Budget:
         if self._handler is not None:
             signal.signal(signal.SIGINT, self._handler)
         if self._outer is not None:
-            self._outer._is_interrupted |= self._is_interrupted
+            self._outer._is_interrupted |= self.spent == INTERRUPTED
 
     @property
     def spent(self) -> str:
@@ -140,6 +143,14 @@ class Budget:
             raise OutOfBudget(f"the limit of {self._limits.seconds:g} seconds was reached")
         if self._outer is not None:
             self._outer.check()
+
+    def extend(self) -> None:
+        """Allow some seconds more, for work on what the run has found; Ctrl-C ends the work."""
+        self._reason = self.spent
+        self._is_interrupted = False
+        seconds = self._limits.seconds
+        if seconds is not None:
+            self._deadline = max(self._deadline, self._clock() + AFTERWARDS * seconds)
 
     def allows(self, pieces: int) -> bool:
         """Tell whether a run that has followed ``pieces`` pieces may follow another piece."""

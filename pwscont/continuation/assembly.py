@@ -15,12 +15,13 @@ from __future__ import annotations
 
 from collections import defaultdict, deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from itertools import chain, combinations, count, islice, pairwise
+from itertools import combinations, count, islice, pairwise
 from typing import TypeAlias
 
 import numpy as np
 
 from pwscont.basics.arrays import Array
+from pwscont.basics.budget import Budget, check_budget
 from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidSystemError
 from pwscont.basics.outcome import Kind
@@ -50,9 +51,8 @@ def mark(
     system: PiecewiseSystem,
     metric: Metric,
     detectors: Sequence[TransitionDetector],
-    events: Events | None,
 ) -> None:
-    """Mark what users' detectors see at special points, and divide the pieces at events."""
+    """Mark what users' detectors see at special points."""
     for edge in discovery.edges if detectors else ():
         curve, points = edge.curve(system, metric), edge.points
         for number, place, inner in (
@@ -63,9 +63,24 @@ def mark(
             for detector in detectors:
                 words = kinds_at(detector, curve, place.x, place.error, inner)
                 node.also += [word for word in words if word not in (str(node.kind), *node.also)]
-    if events:
-        parts = (_divided(e, discovery.nodes, system, metric, events) for e in discovery.edges)
-        discovery.edges = list(chain.from_iterable(parts))
+
+
+def divide(
+    discovery: Discovery, system: PiecewiseSystem, metric: Metric, events: Events, budget: Budget
+) -> int:
+    """Divide the pieces at events; return how many are not, because the budget is spent."""
+    parts: list[Edge] = []
+    budget.extend()
+    for number, edge in enumerate(discovery.edges):
+        try:
+            parts += _divided(edge, discovery.nodes, system, metric, events)
+        except KeyboardInterrupt as why:
+            budget.end(why)
+            rest = discovery.edges[number:]
+            discovery.edges = [*parts, *rest]
+            return len(rest)
+    discovery.edges = parts
+    return 0
 
 
 def _divided(
@@ -76,6 +91,7 @@ def _divided(
     start, end, segments = edge.first, edge.last, list(_segments(curve, edge))
     along = events.along(curve, start.x, start.error)
     for after, (segment, (a, b)) in enumerate(zip(segments, pairwise(points), strict=True), 1):
+        check_budget()
         along.look(segment, metric.norm(b - a), after)
     marks = along.before(end.x, end.error)
     if not marks:

@@ -32,10 +32,10 @@ from pwscont.basics.budget import INTERRUPTED, Budget, Limits
 from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidInputError
 from pwscont.basics.outcome import FILL, FILL_CURVES, GIVEN_UP, Guarantee, Kind, SearchScope
-from pwscont.basics.printing import short
+from pwscont.basics.printing import counted, short
 from pwscont.basics.quantities import Function
 from pwscont.basics.rounding import SAME_ALPHA
-from pwscont.continuation.assembly import assemble, check_unique, mark
+from pwscont.continuation.assembly import assemble, check_unique, divide, mark
 from pwscont.continuation.discovery import CROSSED, Discovery
 from pwscont.continuation.follow import PieceFollower, alone, default_detectors
 from pwscont.continuation.journal import Journal
@@ -216,7 +216,7 @@ def uninterrupted(graph: BranchGraph) -> BranchGraph:
     KeyboardInterrupt
         If Ctrl-C was pressed while the graph was computed.
     """
-    if graph.searched.spent == INTERRUPTED:
+    if graph.searched.spent.startswith(INTERRUPTED):
         raise KeyboardInterrupt
     return graph
 
@@ -305,11 +305,14 @@ def follow_starts(plan: Plan, starts: Iterable[Found], searched: SearchScope) ->
                 journal.revise(wrong.magnitudes)
             raise
         discovery.close(budget.spent)
-        mark(discovery, plan.reduced_system, plan.metric, plan.foreign, plan.events)
-    if journal is not None and not budget.spent:
-        journal.finish()
+        if journal is not None and not budget.spent:
+            journal.finish()
+        system, metric = plan.reduced_system, plan.metric
+        mark(discovery, system, metric, plan.foreign)
+        unmarked = divide(discovery, system, metric, plan.events, budget) if plan.events else 0
     infinite = () if budget.spent else _infinite(plan, discovery, bool(without_digits))
-    return _graph(plan, discovery, _scope(plan, searched, len(without_digits)), infinite)
+    scope = _scope(plan, searched, len(without_digits), unmarked)
+    return _graph(plan, discovery, scope, infinite)
 
 
 def _follow_from(
@@ -352,8 +355,11 @@ def _infinite(plan: Plan, discovery: Discovery, is_part: bool) -> tuple[Stretch,
     return joined(find_continua(plan.reduced_system, plan.metric, alphas, one_of_many), alphas)
 
 
-def _scope(plan: Plan, searched: SearchScope, lost: int) -> SearchScope:
-    """Return what was searched and what that promises; starts without a digit were lost."""
+def _scope(plan: Plan, searched: SearchScope, lost: int, unmarked: int) -> SearchScope:
+    """Return what was searched and what that promises.
+
+    ``lost``: the number of starts without a digit; ``unmarked``: of pieces without marked events.
+    """
     what, promise = searched.what, searched.promise
     if lost:
         what += f"; {lost} of the points found not followed, for no digit of them is certain"
@@ -364,7 +370,10 @@ def _scope(plan: Plan, searched: SearchScope, lost: int) -> SearchScope:
         what += "; at most one solution, by the system's promise"
         promise = Guarantee.UNIQUE
     gap = gap_of(step_size_of(plan.stepper), plan.reduced_system)
-    return SearchScope(what, promise, plan.budget.spent, gap)
+    spent = plan.budget.spent
+    if unmarked:
+        spent += f"; no events are marked on {counted(unmarked, 'piece')}"
+    return SearchScope(what, promise, spent, gap)
 
 
 def _graph(

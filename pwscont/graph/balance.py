@@ -329,6 +329,7 @@ def _places(
 def _unfinished(graph: ConnectedPieces) -> str:
     """Say what ended the run, and where there is more."""
     spent = graph.searched.spent
-    points = [point for point in graph.special_points(Kind.STOPPED) if spent in point.message]
+    why = spent.partition(";")[0]
+    points = [point for point in graph.special_points(Kind.STOPPED) if why in point.message]
     places = _places("open ends", graph, points, _accumulation)
     return "; ".join([f"{spent}: there may be more", *places])
