@@ -89,8 +89,8 @@ def twice(z, alpha):
 
 
 CASES = {
-    "switched": lambda: (Switched(2, snapping), (-1.0, 1.0), explore),
     "switched linear": lambda: (Switched(1, snap, linear=True), (-2.0, 2.0), explore),
+    "switched": lambda: (Switched(2, snapping), (-1.0, 1.0), explore),
     "complementarity": lambda: (Complementarity(twice, [0.0], [1.0]), (-1.0, 5.0), explore),
     "affine load": lambda: (fig7().system, (-2.0, 2.0), explore),
     "curved load": lambda: (fig10().system, (0.0, 1.0), explore),
@@ -131,7 +131,7 @@ def same(a, b):
 
 @EVERY_WAY
 @EVERY_CASE
-@pytest.mark.sweep(12)
+@pytest.mark.sweep(33)
 def test_systems_before_and_after_use(case, way):
     """A copy gives the same graph, whatever the original remembers, and so does the original."""
     system, interval, find = CASES[case]()

@@ -61,7 +61,7 @@ def texts(ax):
 
 
 @pytest.mark.parametrize("name", ["example1", "example2", "fig7", "fig10", "example3"])
-@pytest.mark.sweep(3)
+@pytest.mark.sweep(5)
 def test_every_fold_has_its_label_in_every_diagram(name):
     graph = load_scene(name).run()
     folds = sorted(number_of(fold.alpha) for fold in graph.special_points("nonsmooth fold"))

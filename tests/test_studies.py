@@ -414,6 +414,7 @@ def told_by_a_process(seed, factor):
     return subprocess.run(run, env=surroundings, capture_output=True, text=True, check=True).stdout
 
 
+@pytest.mark.slow
 def test_functions_are_told_alike_by_all_processes():
     assert told_by_a_process(1, 5.0) == told_by_a_process(2, 5.0) != told_by_a_process(1, 5.5)
 

@@ -62,6 +62,7 @@ def test_exact_values_and_names_in_the_table(capsys, name):
 
 
 @pytest.mark.parametrize("spelt", ["lambda_t", "λ_t"])
+@pytest.mark.sweep(2)
 def test_panels_with_greek_letters_in_words(capsys, tmp_path, spelt):
     out = str(tmp_path)
     assert main(["run", "fig7", "-o", out, "--panels", spelt, "u_nu", "--format", "svg"]) == 0
