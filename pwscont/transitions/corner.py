@@ -42,7 +42,6 @@ from pwscont.linear.factorise import last_unit
 from pwscont.linear.jacobian import StructuredJacobian
 from pwscont.system.abilities import DecidesCorners
 from pwscont.system.contract import jacobian_at
-from pwscont.system.promises import LARGEST_TO_SQUARE
 from pwscont.system.selection import Selection
 from pwscont.system.system import (
     Block,
@@ -197,9 +196,6 @@ MOST_CELLS_OF_CONE = 4**8
 MOST_PATTERN_TESTS = 12
 #: Jacobians that a cone problem keeps: those of blocks with up to this many modes.
 KEPT_JACOBIANS = 4
-#: A gradient that changes a test by less than this over typical magnitudes is zero: at a corner that
-#: rounding moves from 0 to 1e-152, z**2 has the slope 2e-152, which has no normal square.
-VANISHED_GRADIENT = 100.0 / LARGEST_TO_SQUARE
 #: A test is level along a ray where its slope is below this part of the magnitudes of its terms.
 LEVEL_TEST = EPS**0.5
 #: Generic right-hand sides e that are tried for an index.
@@ -338,8 +334,7 @@ class ConeProblem(SlicewiseLinearSystem):
     def _gradients(self) -> Array:
         x = self._corner.x
         gradients = +dense(self._corner.system.test_jacobian(x[:-1], float(x[-1])))
-        vanishes = np.abs(gradients) @ self._scale < VANISHED_GRADIENT
-        gradients[vanishes | (self._constant != 0.0)] = 0.0
+        gradients[self._corner.flat | (self._constant != 0.0)] = 0.0
         return gradients
 
     def test_functions(self, z: Array, alpha: float) -> Array:

@@ -223,6 +223,24 @@ class Corner:
         """The character of the signs of the tests, those that vanish included."""
         return Character.of(self.tests)
 
+    @property
+    def flat(self) -> Signs:
+        """Tell which tests, shape (m,), are as flat as at a double zero, such as z**2 at z = 0.
+
+        Their gradients there change by as much as they are within the rounding of the place. Tests
+        of systems that are linear at fixed alpha are not flat.
+        """
+        flat = np.zeros(len(self.tests), dtype=bool)
+        if isinstance(self.system, SlicewiseLinearSystem) or not self.zero:
+            return flat
+        scale, which = self.metric.scale, np.array(sorted(self.zero), dtype=np.intp)
+        aside = self.x + GUARD * (magnitude(self.x, self.error) + EPS * scale) * generic(len(scale))
+        here, there = (
+            self.system.some_test_gradients(x[:-1], float(x[-1]), which) for x in (self.x, aside)
+        )
+        flat[which] = abs(here) @ scale <= abs(there - here) @ scale
+        return flat
+
     def all_cells(self) -> list[Character]:
         """Return a character for each cell, from all sign patterns of the vanishing tests."""
         cells: dict[bytes, Character] = {}
@@ -253,7 +271,7 @@ class Corner:
         """Return the slopes along d of vanishing bounding tests, 0 for slopes within rounding."""
         vanish = [int(test) in self.zero for test in selection.bounding]
         rows = selection.test_gradients(self.x)[np.flatnonzero(vanish)]
-        slopes: Array = rows @ direction
+        slopes: Array = (rows @ direction) * ~self.flat[selection.bounding[vanish]]
         least = SLANT * (abs(rows) @ (np.abs(direction) + NOISE * self.metric.scale))
         return np.where(np.abs(slopes) > least, slopes, 0.0)
 
