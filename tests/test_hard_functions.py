@@ -185,3 +185,27 @@ def test_a_square_is_given_up_after_a_number_of_tiny_steps():
     assert graph.guarantee.startswith("not balanced")
     assert "steps stay tiny" in graph.guarantee
     assert all(len(piece.points) < 2000 for piece in graph.pieces)
+
+
+@pytest.mark.parametrize("seed", range(24))
+@pytest.mark.sweep(30)
+def test_a_reactor_has_no_solutions_at_negative_temperatures(seed):
+    """There exp(g - g / temperature) is 1e40 to 1e180: a step of 1e-25 changes H by 1e17."""
+    rng = np.random.default_rng([7, seed])
+    g, heat, cooling = rng.uniform(15.0, 40.0), rng.uniform(0.2, 1.0), rng.uniform(0.0, 1.0)
+    coolant, sign = rng.uniform(0.9, 1.0), 1 if seed % 3 else -1
+
+    def residual(z, t, sw):
+        rate = sign * t * z[0] * np.exp(g * (1.0 - 1.0 / z[1]))
+        return [1.0 - z[0] - rate, 1.0 - z[1] + heat * rate - cooling * (z[1] - coolant)]
+
+    def number(t):
+        rate = np.linspace(0.0, 1.0, 1_000_001)
+        temperature = (1.0 + heat * rate + cooling * coolant) / (1.0 + cooling)
+        rest = rate - t * (1.0 - rate) * np.exp(g * (1.0 - 1.0 / temperature))
+        return int((rest[1:] * rest[:-1] < 0.0).sum())
+
+    graph = explore(Switched(2, residual), tuple(sorted((0.01 * sign, 3.0 * sign))))
+    assert not graph.infinite
+    for t in (0.02, 0.07, 0.234, 1.234, 2.7):
+        assert graph.count(sign * t) == number(t)
