@@ -5,7 +5,15 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from pwscont import BranchGraph, PiecewiseSystem, PseudoArclength, StepSize, Switched, trace
+from pwscont import (
+    BranchGraph,
+    PiecewiseSystem,
+    PseudoArclength,
+    StepSize,
+    Switched,
+    explore,
+    trace,
+)
 
 SHAPES = {
     "gauss": lambda t: np.exp(-(t**2)),
@@ -100,3 +108,18 @@ def test_a_formula_that_sums_over_all_entries_keeps_both_folds():
         return z + 2.0 * w * np.exp(-np.sum((z - c) ** 2) / w**2) - alpha + sw.relu(z - 50.0)
 
     assert trace(Switched(1, f), ([-2.0], -2.0), (-2.0, 2.0)).count(1.73269) == 3
+
+
+@pytest.mark.parametrize("c", [1e-4, 1e-6, 1e-8, 1e-10])
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.sweep(5)
+def test_no_step_crosses_a_pole(sign, c):
+    """z - alpha - c / z: two branches turn next to z = 0 within sqrt(c), or fold there."""
+    system = Switched(1, lambda z, t, sw: z - t - sign * c / z)
+    graph = explore(system, (-1.0, 1.3))
+    for t in (-0.7, -0.1, 0.0, 0.3, 1.0):
+        inside = t * t + 4.0 * sign * c
+        far = 0.5 * (t + np.copysign(np.sqrt(abs(inside)), t))
+        truth = sorted([far, -sign * c / far]) if inside > 0.0 else []
+        found = sorted(float(solution.z[0]) for solution in graph.solutions(t))
+        assert found == pytest.approx(truth, rel=1e-6, abs=0.0)

@@ -356,7 +356,8 @@ def explore(
     named = ((f"starts[{i}]", start) for i, start in enumerate(listed))
     given = {name: checked_start(system, start, inside, name) for name, start in named}
     watched, guess = checked_detectors(system, detectors, events), np.zeros(system.size)
-    with Budget(limits) as budget:
+    # a system need not be defined wherever a search looks
+    with Budget(limits) as budget, np.errstate(all="ignore"):
         at = guess, inside[0]
         plan = checked_plan(system, inside, at, budget, watched, stepper, **options)
         around = [plan.reduced(z)[: shown_size(plan.reduced_system)] for z, _ in given.values()]

@@ -25,8 +25,8 @@ from pwscont.curve.stepper import CurvedSegment
 from pwscont.linear.factor import Factor
 from pwscont.system.system import PiecewiseSystem, SlicewiseLinearSystem
 
-#: The largest number of places in a step.
-MOST_PLACES = 256
+#: The numbers of places in a short and in a long step.
+FEWEST_PLACES, MOST_PLACES = 6, 256
 #: Most unknowns for which a look costs little beside a step.
 CHEAP_UNKNOWNS = 8
 #: Variation of the distances between places, as a part of the distance.
@@ -38,8 +38,12 @@ GOLDEN = 0.5 * (5.0**0.5 - 1.0)
 ROUGH_PART = 0.05
 #: Distances from the cubic, in the metric, below which nothing is read from how these vary.
 INVISIBLE = 10.0 * CONVERGED
+#: Most odd places of a step around which is looked.
+MOST_ODD = 3
 #: Places around an odd place, rounds of looking there, and the factor by which the room shrinks.
 CLOSER_PLACES, CLOSER_ROUNDS, ZOOM = 8, 3, 0.25
+#: Towards a pole the distances bend more by this factor after CLOSER_ROUNDS rounds; most rounds.
+GROWS, MOST_CLOSER_ROUNDS = 4.0, 24
 #: Degree of the polynomial that counts as smooth; at most a third of the number of places.
 SMOOTH_DEGREE = 3
 
@@ -60,20 +64,29 @@ def farthest_off(
     distance of the curve from the cubic; beyond, no closer look is taken.
     """
     gap = gap_of(step_size, segment.curve.selection.system)
-    if not 0.0 < gap < segment.length:
+    if not gap > 0.0 or segment.curve.selection.is_straight:
         return 0.0
-    count = min(ceil(segment.length / gap) - 1, MOST_PLACES)
+    count = min(max(ceil(segment.length / gap) - 1, FEWEST_PLACES), MOST_PLACES)
     off, alphas = _looked_at(segment, factor, _at_places(count))
     worst = largest(np.abs(off)) if len(off) else 0.0
     if not worst <= allowed:
         return worst if worst > allowed else inf  # worst may be nan
     if worst > INVISIBLE and len(off) == count:
-        rough = np.abs(_rough(count).dot(off))
-        if largest(rough) > ROUGH_PART * worst + INVISIBLE:
-            odd = int(rough.argmax()) // rough.shape[1]
-            around = float(places(count)[odd]), 1.0 / count
-            worst = max(worst, _close_in(segment, factor, around, allowed))
+        rough, least = np.abs(_rough(count).dot(off)), ROUGH_PART * worst + INVISIBLE
+        if largest(rough) > least:
+            odd = [0.0, 1.0, *places(count)[_peaks(rough.max(axis=1), least)].tolist()]
+            around = ((place, 1.0 / count) for place in odd)
+            worst = max(worst, *(_close_in(segment, factor, room, allowed) for room in around))
     return inf if _turns(segment, factor, places(count), alphas) else worst
+
+
+def _peaks(sizes: Array, least: float) -> list[int]:
+    """Return the places of the highest peaks of sizes, at most MOST_ODD, all above a size."""
+    around = np.concatenate([[0.0], sizes, [0.0]])
+    is_peak = (sizes > least) & (sizes >= around[:-2]) & (sizes >= around[2:])
+    peaks = np.flatnonzero(is_peak)
+    highest: list[int] = peaks[np.argsort(-sizes[peaks])][:MOST_ODD].tolist()
+    return highest
 
 
 @lru_cache(maxsize=MOST_PLACES)
@@ -129,18 +142,20 @@ def _close_in(
     segment: CurvedSegment, factor: Factor, around: tuple[float, float], allowed: float
 ) -> float:
     """Return how far off the curve is within a distance of a place, looked at ever closer."""
-    (odd, apart), worst = around, 0.0
-    for _ in range(CLOSER_ROUNDS):
+    (odd, apart), worst, bend, bends = around, 0.0, 0.0, [0.0] * CLOSER_ROUNDS
+    while bend >= GROWS * bends[-CLOSER_ROUNDS] and len(bends) < MOST_CLOSER_ROUNDS:
+        bends.append(bend)
         u = odd + apart * np.linspace(-1.0, 1.0, CLOSER_PLACES + 2)[1:-1]
         u = u[(u > 0.0) & (u < 1.0)]
         off, alphas = _looked_at(segment, factor, _weights(u))
-        if not len(off) or len(off) < len(u):
+        if len(off) < max(len(u), 3):
             break
-        sizes = np.abs(off).max(axis=1)
-        worst = max(worst, float(sizes.max()))
+        worst = max(worst, largest(np.abs(off)))
         if not worst <= allowed or _turns(segment, factor, u, alphas):
             return inf
-        odd, apart = float(u[sizes.argmax()]), ZOOM * apart
+        # the smooth part of the distances is nearly straight
+        each = np.abs(off[:-2] - 2.0 * off[1:-1] + off[2:]).max(axis=1)
+        bend, odd, apart = largest(each), float(u[1 + each.argmax()]), ZOOM * apart
     return worst
 
 

@@ -17,6 +17,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
+from math import sqrt
 from typing import final
 
 import numpy as np
@@ -31,6 +32,7 @@ from pwscont.enumeration.options import Problem, problem_with_alpha
 from pwscont.enumeration.polyhedron import Polyhedron, inside_of
 from pwscont.enumeration.slices import solve_slice
 from pwscont.enumeration.tree import leaves
+from pwscont.system.box import Box
 from pwscont.system.contract import jacobian_at, residual_at
 from pwscont.system.system import (
     PiecewiseLinearSystem,
@@ -48,6 +50,8 @@ DISTANCE_TO_OTHER = 0.01
 MOST_SHORTEST_STEPS = 6
 #: Longest step to a solution that has arrived, as a part of 1 plus the length of the solution.
 LONGEST_LAST_STEP = EPS**0.5
+#: Where H vanishes along the way to a point, as a part of the way; H is tiny below this size.
+NEAR_ZERO, TINY = 1e-3, 1e-200
 #: Most cells of a system that is asked for such sets.
 MOST_CELLS_FILLED = 4**10
 #: Distance from an end of a stretch at which the stretch is asked for, as a part of the stretch.
@@ -81,6 +85,26 @@ def is_one_of_many(system: PiecewiseSystem, metric: Metric, x: Array) -> bool:
         if _null_direction(system, scale, other, alpha) is not None:
             return True
     return False
+
+
+def underflows(system: PiecewiseSystem, metric: Metric, x: Array) -> bool:
+    """Tell whether H is zero at a point, or next to zero, only because H is as small as it can be.
+
+    On the way from the centre H is tiny before H is zero, as exp(-z^2) is; max(z, 0) is not.
+    """
+    centre, alpha = Box.of(system).centre(metric.scale[:-1]), float(x[-1])
+
+    def size(part: float) -> float:
+        z = centre + part * (x[:-1] - centre)
+        return float(np.abs(residual_at(system, z, alpha, system.character(z, alpha))).max())
+
+    inside, beyond = 0.0, 1.0
+    if size(beyond) > TINY:
+        return False
+    while beyond - inside > NEAR_ZERO:
+        middle = 0.5 * (inside + beyond)
+        inside, beyond = (middle, beyond) if size(middle) > TINY else (inside, middle)
+    return size(inside) < sqrt(TINY)
 
 
 def solution_near(system: PiecewiseSystem, scale: Array, y: Array, alpha: float) -> Array | None:

@@ -35,7 +35,7 @@ from pwscont.curve.magnitudes import nonlinear_reach
 from pwscont.curve.metric import Metric, deflation, stretch
 from pwscont.curve.newton import is_solved, newton
 from pwscont.curve.semismooth import semismooth_newton
-from pwscont.enumeration.continua import equations_in_magnitudes, is_one_of_many
+from pwscont.enumeration.continua import equations_in_magnitudes, is_one_of_many, underflows
 from pwscont.search.search import KnownBranches
 from pwscont.system.abilities import completed, shown_size
 from pwscont.system.box import Box
@@ -137,8 +137,11 @@ class Pursuit:
                 found = self._corrected(reached, alpha) if arrived else None
                 if not (found and is_new(self._metric, found[0], known)):
                     break
+                is_many = is_one_of_many(self._system, self._metric, found[0])
+                if is_many and underflows(self._system, self._metric, found[0]):
+                    break
                 yield found
-                if is_one_of_many(self._system, self._metric, found[0]):
+                if is_many:
                     return
                 here.append(found[0])
                 known = [*here, *self._solutions(alpha)]
