@@ -37,7 +37,6 @@ from pwscont.transitions.rays import (
     check_continuity,
     inward_ray,
     rounding_of_tests,
-    vanishing,
 )
 
 #: A place with an error below this bound belongs to a test that falls clearly: touching would need
@@ -164,7 +163,8 @@ class BoundingTests(TransitionDetector):
         """Cross the interface unless the curve only touches it; at a corner, take every way on."""
         system, x = curve.selection.system, state.x
         test = int(curve.selection.bounding[index])
-        zero = vanishing(system, x, state.error, curve.metric.scale) | {test}
+        corner = Corner.at(system, curve.metric, x, state.error)
+        zero = corner.zero | {test}
         back = Ray(curve, state).reversed()
         if end := end_of(system, curve.selection.character, zero):
             return SpecialPointFound(Kind.END, x, end, (back,))
@@ -173,7 +173,7 @@ class BoundingTests(TransitionDetector):
                 return touched
             if forth := across(curve, state, test):
                 return crossed(x, back, forth)
-        met = at_corner(Corner.at(system, curve.metric, x, state.error, zero), curve, back)
+        met = at_corner(replace(corner, zero=zero), curve, back)
         # without a ray back the piece lies between interfaces, and meets one after another
         is_apart = met.kind == Kind.STOPPED and len(zero) > 1
         forth = across(curve, state, test) if is_apart else None

@@ -143,10 +143,8 @@ def fold_at_end(curve: Curve, state: State) -> State | None:
 
     None if the state is not at an end, or alpha goes on beyond the end.
     """
-    if curve.selection.is_straight:
-        return None
-    side, slope = _side(curve, state), curve.slope(state)
-    if not side or abs(slope) > STEEPEST_AT_FOLD:
+    side = _side(curve, state)
+    if not side or abs(slope := curve.slope(state)) > STEEPEST_AT_FOLD:
         return None
     inwards = FIRST_SECANT if side * slope > 0.0 else -FIRST_SECANT
     here, there = beside(curve, state, 0.0), beside(curve, state, inwards)
@@ -171,9 +169,7 @@ def fold_at_end(curve: Curve, state: State) -> State | None:
 def leads_outside(ray: Ray) -> bool:
     """Tell whether a ray along an end of the interval bends out of the interval."""
     curve, state = ray.curve, ray.state
-    if not _side(curve, state) or curve.selection.is_straight:
-        return False
-    if abs(curve.slope(state)) > STEEPEST_AT_FOLD:
+    if not _side(curve, state) or abs(curve.slope(state)) > STEEPEST_AT_FOLD:
         return False
     found = beside(curve, state, FIRST_SECANT)
     return isinstance(found, Failure) and found.trouble is FailureReason.OUTSIDE
@@ -190,14 +186,16 @@ def leaning(ray: Ray) -> Ray:
     """Return a ray along an end of the interval, leant so that the ray leads into the interval."""
     curve, state = ray.curve, ray.state
     side = _side(curve, state)
-    if not side or curve.slope(state) or curve.selection.is_straight:
+    if not side or curve.slope(state):
         return ray
     slope = side * LEAN_INWARDS * float(curve.metric.scale[-1])
     return replace(ray, state=_with_slope(state, slope, state.error))
 
 
 def _side(curve: Curve, state: State) -> int:
-    """Return the sign with which alpha enters the interval at an end, 0 away from the ends."""
+    """Return the sign with which alpha enters the interval at an end of a curved piece, else 0."""
+    if curve.selection.is_straight:
+        return 0
     (lo, hi), alpha = curve.metric.interval, state.alpha
     same = SAME_ALPHA * max(hi - lo, abs(alpha))
     return (abs(alpha - lo) <= same) - (abs(alpha - hi) <= same)
@@ -213,8 +211,6 @@ LOCATED_AGAIN = EPS**0.5
 BISECTIONS_BETWEEN = 3
 #: Distance at which the sign of det[J; t^T] is evaluated if no piece carries the sign along.
 DISTANCE_TO_SIGN = EPS**0.25
-#: What is read, by the sign: not to be written to.
-_READINGS = {sign: Reading(np.array([1.0, -1.0]) * sign, UNKNOWN) for sign in (-1, 0, 1)}
 
 
 @final
@@ -224,7 +220,8 @@ class SmoothBranchPoints(TransitionDetector):
 
     def read(self, curve: Curve, state: State) -> Reading:
         """Return the sign and its negative."""
-        return _READINGS[state.orientation]
+        sign = float(state.orientation)
+        return Reading(np.array([sign, -sign]), UNKNOWN)
 
     def locate(self, segment: Segment, index: int, bracket: tuple[float, float]) -> State | Failure:
         """Solve the extended system from within the bracket."""

@@ -50,7 +50,7 @@ from pwscont.system.values import own_array
 from pwscont.transitions.bounding import BoundingTests, crossed
 from pwscont.transitions.detector import Reading, SpecialPointFound, TransitionDetector, ratio_test
 from pwscont.transitions.ends import at_end
-from pwscont.transitions.rays import SLANT, Ray, is_zero
+from pwscont.transitions.rays import SLANT, Ray, rounding_of_tests
 
 #: A piece keeps the direction in which the piece began up to this part of the direction.
 ALIGNED = EPS**0.5
@@ -78,10 +78,7 @@ class StraightTests(TransitionDetector):
         self._last: Entered | None = None
 
     def read(self, curve: Curve, state: State) -> Reading:
-        """Return the bounding tests, positive inside, and their slopes.
-
-        A piece may run along an interface: a test that is zero, and stays so, is no event.
-        """
+        """Return the bounding tests, positive inside, and their slopes."""
         return self._slowly.read(curve, state)
 
     def locate(self, segment: Segment, index: int, bracket: tuple[float, float]) -> State | Failure:
@@ -169,7 +166,9 @@ class StraightTests(TransitionDetector):
         if point is None:
             return None
         rates = gradients.rows.dot(cell.along)
-        here = tests - gradients.changes(point, rates)
+        here = tests - point.along * rates
+        if point.aside is not None:
+            here -= gradients.rows.dot(joined(point.aside, 0.0))
         if not are_finite(here) or gradients.is_corner(tests, here, point, test):
             return None
         # alpha reverses if the path turns
@@ -206,13 +205,6 @@ class Gradients:
         values = self.system.test_functions(x[:-1], float(x[-1]))
         return own_array(self.system, "test_functions", values, self._typical.shape)
 
-    def changes(self, point: CorrectedPoint, rates: Array) -> Array:
-        """Return by how much the correction of a point changed all tests, shape (m,)."""
-        changes: Array = point.along * rates
-        if point.aside is not None:
-            changes += self.rows.dot(joined(point.aside, 0.0))
-        return changes
-
     def is_crossed(self, test: int, gradient: Array, start: State) -> bool:
         """Tell whether a piece leads clearly through the interface where a test vanishes."""
         slope = abs(float(gradient.dot(start.tangent)))
@@ -243,7 +235,8 @@ class Gradients:
             return False  # nearly always
         rows, values = self.rows.some(near), tests[near]
         turned = (values >= 0.0) != (before[near] >= 0.0)
-        return bool((turned | is_zero(rows, values, point.x, point.error, self.scale)).any())
+        rounding = rounding_of_tests(rows, point.x, point.error, self.scale)
+        return bool((turned | (np.abs(values) <= rounding)).any())
 
 
 #: Systems of fewer unknowns are audited at every transition, all systems after AUDIT_AFTER

@@ -116,19 +116,18 @@ class Watch:
         The function is watched again once it is positive. With a negative slope, the same zero
         would be found again.
         """
-        values, slopes, place = reading.values.copy(), reading.slopes.copy(), self._place(event)
-        values[reading.begins[place] + event.index] = 0.0
-        slopes[reading.begins[place] + event.index] = 0.0
+        values, slopes = reading.values.copy(), reading.slopes.copy()
+        values[self._index(reading, event)] = slopes[self._index(reading, event)] = 0.0
         return Reading(values, slopes, reading.begins)
 
     def before(self, reading: Reading, event: Event) -> Reading:
         """Return the reading just before an event: functions that vanish there are positive."""
         values = np.where(reading.values == 0.0, JUST_POSITIVE, reading.values)
-        values[reading.begins[self._place(event)] + event.index] = JUST_POSITIVE
+        values[self._index(reading, event)] = JUST_POSITIVE
         return Reading(values, reading.slopes, reading.begins)
 
-    def _place(self, event: Event) -> int:
-        return self._detectors.index(event.detector)
+    def _index(self, reading: Reading, event: Event) -> int:
+        return reading.begins[self._detectors.index(event.detector)] + event.index
 
     def check(self, start: Reading, end: Reading) -> None:
         """Refuse detectors whose number of functions changed, or whose values are nan."""
@@ -323,28 +322,27 @@ def _bracket_of_dip(
     """Return a bracket of the first zero of a function that is positive at both ends."""
     border = detector.border(segment.curve, index)
 
-    def slope(state: State) -> float:
-        """Return the slope, even where a reading calls the function level at zero."""
+    def value_and_slope(state: State) -> tuple[float, float]:
+        """Return value and slope, even where a reading calls the function level at zero."""
         if border:
-            return float(border(state.x)[1].dot(state.tangent))
-        return float(detector.read(segment.curve, state).slopes[index])
+            value, gradient = border(state.x)
+            return float(value), float(gradient.dot(state.tangent))
+        read = detector.read(segment.curve, state)
+        return float(read.values[index]), float(read.slopes[index])
 
-    def value(state: State) -> float:
-        """Return the value, even where a reading calls the function level at zero."""
-        if border:
-            return float(border(state.x)[0])
-        return float(detector.read(segment.curve, state).values[index])
+    def slope(state: State) -> float:
+        return value_and_slope(state)[1]
 
     lowest, least = segment.start, 0.0
     for narrow in (NARROW_BRACKET, EPS):
         found = locate_sign_change(segment, slope, (0.0, segment.length), narrow)
         if isinstance(found, Failure):
             return found
-        lowest, least = found, value(found)
-        if not 0.0 <= least <= abs(slope(lowest)) * narrow * segment.length:
+        lowest, (least, steepness) = found, value_and_slope(found)
+        if not 0.0 <= least <= abs(steepness) * narrow * segment.length:
             break  # otherwise the dip may be narrower than the bracket of the lowest point
     if least < 0.0:  # the last correction may be larger than the dip is deep
-        least = value(corrected_again(segment.curve, lowest))
+        least, _ = value_and_slope(corrected_again(segment.curve, lowest))
     return (0.0, segment.position(lowest.x)) if least < 0.0 else None
 
 
