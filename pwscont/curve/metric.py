@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from functools import cached_property, lru_cache
+from functools import cached_property
 from typing import final
 
 import numpy as np
@@ -166,9 +166,11 @@ class Metric:
 
     @cached_property
     def _sketching(self) -> Array:
-        """The factor of a direction: units, or projections of many unknowns."""
-        size = len(self.scale)
-        return (_projections(size) if size > WHOLE else 1.0) / self.scale
+        """The factor of a direction: units, for many unknowns random projections, always alike."""
+        size, rows = len(self.scale), np.ones(1)
+        if size > WHOLE:
+            rows = np.random.default_rng(size).normal(size=(PROJECTIONS, size))
+        return rows / self.scale
 
     def slack(self, x: Array, tolerance: float) -> float:
         """Return the length that a tolerance leaves at a point.
@@ -191,12 +193,6 @@ class Metric:
             length = self.norm(t)
         unit: Array = t / length
         return unit
-
-
-@lru_cache(maxsize=4)
-def _projections(size: int) -> Array:
-    """Return fixed random rows, so that two runs are identical."""
-    return np.random.default_rng(size).normal(size=(PROJECTIONS, size))
 
 
 def deflation(metric: Metric, known: Sequence[Array], x: Array) -> float:

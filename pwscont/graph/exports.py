@@ -56,17 +56,13 @@ def networkx_graph(graph: ConnectedPieces) -> nx.MultiGraph:
 
     plain, scale = nx.MultiGraph(), magnitudes(graph)
     for point in graph.nodes:
-        plain.add_node(point.id, **_of_node(point))
+        recorded = {k: v for k, v in attempted(point).items() if not isinstance(v, str)}
+        words = {"kind": str(point.kind), "message": point.message, "name": point.name}
+        state = {"alpha": point.alpha, "z": json.dumps(point.z.tolist())}
+        plain.add_node(point.id, **(words | state | recorded))
     for piece in graph.pieces:
         plain.add_edge(piece.start, piece.end, key=piece.id, **_of_edge(piece, scale))
     return plain
-
-
-def _of_node(point: SpecialPoint) -> dict[str, Any]:
-    """Return the attributes of a node."""
-    numbers = {k: value for k, value in attempted(point).items() if not isinstance(value, str)}
-    words = {"kind": str(point.kind), "message": point.message, "name": point.name}
-    return words | {"alpha": point.alpha, "z": json.dumps(point.z.tolist())} | numbers
 
 
 def _of_edge(piece: Piece, scale: Array) -> dict[str, Any]:

@@ -158,7 +158,7 @@ class StraightTests(TransitionDetector):
         tests = gradients.tests_at(x)
         beyond = Character.beyond(tests, test, bool(selection.side[index] < 0.0))
         other = Curve(Selection(selection.system, beyond), curve.metric)
-        if cell is None or not gradients.is_crossed(test, gradient, start):
+        if cell is None or not gradients.is_crossed(gradient, start):
             return None
         if not other.selection.is_bounded_by(test):
             return None
@@ -205,12 +205,10 @@ class Gradients:
         values = self.system.test_functions(x[:-1], float(x[-1]))
         return own_array(self.system, "test_functions", values, self._typical.shape)
 
-    def is_crossed(self, test: int, gradient: Array, start: State) -> bool:
+    def is_crossed(self, gradient: Array, start: State) -> bool:
         """Tell whether a piece leads clearly through the interface where a test vanishes."""
-        slope = abs(float(gradient.dot(start.tangent)))
-        if slope > SLANT * float(self._typical[test]):
-            return True  # nearly always, because tangents have length one
-        return bool(slope > SLANT * np.abs(gradient).dot(np.abs(start.tangent)))
+        least = SLANT * np.abs(gradient).dot(np.abs(start.tangent))
+        return bool(abs(gradient.dot(start.tangent)) > least)
 
     def are_inside(self, curve: Curve, tests: Array, state: State) -> bool:
         """Tell whether a state lies inside the cell of a curve, and no test is next to zero."""
@@ -387,10 +385,8 @@ class StraightCell:
 
     def _is_rounding(self, dx: Array, point: CorrectedPoint) -> bool:
         """Tell whether a correction is no more than rounding and error of the corrected point."""
-        typical = GUARD * EPS * point.extent[0]
-        if point.aside is None and abs(point.along) * self.length <= typical:
-            return True  # nearly always
-        rounding = typical * self.curve.metric.scale + CONFIDENCE * point.size
+        rounding = GUARD * EPS * point.extent[0] * self.curve.metric.scale
+        rounding += CONFIDENCE * point.size
         return is_everywhere(np.abs(dx) <= rounding)
 
     def _is_tame(self) -> bool:
