@@ -9,7 +9,7 @@ from typing import final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Indices, joined, largest, power_of_two, smallest
+from pwscont.basics.arrays import Array, joined, largest, power_of_two, smallest
 from pwscont.basics.errors import InvalidSystemError
 from pwscont.basics.printing import named
 from pwscont.basics.rounding import CONVERGED, EPS, GUARD, SAME_ALPHA
@@ -130,12 +130,6 @@ class Metric:
     def largest(self, sizes: Array) -> float:
         """Return the largest of some magnitudes, each relative to the typical magnitude."""
         return largest(sizes / self.scale)
-
-    @cached_property
-    def kinds(self) -> Indices:
-        """A number for each unknown; unknowns with the same typical magnitude share a number."""
-        kinds: Indices = np.unique(self.scale, return_inverse=True)[1]
-        return kinds
 
     def relative(self, dx: Array, x: Array) -> float:
         """Return the largest component of ``dx`` relative to the component of ``x`` or the scale.

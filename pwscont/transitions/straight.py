@@ -29,6 +29,7 @@ from pwscont.basics.arrays import (
     is_anywhere,
     is_everywhere,
     joined,
+    largest,
     product,
 )
 from pwscont.basics.character import Character
@@ -212,22 +213,23 @@ class Gradients:
 
     def are_inside(self, curve: Curve, tests: Array, state: State) -> bool:
         """Tell whether a state lies inside the cell of a curve, and no test is next to zero."""
-        metric, selection = curve.metric, curve.selection
-        extent = metric.largest(np.abs(state.x)), metric.largest(state.size)
-        if not len(tests) or not are_finite(tests) or self._near_zero(tests, extent).any():
+        if not len(tests) or not are_finite(tests):
             return False
-        inside = selection.side * tests[selection.bounding] > 0.0
+        if self._near_zero(tests, state.x, state.size).any():
+            return False
+        inside = curve.selection.side * tests[curve.selection.bounding] > 0.0
         return not len(inside) or is_everywhere(inside)
 
-    def _near_zero(self, tests: Array, extent: tuple[float, float]) -> Signs:
-        """Tell which tests errors or corrections of this extent may have made zero."""
-        reach = GUARD * EPS * (1.0 + extent[0]) + 2.0 * CONFIDENCE * extent[1]
+    def _near_zero(self, tests: Array, x: Array, size: Array) -> Signs:
+        """Tell which tests may be zero because of the error, or of a correction, of a point."""
+        extent, error = largest(np.abs(x) / self.scale), largest(size / self.scale)
+        reach = GUARD * EPS * (1.0 + extent) + 2.0 * CONFIDENCE * error
         near: Signs = np.abs(tests) <= reach * self._typical
         return near
 
     def is_corner(self, before: Array, tests: Array, point: CorrectedPoint, but: int) -> bool:
         """Tell whether another test vanishes at a point, or has another sign than before."""
-        near = self._near_zero(tests, point.extent).nonzero()[0]
+        near = self._near_zero(tests, point.x, point.size).nonzero()[0]
         near = near[near != but] if len(near) else near
         if not len(near):
             return False  # nearly always
@@ -264,7 +266,6 @@ class CorrectedPoint(NamedTuple):
     x: Array
     error: Array  # samples of the error of x, shape (k, n + 1)
     size: Array  # the estimate of the error of x, shape (n + 1,)
-    extent: tuple[float, float]  # largest components of x and size, in typical magnitudes
     along: float  # by how much alpha was corrected along the piece
     aside: Array | None  # by how much z was corrected as well; None if not needed
 
@@ -367,10 +368,11 @@ class StraightCell:
         error: Array = self._lines[1:].copy()  # and where the rounding of the test puts the point
         last = EPS * np.abs(gradient).dot(sizes) * self._samples[:, -1] - slopes[1:]
         add_multiples(error, last / slopes[0], self._lines[0])
-        size = magnitude(sizes, error)
-        extent = metric.largest(sizes), metric.largest(size)
-        point = CorrectedPoint(x - dx, error, size, extent, along, aside)
-        return point if metric.admits(point.x) and self._is_rounding(dx, point) else None
+        point = CorrectedPoint(x - dx, error, magnitude(sizes, error), along, aside)
+        # a correction is no more than the rounding and the error of the corrected point
+        rounding = GUARD * EPS * metric.largest(sizes) * metric.scale + CONFIDENCE * point.size
+        is_rounding = is_everywhere(np.abs(dx) <= rounding)
+        return point if is_rounding and metric.admits(point.x) else None
 
     def _has_renewed(self, jacobian: Matrix) -> bool:
         """Factorise the Jacobian of the cell afresh; False for a singular Jacobian."""
@@ -383,12 +385,6 @@ class StraightCell:
         known = self._jacobian
         return self.curve.selection.jacobian(x) if known is None else known
 
-    def _is_rounding(self, dx: Array, point: CorrectedPoint) -> bool:
-        """Tell whether a correction is no more than rounding and error of the corrected point."""
-        rounding = GUARD * EPS * point.extent[0] * self.curve.metric.scale
-        rounding += CONFIDENCE * point.size
-        return is_everywhere(np.abs(dx) <= rounding)
-
     def _is_tame(self) -> bool:
         """Tell whether the direction is finite, and far from vertical."""
         return self.length * self.curve.metric.width < GROWTH
@@ -400,9 +396,10 @@ class StraightCell:
         magnitudes, astray = abs(jacobian), jacobian.dot(along)
         self._most = sizes
         if n >= ALWAYS_AUDITED:
-            largest = np.zeros(len(sizes))
-            np.maximum.at(largest, metric.kinds, sizes)
-            self._most = GROWN * largest[metric.kinds]
+            kinds = np.unique(metric.scale, return_inverse=True)[1]
+            most = np.zeros(len(sizes))
+            np.maximum.at(most, kinds, sizes)
+            self._most = GROWN * most[kinds]
         self._terms = product(magnitudes, self._most + CONVERGED * metric.scale)
         typical = product(magnitudes, metric.scale)
         if not is_everywhere(np.abs(astray) <= (ASTRAY * self.length) * typical):
