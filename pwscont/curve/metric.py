@@ -53,10 +53,7 @@ class Metric:
     """
 
     def __init__(
-        self,
-        scale: Array,
-        interval: tuple[float, float] = EVERYWHERE,
-        period: Array | None = None,
+        self, scale: Array, interval: tuple[float, float] = EVERYWHERE, period: Array | None = None
     ) -> None:
         self.scale, self.interval, self.width = scale, interval, float(scale[-1])
         self._turning = np.flatnonzero(np.isfinite(period)) if period is not None else _NONE
@@ -82,11 +79,7 @@ class Metric:
 
     @classmethod
     def _checked(
-        cls,
-        system: PiecewiseSystem,
-        magnitudes: Array,
-        width: float,
-        interval: tuple[float, float],
+        cls, system: PiecewiseSystem, magnitudes: Array, width: float, interval: tuple[float, float]
     ) -> Metric:
         everything = joined(checked_scale(system, magnitudes), width)
         least, most = smallest(everything), largest(everything)

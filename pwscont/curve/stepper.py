@@ -226,12 +226,7 @@ class Stepper(ABC):
         """
 
     def aim(
-        self,
-        curve: Curve,
-        state: State,
-        before: Segment | None,
-        distance: float,
-        border: Border,
+        self, curve: Curve, state: State, before: Segment | None, distance: float, border: Border
     ) -> CurvedSegment | None:
         """Return the step to a zero that lies ahead, instead of a step beyond the zero.
 

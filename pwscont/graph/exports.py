@@ -272,10 +272,7 @@ def as_dict(graph: ConnectedPieces, guarantee: str) -> dict[str, Any]:
         "multiplicity": [[*row[:2], finite(row[2])] for row in rows],
         "stretches": [_stretch(row) for row in rows],
         "between": [[lo, finite(count)] for lo, hi, count in found if lo == hi],
-        "balance": {
-            "value": sums[0] if len(sums) == 1 else None,
-            "constant": len(sums) <= 1,
-        },
+        "balance": {"value": sums[0] if len(sums) == 1 else None, "constant": len(sums) <= 1},
         "searched": graph.searched.what,
         "unseen": graph.searched.unseen,
         "guarantee": guarantee,

@@ -26,13 +26,7 @@ from pwscont.basics.arrays import Array
 from pwscont.basics.outcome import TOUCH, Failure, FailureReason, Kind
 from pwscont.basics.rounding import CONFIDENCE, CONVERGED, EPS, GUARD, SAME_ALPHA
 from pwscont.curve.corrector import polished
-from pwscont.curve.crossing import (
-    ERROR_OF_DIFFERENCES,
-    FULL_RANK,
-    Crossing,
-    crossing,
-    loses_rank,
-)
+from pwscont.curve.crossing import ERROR_OF_DIFFERENCES, FULL_RANK, Crossing, crossing, loses_rank
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.newton import uncertainty_beside
 from pwscont.curve.stepper import CurvedSegment, Segment

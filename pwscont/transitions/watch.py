@@ -219,11 +219,7 @@ def first_on_ray(watch: Watch, segment: Segment, start: Reading) -> Event | Fail
 
 
 def first_on_curve(
-    watch: Watch,
-    segment: CurvedSegment,
-    start: Reading,
-    end: Reading,
-    first: Event | None = None,
+    watch: Watch, segment: CurvedSegment, start: Reading, end: Reading, first: Event | None = None
 ) -> Event | Failure | None:
     """Return the first event on a curved segment, None where there is none.
 
