@@ -286,7 +286,6 @@ class StraightCell:
         self._lines = np.zeros((1 + len(self._samples), len(along)))
         self._lines[0] = along
         self.along: Array = self._lines[0]  # with alpha component 1; changes with the cell
-        self._wide = np.zeros(len(along))
         self._terms = np.empty(0)  # magnitudes of the terms of the rows of H at the last audit
         self._most, self._since = np.empty(0), AUDIT_AFTER
 
@@ -332,8 +331,7 @@ class StraightCell:
         if pivot == 0.0:
             return None
         slopes = self._lines.dot(gradient) / pivot
-        self._wide[:-1] = w  # alpha of the lines does not change
-        add_multiples(self._lines, -slopes, self._wide)
+        add_multiples(self._lines, -slopes, joined(w, 0.0))  # alpha of the lines does not change
         self.turn, self._since = 1 if pivot > 0.0 else -1, self._since + 1
         self.length = other.metric.norm(self.along)
         return self.corrected(x, gradient, value, slopes) if self._is_tame() else None

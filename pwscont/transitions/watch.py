@@ -39,7 +39,6 @@ from pwscont.transitions.detector import (
     SpecialPointFound,
     TransitionDetector,
     locate_sign_change,
-    ratio_test,
 )
 
 #: Closer to the beginning of a piece than this, in the metric and times 1 + |x|, the event of a
@@ -81,14 +80,6 @@ class Watch:
         self, detectors: Sequence[TransitionDetector], added: Sequence[TransitionDetector] = ()
     ) -> None:
         self._detectors, self._added = detectors, added
-        self._are_affine = all(detector.is_affine for detector in detectors)
-        self._shortening = self._overriding("needs_shorter_step")
-        self._with_gradients = self._overriding("border")
-
-    def _overriding(self, method: str) -> list[tuple[int, TransitionDetector]]:
-        """Return the detectors that override a method, and their places."""
-        own, every = getattr(TransitionDetector, method), enumerate(self._detectors)
-        return [(i, each) for i, each in every if getattr(type(each), method) is not own]
 
     def read(self, curve: Curve, state: State) -> Reading:
         """Return what all detectors read at a state, in new arrays; refuse wrong readings."""
@@ -143,7 +134,7 @@ class Watch:
         self, segment: CurvedSegment, start: Reading, end: Reading
     ) -> Failure | None:
         """Return the reason for which a detector asks for a shorter step, None without one."""
-        for i, detector in self._shortening:
+        for i, detector in enumerate(self._detectors):
             if failure := detector.needs_shorter_step(segment, start.part(i), end.part(i)):
                 return failure
         return None
@@ -154,9 +145,9 @@ class Watch:
         The distance is along the tangent. None where no such function falls.
         """
         soonest = None
-        for i, detector in self._with_gradients:
+        for i, detector in enumerate(self._detectors):
             values, slopes = (part := reading.part(i)).values, part.slopes
-            if not len(values):
+            if not len(values) or type(detector).border is TransitionDetector.border:
                 continue
             rates = np.divide(slopes, values, out=np.zeros(len(values)), where=values > 0.0)
             fastest = rates.argmin()
@@ -171,8 +162,6 @@ class Watch:
 
         Each detector looks only as far as the nearest zero of the detectors before it.
         """
-        if self._are_affine:
-            return ratio_test(start.values, start.slopes)
         distances, farthest = [], np.inf
         for i, detector in enumerate(self._detectors):
             distances.append(detector.falls(segment, start.part(i), farthest))
