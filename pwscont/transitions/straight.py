@@ -167,9 +167,10 @@ class StraightTests(TransitionDetector):
         if point is None:
             return None
         rates = gradients.rows.dot(cell.along)
-        here = tests - point.along * rates
+        changes = point.along * rates
         if point.aside is not None:
-            here -= gradients.rows.dot(joined(point.aside, 0.0))
+            changes += gradients.rows.dot(joined(point.aside, 0.0))
+        here = tests - changes
         if not are_finite(here) or gradients.is_corner(tests, here, point, test):
             return None
         # alpha reverses if the path turns
