@@ -26,7 +26,7 @@ from pwscont.linear.factorise import bordered, kink_by_columns, last_unit
 from pwscont.linear.updates import ProductForm
 from pwscont.linear.vectors import Rows
 from pwscont.system.selection import Selection
-from pwscont.transitions.rays import Corner, Direction
+from pwscont.transitions.rays import ASTRAY, Corner, Direction
 
 #: Paths that are followed from each ray, each with a perturbation of its own.
 PATHS_PER_RAY = 4
@@ -39,8 +39,6 @@ MOST_AROUND = 16
 #: Two unit vectors are the same if their distance is less than this, which is far above EPS,
 #: because the direction at the end of a path carries the errors of all updates on the way.
 SAME_UNIT_VECTOR = 1e-6
-#: A direction is no direction of its cell if its residual is above this part of its terms.
-ASTRAY_IN_CELL = EPS**0.5
 
 
 def rays_by_perturbation(corner: Corner, back: Direction | None) -> list[Direction]:
@@ -202,7 +200,7 @@ class _PathInCell:
             return False
         self.head(ahead * gradient)
         size = self._corner.metric.norm(self.tangent)
-        astray = np.abs(self._jacobian @ self.tangent) > ASTRAY_IN_CELL * size * self._sizes
+        astray = np.abs(self._jacobian @ self.tangent) > ASTRAY * size * self._sizes
         return not bool(astray.any())
 
     def factorise(self) -> bool:

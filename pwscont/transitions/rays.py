@@ -34,6 +34,8 @@ from pwscont.system.promises import refuse_jump
 from pwscont.system.selection import Selection
 from pwscont.system.system import Block, PiecewiseSystem, SlicewiseLinearSystem
 
+#: Largest residual of a direction of a selection, as a part of the terms.
+ASTRAY = EPS**0.5
 #: Selections that differ by more than this (relative) at a common point do not agree there.
 DISAGREE = EPS**0.5
 

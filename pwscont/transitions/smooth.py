@@ -200,9 +200,6 @@ OUTSIDE_STEP = 0.1
 MOST_BISECTIONS = 10
 #: Largest distance, in the metric, of a branch point from where it was located before.
 LOCATED_AGAIN = EPS**0.5
-#: The extended system, which costs as much as many points of the curve, is solved from the middle
-#: of every third bracket: from within an eighth of the bracket before.
-BISECTIONS_BETWEEN = 3
 #: Distance at which the sign of det[J; t^T] is evaluated if no piece carries the sign along.
 DISTANCE_TO_SIGN = EPS**0.25
 
@@ -290,13 +287,11 @@ def _locate(
     curve of double roots, tells of no point.
     """
     (lo, hi), last = bracket, segment.end
-    for number in range(MOST_BISECTIONS):
+    for _ in range(MOST_BISECTIONS):
         middle = 0.5 * (lo + hi)
-        is_tried = number % BISECTIONS_BETWEEN == 0
-        point = crossing(segment.curve, segment.near(middle)) if is_tried else None
-        if not isinstance(point, Crossing) or not _belongs(segment, point.x):
-            point = None
-        else:
+        found = crossing(segment.curve, segment.near(middle))
+        point = found if isinstance(found, Crossing) and _belongs(segment, found.x) else None
+        if point is not None:
             if not point.meets:
                 return Failure(FailureReason.SINGULAR)
             middle = 0.5 * (lo + segment.position(point.x))

@@ -51,7 +51,7 @@ from pwscont.system.values import own_array
 from pwscont.transitions.bounding import BoundingTests, crossed
 from pwscont.transitions.detector import Reading, SpecialPointFound, TransitionDetector, ratio_test
 from pwscont.transitions.ends import at_end
-from pwscont.transitions.rays import SLANT, Ray, rounding_of_tests
+from pwscont.transitions.rays import ASTRAY, SLANT, Ray, rounding_of_tests
 
 #: A piece keeps the direction in which the piece began up to this part of the direction.
 ALIGNED = EPS**0.5
@@ -124,7 +124,8 @@ class StraightTests(TransitionDetector):
         curve, state = ray.curve, ray.state
         gradients = self._gradients_of(curve, state.x)
         tests = gradients.tests_at(state.x)
-        if gradients.may_end or not gradients.are_inside(curve, tests, state):
+        may_end = isinstance(gradients.system, Ending)
+        if may_end or not gradients.are_inside(curve, tests, state):
             return None
         cell = self._cell_of(curve, state)
         return cell and Entered(state, ray, cell, tests, gradients.rows.dot(cell.along))
@@ -152,16 +153,14 @@ class StraightTests(TransitionDetector):
         gradients, selection = self._gradients_of(curve, start.x), curve.selection
         test = int(selection.bounding[index])
         x, gradient = start.x + s * start.tangent, gradients.rows.one(test)
-        if gradients.may_end or not curve.metric.admits(x):
+        if isinstance(selection.system, Ending) or not curve.metric.admits(x):
             return None
-        last = self._last if self._last and self._last.ray.state is start else None
-        cell = last.cell if last else self._cell_of(curve, start)
-        tests = gradients.tests_at(x)
+        cell, tests = self._cell_of(curve, start), gradients.tests_at(x)
         beyond = Character.beyond(tests, test, bool(selection.side[index] < 0.0))
         other = Curve(Selection(selection.system, beyond), curve.metric)
-        if cell is None or not gradients.is_crossed(gradient, start):
-            return None
-        if not other.selection.is_bounded_by(test):
+        level = SLANT * np.abs(gradient).dot(np.abs(start.tangent))
+        is_crossed = abs(gradient.dot(start.tangent)) > level
+        if cell is None or not is_crossed or not other.selection.is_bounded_by(test):
             return None
         point = cell.cross(other, x, test, gradient, float(tests[test]))
         if point is None:
@@ -183,6 +182,8 @@ class StraightTests(TransitionDetector):
     def _cell_of(self, curve: Curve, start: State) -> StraightCell | None:
         """Return the cell of a piece, factorised afresh if the last cell is another cell."""
         cell = self._last.cell if self._last else None
+        if self._last and self._last.ray.state is start:
+            return cell
         if cell is None or cell.curve.selection is not curve.selection:
             cell = None if curve.selection.adjacent_cells else StraightCell.at(curve, start.x)
         if cell is None:
@@ -199,18 +200,11 @@ class Gradients:
         self.system, self.scale = curve.selection.system, curve.metric.scale
         self.rows = Rows(self.system.test_jacobian(x[:-1], float(x[-1])))
         self._typical: Array = product(self.rows.magnitudes, self.scale)
-        #: Whether pieces may end where tests vanish.
-        self.may_end = isinstance(self.system, Ending)
 
     def tests_at(self, x: Array) -> Array:
         """Return a copy of all tests at a point, shape (m,)."""
         values = self.system.test_functions(x[:-1], float(x[-1]))
         return own_array(self.system, "test_functions", values, self._typical.shape)
-
-    def is_crossed(self, gradient: Array, start: State) -> bool:
-        """Tell whether a piece leads clearly through the interface where a test vanishes."""
-        least = SLANT * np.abs(gradient).dot(np.abs(start.tangent))
-        return bool(abs(gradient.dot(start.tangent)) > least)
 
     def are_inside(self, curve: Curve, tests: Array, state: State) -> bool:
         """Tell whether a state lies inside the cell of a curve, and no test is next to zero."""
@@ -218,8 +212,7 @@ class Gradients:
             return False
         if self._near_zero(tests, state.x, state.size).any():
             return False
-        inside = curve.selection.side * tests[curve.selection.bounding] > 0.0
-        return not len(inside) or is_everywhere(inside)
+        return bool((curve.selection.side * tests[curve.selection.bounding] > 0.0).all())
 
     def _near_zero(self, tests: Array, x: Array, size: Array) -> Signs:
         """Tell which tests may be zero because of the error, or of a correction, of a point."""
@@ -231,7 +224,7 @@ class Gradients:
     def is_corner(self, before: Array, tests: Array, point: CorrectedPoint, but: int) -> bool:
         """Tell whether another test vanishes at a point, or has another sign than before."""
         near = self._near_zero(tests, point.x, point.size).nonzero()[0]
-        near = near[near != but] if len(near) else near
+        near = near[near != but]
         if not len(near):
             return False  # nearly always
         rows, values = self.rows.some(near), tests[near]
@@ -257,8 +250,6 @@ UNSEEN = 0.75 * CONFIDENCE * EPS
 GROWN = 2.0
 #: How many times larger than all other unknowns an unknown is made, in typical magnitudes.
 FAR_AWAY = 2.0**20
-#: Largest residual of a direction of a selection, as a part of the terms.
-ASTRAY = EPS**0.5
 
 
 class CorrectedPoint(NamedTuple):
