@@ -13,7 +13,6 @@ from pwscont.basics.printing import at, named
 from pwscont.basics.rounding import CONFIDENCE, CONVERGED
 from pwscont.curve.corrector import BorderedNewton
 from pwscont.curve.curve import Curve, State
-from pwscont.curve.error_samples import magnitude
 from pwscont.curve.newton import Border, by_chords
 from pwscont.linear.factor import Factor
 from pwscont.linear.vectors import dot, plus, times
@@ -147,11 +146,8 @@ class CurvedSegment(Segment):
     def is_beside(self, state: State, s: float) -> bool:
         """Tell whether a state is as near to the cubic at ``s`` as the curve is."""
         metric, x = self.curve.metric, state.x
-        apart = metric.norm(x - self.near(s))
-        if apart <= BESIDE * self.length + metric.slack(x, CONVERGED):
-            return True
-        rounding = CONFIDENCE * metric.norm(magnitude(x, state.error))
-        return apart <= BESIDE * self.length + rounding
+        slack = max(metric.slack(x, CONVERGED), CONFIDENCE * metric.norm(state.size))
+        return metric.norm(x - self.near(s)) <= BESIDE * self.length + slack
 
     def point(self, s: float, factor: Factor | None) -> Array | None:
         """Return a point of the curve at about ``s``, shape (n + 1,), None if not found.

@@ -160,34 +160,25 @@ def _points(graph: ConnectedPieces, pandas: Any) -> Any:
     ]
     head = pandas.DataFrame(heads, columns=["piece", "component", "label"])
     head["alpha"] = points[:, -1]
-    recorded = [graph.quantities.recorded(x[:-1], float(x[-1])) for x in points]
+    states = pandas.DataFrame(points[:, :-1], columns=columns(graph.names))
+    values = [graph.quantities.recorded(x[:-1], float(x[-1])) for x in points]
     names = list(graph.quantities.record)
-    return _joined(pandas, [head, _states(graph, pandas, points[:, :-1]), (recorded, names)])
+    recorded = pandas.DataFrame(values, columns=names, dtype=float)
+    return pandas.concat([head, states, recorded], axis=1)
 
 
 def _special(graph: ConnectedPieces, pandas: Any) -> Any:
     points = graph.special_points()
     rows = [(p.id, str(p.kind), p.name, p.alpha, p.message) for p in points]
     head = pandas.DataFrame(rows, columns=["id", "kind", "name", "alpha", "message"])
-    states = np.array([p.z for p in points]).reshape(len(points), len(graph.names))
-    recorded = [p.quantities.recorded(p.z, p.alpha) for p in points]
-    names = list(dict.fromkeys(name for row in recorded for name in row))
+    z = np.array([p.z for p in points]).reshape(len(points), len(graph.names))
+    states = pandas.DataFrame(z, columns=columns(graph.names))
+    values = [p.quantities.recorded(p.z, p.alpha) for p in points]
+    names = list(dict.fromkeys(name for row in values for name in row))
+    recorded = pandas.DataFrame(values, columns=names, dtype=float)
     errors = [(p.error[-1] if len(p.error) else np.nan, p.digits) for p in points]
     tail = pandas.DataFrame(errors, columns=["error", "digits"])
-    return _joined(pandas, [head, _states(graph, pandas, states), (recorded, names), tail])
-
-
-def _states(graph: ConnectedPieces, pandas: Any, states: Array) -> Any:
-    return pandas.DataFrame(states, columns=columns(graph.names))
-
-
-def _joined(pandas: Any, parts: Sequence[Any]) -> Any:
-    """Return tables side by side; a pair (rows, columns) becomes a table of floats first."""
-    tables = [
-        pandas.DataFrame(part[0], columns=part[1], dtype=float) if isinstance(part, tuple) else part
-        for part in parts
-    ]
-    return pandas.concat(tables, axis=1)
+    return pandas.concat([head, states, recorded, tail], axis=1)
 
 
 def columns(names: Sequence[str]) -> list[str]:
