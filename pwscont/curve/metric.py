@@ -120,10 +120,6 @@ class Metric:
         y = x / self.scale
         return math.sqrt(dot(y, y))
 
-    def largest(self, sizes: Array) -> float:
-        """Return the largest of some magnitudes, each relative to the typical magnitude."""
-        return largest(sizes / self.scale)
-
     def relative(self, dx: Array, x: Array) -> float:
         """Return the largest component of ``dx`` relative to the component of ``x`` or the scale.
 
@@ -176,7 +172,7 @@ class Metric:
         """Return t of any length, divided by the length in the metric."""
         length = self.norm(t)
         if not SHORTEST < length < LARGEST:  # squares leave the range of numbers
-            t = t / self.largest(np.abs(t))
+            t = t / largest(np.abs(t) / self.scale)
             length = self.norm(t)
         unit: Array = t / length
         return unit

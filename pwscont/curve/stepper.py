@@ -104,11 +104,6 @@ class CurvedSegment(Segment):
         ends = f"alpha {self.start.alpha:.10g} → {self.end.alpha:.10g}"
         return named(self, self.curve.selection, ends)
 
-    @property
-    def inside(self) -> Array:
-        """A point of the cubic at the part INSIDE of the segment, shape (n + 1,)."""
-        return self.near(INSIDE * self.length)
-
     @classmethod
     def between(cls, curve: Curve, start: State, end: State, suggestion: float) -> CurvedSegment:
         """Return the segment between two states."""
@@ -120,10 +115,6 @@ class CurvedSegment(Segment):
         leaving = _along(start.tangent, chord, share * dot(row, start.tangent))
         arriving = _along(end.tangent, chord, share * dot(row, end.tangent))
         return cls(curve, start, end, chord, leaving, arriving, length, suggestion)
-
-    def until(self, end: State) -> CurvedSegment:
-        """Return the part of this segment up to a state on the segment."""
-        return CurvedSegment.between(self.curve, self.start, end, self.suggestion)
 
     def near(self, s: float) -> Array:
         """Return the point at ``s`` of the cubic through the two ends and along the tangents."""

@@ -22,7 +22,7 @@ from pwscont.basics.outcome import FILL, Failure, FailureReason, Kind
 from pwscont.basics.rounding import CONFIDENCE, EPS, GUARD
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.newton import Border
-from pwscont.curve.stepper import CurvedSegment, Segment
+from pwscont.curve.stepper import INSIDE, CurvedSegment, Segment
 from pwscont.linear.vectors import plus
 from pwscont.system.abilities import end_of
 from pwscont.system.selection import Selection
@@ -139,8 +139,8 @@ class BoundingTests(TransitionDetector):
             return None
         if smallest(start.values) < 0.0 and _is_outside(segment, start, end):
             return Failure(FailureReason.OUTSIDE_OF_CELL)
-        is_long = segment.length > LONG_STEP
-        places = [segment.near(p * segment.length) for p in THIRDS] if is_long else [segment.inside]
+        parts = THIRDS if segment.length > LONG_STEP else (INSIDE,)
+        places = (segment.near(part * segment.length) for part in parts)
         for x in filter(segment.curve.metric.admits, places):
             values = selection.tests(x)
             if smallest(values) < 0.0:  # seldom

@@ -360,7 +360,8 @@ class StraightCell:
         add_multiples(error, last / slopes[0], self._lines[0])
         point = CorrectedPoint(x - dx, error, magnitude(sizes, error), along, aside)
         # a correction is no more than the rounding and the error of the corrected point
-        rounding = GUARD * EPS * metric.largest(sizes) * metric.scale + CONFIDENCE * point.size
+        rounding = GUARD * EPS * largest(sizes / metric.scale) * metric.scale
+        rounding += CONFIDENCE * point.size
         is_rounding = is_everywhere(np.abs(dx) <= rounding)
         return point if is_rounding and metric.admits(point.x) else None
 

@@ -243,7 +243,8 @@ def first_on_curve(
         first = event
         if event.position <= 0.0:
             break
-        segment = segment.until(event.state)
+        ends = segment.start, event.state
+        segment = CurvedSegment.between(segment.curve, *ends, segment.suggestion)
         end = watch.before(watch.read(segment.curve, event.state), event)
     return first
 
