@@ -59,7 +59,7 @@ BUDGET = {
     "system": (10, 2158),
     "linear": (11, 1503),
     "notation": (13, 2860),
-    "curve": (14, 2765),
+    "curve": (14, 2767),
     "enumeration": (11, 2579),
     "transitions": (12, 3557),
     "graph": (10, 2615),

@@ -62,6 +62,8 @@ FARTHEST_PREDICTION = 10.0
 #: A closer zero is located within a longer step.
 SHORTEST_LANDING = 1e-6
 
+NOT_CONVERGED, OUTSIDE = Failure(FailureReason.NOT_CONVERGED), Failure(FailureReason.OUTSIDE)
+
 
 @final
 @dataclass(frozen=True, slots=True)
@@ -107,7 +109,7 @@ class PseudoArclength(Stepper):
     ) -> Segment | Failure:
         """Return a true step of the proposed length, of half of that length, and so on."""
         previous, length = self._proposed(before)
-        length, failure = min(length, longest), Failure(FailureReason.NOT_CONVERGED)
+        length, failure = min(length, longest), NOT_CONVERGED
         wanted = length
         while length >= self.step_size.smallest:
             segment = self._try(curve, interval, previous, state, length)
@@ -135,7 +137,7 @@ class PseudoArclength(Stepper):
         """Return a step of a length, or a step to the end of the interval instead of beyond."""
         predicted, direction = self.predictor.predict(curve, previous, state, length)
         lo, hi = interval
-        corrected: Corrected | Failure = Failure(FailureReason.OUTSIDE)
+        corrected: Corrected | Failure = OUTSIDE
         if lo < float(predicted[-1]) < hi:
             corrected = self.corrector.correct(curve, predicted, direction)
         if not isinstance(corrected, Failure):
