@@ -63,7 +63,7 @@ BUDGET = {
     "enumeration": (11, 2579),
     "transitions": (12, 3557),
     "graph": (10, 2615),
-    "search": (7, 1627),
+    "search": (7, 1637),
     "continuation": (8, 2758),
     "kit": (4, 940),
     "proof": (13, 2500),

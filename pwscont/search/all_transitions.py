@@ -45,6 +45,8 @@ from pwscont.transitions.rays import Corner
 ALONG = EPS**0.5
 #: In place of a test: an inequality of no further interest, and the lower end of the interval.
 OTHER, LOWER_END = -1, -2
+#: Ends of lines that are refined together; of more lines, most may end at a corner that is known.
+FEW_LINES = 64
 
 
 @final
@@ -156,12 +158,20 @@ class Lines:
             some = np.flatnonzero(np.isfinite(s))
             for test in np.unique(test_of[some]).tolist():
                 if test != OTHER:
-                    check_budget()
-                    which = some[test_of[some] == test]
-                    lines, at = choices[which], s[which, np.newaxis]
-                    starts = lines.starts + at * lines.directions[..., 0]
                     points = self._points.setdefault(test, self._points_of(problem, test))
-                    points.add(replace(lines, starts=starts, directions=lines.directions[..., :0]))
+                    self._add(points, choices, some[test_of[some] == test], s)
+
+    def _add(self, points: Points, choices: Choices, which: Indices, places: Array) -> None:
+        """Add the ends of some lines at given places, unless a known end lies in the same cell."""
+        checked = 0
+        while len(which):
+            check_budget()
+            for known in points.found[checked:] if len(which) > FEW_LINES else ():
+                which = which[~known.lies_in(choices.picks[:, which])]
+            checked, first, which = len(points.found), which[:FEW_LINES], which[FEW_LINES:]
+            lines, at = choices[first], places[first, np.newaxis]
+            starts = lines.starts + at * lines.directions[..., 0]
+            points.add(replace(lines, starts=starts, directions=lines.directions[..., :0]))
 
     def _points_of(self, problem: Problem, test: int) -> Points:
         """Return a collection of points at which a test vanishes."""
