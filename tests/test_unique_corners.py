@@ -9,7 +9,7 @@ from sweeps import swept
 from pwscont import explore, trace
 from pwscont.curve.metric import Metric
 from pwscont.transitions.corner import rays_of_slices
-from pwscont.transitions.rays import Corner, vanishing
+from pwscont.transitions.rays import Corner
 
 INTERVAL = (-2.0, 2.0)
 
@@ -24,9 +24,9 @@ def corners(seed):
     metric = Metric.of(system, INTERVAL)
     for point in explore(system, INTERVAL).special_points():
         x, error = np.append(point.z, point.alpha), np.maximum(point.error, 1e-15)[np.newaxis]
-        if zero := vanishing(system, x, error, metric.scale):
-            corner = Corner.at(system, metric, x, error, zero)
-            yield corner, system.has_one_ray(point.z, point.alpha, zero)
+        corner = Corner.at(system, metric, x, error)
+        if corner.zero:
+            yield corner, system.has_one_ray(point.z, point.alpha, corner.zero)
 
 
 @pytest.mark.parametrize("seed", [*swept(range(12), range(12, 400)), 320])

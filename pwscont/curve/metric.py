@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from functools import cached_property, lru_cache
+from functools import cached_property
 from typing import final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Indices, joined, largest, power_of_two, smallest
+from pwscont.basics.arrays import Array, joined, largest, power_of_two, smallest
 from pwscont.basics.errors import InvalidSystemError
 from pwscont.basics.printing import named
 from pwscont.basics.rounding import CONVERGED, EPS, GUARD, SAME_ALPHA
@@ -53,10 +53,7 @@ class Metric:
     """
 
     def __init__(
-        self,
-        scale: Array,
-        interval: tuple[float, float] = EVERYWHERE,
-        period: Array | None = None,
+        self, scale: Array, interval: tuple[float, float] = EVERYWHERE, period: Array | None = None
     ) -> None:
         self.scale, self.interval, self.width = scale, interval, float(scale[-1])
         self._turning = np.flatnonzero(np.isfinite(period)) if period is not None else _NONE
@@ -82,11 +79,7 @@ class Metric:
 
     @classmethod
     def _checked(
-        cls,
-        system: PiecewiseSystem,
-        magnitudes: Array,
-        width: float,
-        interval: tuple[float, float],
+        cls, system: PiecewiseSystem, magnitudes: Array, width: float, interval: tuple[float, float]
     ) -> Metric:
         everything = joined(checked_scale(system, magnitudes), width)
         least, most = smallest(everything), largest(everything)
@@ -127,16 +120,6 @@ class Metric:
         y = x / self.scale
         return math.sqrt(dot(y, y))
 
-    def largest(self, sizes: Array) -> float:
-        """Return the largest of some magnitudes, each relative to the typical magnitude."""
-        return largest(sizes / self.scale)
-
-    @cached_property
-    def kinds(self) -> Indices:
-        """A number for each unknown; unknowns with the same typical magnitude share a number."""
-        kinds: Indices = np.unique(self.scale, return_inverse=True)[1]
-        return kinds
-
     def relative(self, dx: Array, x: Array) -> float:
         """Return the largest component of ``dx`` relative to the component of ``x`` or the scale.
 
@@ -166,9 +149,11 @@ class Metric:
 
     @cached_property
     def _sketching(self) -> Array:
-        """The factor of a direction: units, or projections of many unknowns."""
-        size = len(self.scale)
-        return (_projections(size) if size > WHOLE else 1.0) / self.scale
+        """The factor of a direction: units, for many unknowns random projections, always alike."""
+        size, rows = len(self.scale), np.ones(1)
+        if size > WHOLE:
+            rows = np.random.default_rng(size).normal(size=(PROJECTIONS, size))
+        return rows / self.scale
 
     def slack(self, x: Array, tolerance: float) -> float:
         """Return the length that a tolerance leaves at a point.
@@ -187,16 +172,10 @@ class Metric:
         """Return t of any length, divided by the length in the metric."""
         length = self.norm(t)
         if not SHORTEST < length < LARGEST:  # squares leave the range of numbers
-            t = t / self.largest(np.abs(t))
+            t = t / largest(np.abs(t) / self.scale)
             length = self.norm(t)
         unit: Array = t / length
         return unit
-
-
-@lru_cache(maxsize=4)
-def _projections(size: int) -> Array:
-    """Return fixed random rows, so that two runs are identical."""
-    return np.random.default_rng(size).normal(size=(PROJECTIONS, size))
 
 
 def deflation(metric: Metric, known: Sequence[Array], x: Array) -> float:

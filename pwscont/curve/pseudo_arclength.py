@@ -147,12 +147,7 @@ class PseudoArclength(Stepper):
         return corrected
 
     def aim(
-        self,
-        curve: Curve,
-        state: State,
-        before: Segment | None,
-        distance: float,
-        border: Border,
+        self, curve: Curve, state: State, before: Segment | None, distance: float, border: Border
     ) -> CurvedSegment | None:
         """Return the step that ends at a zero about a step away, None where the zero is farther.
 

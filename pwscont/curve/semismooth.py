@@ -66,11 +66,7 @@ class _Linearised(NamedTuple):
 
 
 def semismooth_newton(
-    system: PiecewiseSystem,
-    metric: Metric,
-    z: Array,
-    alpha: float,
-    known: Sequence[Array] = (),
+    system: PiecewiseSystem, metric: Metric, z: Array, alpha: float, known: Sequence[Array] = ()
 ) -> tuple[Array, Array] | Failure:
     """Solve H(z, alpha) = 0 for z from a rough start.
 

@@ -13,7 +13,6 @@ from pwscont.basics.printing import at, named
 from pwscont.basics.rounding import CONFIDENCE, CONVERGED
 from pwscont.curve.corrector import BorderedNewton
 from pwscont.curve.curve import Curve, State
-from pwscont.curve.error_samples import magnitude
 from pwscont.curve.newton import Border, by_chords
 from pwscont.linear.factor import Factor
 from pwscont.linear.vectors import dot, plus, times
@@ -105,11 +104,6 @@ class CurvedSegment(Segment):
         ends = f"alpha {self.start.alpha:.10g} → {self.end.alpha:.10g}"
         return named(self, self.curve.selection, ends)
 
-    @property
-    def inside(self) -> Array:
-        """A point of the cubic at the part INSIDE of the segment, shape (n + 1,)."""
-        return self.near(INSIDE * self.length)
-
     @classmethod
     def between(cls, curve: Curve, start: State, end: State, suggestion: float) -> CurvedSegment:
         """Return the segment between two states."""
@@ -121,10 +115,6 @@ class CurvedSegment(Segment):
         leaving = _along(start.tangent, chord, share * dot(row, start.tangent))
         arriving = _along(end.tangent, chord, share * dot(row, end.tangent))
         return cls(curve, start, end, chord, leaving, arriving, length, suggestion)
-
-    def until(self, end: State) -> CurvedSegment:
-        """Return the part of this segment up to a state on the segment."""
-        return CurvedSegment.between(self.curve, self.start, end, self.suggestion)
 
     def near(self, s: float) -> Array:
         """Return the point at ``s`` of the cubic through the two ends and along the tangents."""
@@ -147,11 +137,8 @@ class CurvedSegment(Segment):
     def is_beside(self, state: State, s: float) -> bool:
         """Tell whether a state is as near to the cubic at ``s`` as the curve is."""
         metric, x = self.curve.metric, state.x
-        apart = metric.norm(x - self.near(s))
-        if apart <= BESIDE * self.length + metric.slack(x, CONVERGED):
-            return True
-        rounding = CONFIDENCE * metric.norm(magnitude(x, state.error))
-        return apart <= BESIDE * self.length + rounding
+        slack = max(metric.slack(x, CONVERGED), CONFIDENCE * metric.norm(state.size))
+        return metric.norm(x - self.near(s)) <= BESIDE * self.length + slack
 
     def point(self, s: float, factor: Factor | None) -> Array | None:
         """Return a point of the curve at about ``s``, shape (n + 1,), None if not found.
@@ -226,12 +213,7 @@ class Stepper(ABC):
         """
 
     def aim(
-        self,
-        curve: Curve,
-        state: State,
-        before: Segment | None,
-        distance: float,
-        border: Border,
+        self, curve: Curve, state: State, before: Segment | None, distance: float, border: Border
     ) -> CurvedSegment | None:
         """Return the step to a zero that lies ahead, instead of a step beyond the zero.
 

@@ -56,17 +56,13 @@ def networkx_graph(graph: ConnectedPieces) -> nx.MultiGraph:
 
     plain, scale = nx.MultiGraph(), magnitudes(graph)
     for point in graph.nodes:
-        plain.add_node(point.id, **_of_node(point))
+        recorded = {k: v for k, v in attempted(point).items() if not isinstance(v, str)}
+        words = {"kind": str(point.kind), "message": point.message, "name": point.name}
+        state = {"alpha": point.alpha, "z": json.dumps(point.z.tolist())}
+        plain.add_node(point.id, **(words | state | recorded))
     for piece in graph.pieces:
         plain.add_edge(piece.start, piece.end, key=piece.id, **_of_edge(piece, scale))
     return plain
-
-
-def _of_node(point: SpecialPoint) -> dict[str, Any]:
-    """Return the attributes of a node."""
-    numbers = {k: value for k, value in attempted(point).items() if not isinstance(value, str)}
-    words = {"kind": str(point.kind), "message": point.message, "name": point.name}
-    return words | {"alpha": point.alpha, "z": json.dumps(point.z.tolist())} | numbers
 
 
 def _of_edge(piece: Piece, scale: Array) -> dict[str, Any]:
@@ -164,34 +160,25 @@ def _points(graph: ConnectedPieces, pandas: Any) -> Any:
     ]
     head = pandas.DataFrame(heads, columns=["piece", "component", "label"])
     head["alpha"] = points[:, -1]
-    recorded = [graph.quantities.recorded(x[:-1], float(x[-1])) for x in points]
+    states = pandas.DataFrame(points[:, :-1], columns=columns(graph.names))
+    values = [graph.quantities.recorded(x[:-1], float(x[-1])) for x in points]
     names = list(graph.quantities.record)
-    return _joined(pandas, [head, _states(graph, pandas, points[:, :-1]), (recorded, names)])
+    recorded = pandas.DataFrame(values, columns=names, dtype=float)
+    return pandas.concat([head, states, recorded], axis=1)
 
 
 def _special(graph: ConnectedPieces, pandas: Any) -> Any:
     points = graph.special_points()
     rows = [(p.id, str(p.kind), p.name, p.alpha, p.message) for p in points]
     head = pandas.DataFrame(rows, columns=["id", "kind", "name", "alpha", "message"])
-    states = np.array([p.z for p in points]).reshape(len(points), len(graph.names))
-    recorded = [p.quantities.recorded(p.z, p.alpha) for p in points]
-    names = list(dict.fromkeys(name for row in recorded for name in row))
+    z = np.array([p.z for p in points]).reshape(len(points), len(graph.names))
+    states = pandas.DataFrame(z, columns=columns(graph.names))
+    values = [p.quantities.recorded(p.z, p.alpha) for p in points]
+    names = list(dict.fromkeys(name for row in values for name in row))
+    recorded = pandas.DataFrame(values, columns=names, dtype=float)
     errors = [(p.error[-1] if len(p.error) else np.nan, p.digits) for p in points]
     tail = pandas.DataFrame(errors, columns=["error", "digits"])
-    return _joined(pandas, [head, _states(graph, pandas, states), (recorded, names), tail])
-
-
-def _states(graph: ConnectedPieces, pandas: Any, states: Array) -> Any:
-    return pandas.DataFrame(states, columns=columns(graph.names))
-
-
-def _joined(pandas: Any, parts: Sequence[Any]) -> Any:
-    """Return tables side by side; a pair (rows, columns) becomes a table of floats first."""
-    tables = [
-        pandas.DataFrame(part[0], columns=part[1], dtype=float) if isinstance(part, tuple) else part
-        for part in parts
-    ]
-    return pandas.concat(tables, axis=1)
+    return pandas.concat([head, states, recorded, tail], axis=1)
 
 
 def columns(names: Sequence[str]) -> list[str]:
@@ -276,10 +263,7 @@ def as_dict(graph: ConnectedPieces, guarantee: str) -> dict[str, Any]:
         "multiplicity": [[*row[:2], finite(row[2])] for row in rows],
         "stretches": [_stretch(row) for row in rows],
         "between": [[lo, finite(count)] for lo, hi, count in found if lo == hi],
-        "balance": {
-            "value": sums[0] if len(sums) == 1 else None,
-            "constant": len(sums) <= 1,
-        },
+        "balance": {"value": sums[0] if len(sums) == 1 else None, "constant": len(sums) <= 1},
         "searched": graph.searched.what,
         "unseen": graph.searched.unseen,
         "guarantee": guarantee,

@@ -39,7 +39,7 @@ from pwscont.system.box import Box
 from pwscont.system.contract import jacobian_at
 from pwscont.system.promises import checked_necessary
 from pwscont.system.system import PiecewiseLinearSystem, PiecewiseSystem, number_of_cells
-from pwscont.transitions.rays import vanishing
+from pwscont.transitions.rays import Corner
 
 #: Largest component along alpha of a vertical direction, as a part of the largest component.
 ALONG = EPS**0.5
@@ -85,7 +85,7 @@ class AllTransitions(Search):
             alike = (old for old, zero in known if test is None or test in zero)
             if any(is_same(metric, found, old) for old in alike):
                 return True
-            known.append((found, vanishing(system, *found, metric.scale)))
+            known.append((found, Corner.at(system, metric, *found).zero))
             return False
 
         are_few = number_of_cells(system.blocks()) <= FEW_CELLS  # then lines give all solutions

@@ -364,8 +364,7 @@ class Slices(Search):
             If a slice lies outside the interval.
         """
         lo, hi = interval
-        alphas = finite_array("Slices.alphas", self.alphas)
-        outside = [float(alpha) for alpha in alphas.ravel() if not lo <= alpha <= hi]
+        outside = [float(alpha) for alpha in self.alphas if not lo <= alpha <= hi]
         if outside:
             raise InvalidInputError(f"Slices: {outside[0]} lies outside the interval [{lo}, {hi}]")
         for alpha in self.alphas:

@@ -22,7 +22,7 @@ from pwscont.basics.outcome import FILL, Failure, FailureReason, Kind
 from pwscont.basics.rounding import CONFIDENCE, EPS, GUARD
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.newton import Border
-from pwscont.curve.stepper import CurvedSegment, Segment
+from pwscont.curve.stepper import INSIDE, CurvedSegment, Segment
 from pwscont.linear.vectors import plus
 from pwscont.system.abilities import end_of
 from pwscont.system.selection import Selection
@@ -37,7 +37,6 @@ from pwscont.transitions.rays import (
     check_continuity,
     inward_ray,
     rounding_of_tests,
-    vanishing,
 )
 
 #: A place with an error below this bound belongs to a test that falls clearly: touching would need
@@ -140,15 +139,14 @@ class BoundingTests(TransitionDetector):
             return None
         if smallest(start.values) < 0.0 and _is_outside(segment, start, end):
             return Failure(FailureReason.OUTSIDE_OF_CELL)
-        is_long = segment.length > LONG_STEP
-        places = [segment.near(p * segment.length) for p in THIRDS] if is_long else [segment.inside]
+        parts = THIRDS if segment.length > LONG_STEP else (INSIDE,)
+        places = (segment.near(part * segment.length) for part in parts)
         for x in filter(segment.curve.metric.admits, places):
             values = selection.tests(x)
-            if not smallest(values) < 0.0:
-                continue  # nearly always
-            terms = _terms(selection.unsigned_gradients(x), x, segment.curve.metric.scale)
-            if _is_dip(values, terms, start, end):
-                return Failure(FailureReason.THIN_CELL)
+            if smallest(values) < 0.0:  # seldom
+                terms = _terms(selection.unsigned_gradients(x), x, segment.curve.metric.scale)
+                if _is_dip(values, terms, start, end):
+                    return Failure(FailureReason.THIN_CELL)
         return None
 
     def border(self, curve: Curve, index: int) -> Border:
@@ -164,7 +162,8 @@ class BoundingTests(TransitionDetector):
         """Cross the interface unless the curve only touches it; at a corner, take every way on."""
         system, x = curve.selection.system, state.x
         test = int(curve.selection.bounding[index])
-        zero = vanishing(system, x, state.error, curve.metric.scale) | {test}
+        corner = Corner.at(system, curve.metric, x, state.error)
+        zero = corner.zero | {test}
         back = Ray(curve, state).reversed()
         if end := end_of(system, curve.selection.character, zero):
             return SpecialPointFound(Kind.END, x, end, (back,))
@@ -173,7 +172,7 @@ class BoundingTests(TransitionDetector):
                 return touched
             if forth := across(curve, state, test):
                 return crossed(x, back, forth)
-        met = at_corner(Corner.at(system, curve.metric, x, state.error, zero), curve, back)
+        met = at_corner(replace(corner, zero=zero), curve, back)
         # without a ray back the piece lies between interfaces, and meets one after another
         is_apart = met.kind == Kind.STOPPED and len(zero) > 1
         forth = across(curve, state, test) if is_apart else None

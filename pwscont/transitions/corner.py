@@ -52,6 +52,7 @@ from pwscont.system.system import (
 from pwscont.system.values import refuse_infinite
 from pwscont.transitions.corner_paths import rays_by_perturbation
 from pwscont.transitions.rays import (
+    SLANT,
     Corner,
     Direction,
     Ray,
@@ -196,8 +197,6 @@ MOST_CELLS_OF_CONE = 4**8
 MOST_PATTERN_TESTS = 12
 #: Jacobians that a cone problem keeps: those of blocks with up to this many modes.
 KEPT_JACOBIANS = 4
-#: A test is level along a ray where its slope is below this part of the magnitudes of its terms.
-LEVEL_TEST = EPS**0.5
 #: Generic right-hand sides e that are tried for an index.
 MOST_RIGHT_HAND_SIDES = 3
 
@@ -293,7 +292,7 @@ def index_along(ray: Ray, zero: frozenset[int]) -> int:
     scale, which = ray.curve.metric.scale, np.array(sorted(zero), dtype=np.intp)
     rows = system.some_test_gradients(x[:-1], float(x[-1]), which)
     slopes = np.asarray(rows @ tangent)
-    level = np.abs(slopes) <= LEVEL_TEST * (abs(rows) @ (np.abs(tangent) + LEVEL_TEST * scale))
+    level = np.abs(slopes) <= SLANT * (abs(rows) @ (np.abs(tangent) + SLANT * scale))
     stay = frozenset(which[level].tolist())
     near = Corner.at(system, ray.curve.metric, x, ray.state.error, stay)
     near.tests[which] = np.where(level, 0.0, slopes)  # tests that grow along the ray are positive

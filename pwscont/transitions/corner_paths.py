@@ -18,7 +18,7 @@ from typing import final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Signs, generic
+from pwscont.basics.arrays import Array, generic
 from pwscont.basics.budget import check_budget
 from pwscont.basics.character import Character
 from pwscont.basics.rounding import EPS, GUARD
@@ -26,7 +26,7 @@ from pwscont.linear.factorise import bordered, kink_by_columns, last_unit
 from pwscont.linear.updates import ProductForm
 from pwscont.linear.vectors import Rows
 from pwscont.system.selection import Selection
-from pwscont.transitions.rays import Corner, Direction
+from pwscont.transitions.rays import ASTRAY, Corner, Direction
 
 #: Paths that are followed from each ray, each with a perturbation of its own.
 PATHS_PER_RAY = 4
@@ -39,8 +39,6 @@ MOST_AROUND = 16
 #: Two unit vectors are the same if their distance is less than this, which is far above EPS,
 #: because the direction at the end of a path carries the errors of all updates on the way.
 SAME_UNIT_VECTOR = 1e-6
-#: A direction is no direction of its cell if its residual is above this part of its terms.
-ASTRAY_IN_CELL = EPS**0.5
 
 
 def rays_by_perturbation(corner: Corner, back: Direction | None) -> list[Direction]:
@@ -104,20 +102,13 @@ class Paths:
 
     def character(self, d: Array, beside: Array | None = None) -> Character:
         """Return the character of the cell that d points into; where d is level, ``beside``."""
-        return self._character(self._signs(d, d if beside is None else beside))
-
-    def _signs(self, d: Array, beside: Array) -> Signs:
-        """Return on which side of each interface d is; where d is level, on which ``beside`` is."""
-        values, others = self._gradients.matrix @ d, self._gradients.matrix @ beside
-        return np.asarray(np.where(np.abs(values) <= self._rounding(d), others, values) >= 0.0)
+        tests, values = self.corner.tests.copy(), self._gradients.matrix @ d
+        others = values if beside is None else self._gradients.matrix @ beside
+        tests[self._zero] = np.where(np.abs(values) <= self._rounding(d), others, values)
+        return Character.of(tests)
 
     def _rounding(self, d: Array) -> Array:
         return np.asarray(GUARD * EPS * (self._gradients.magnitudes @ np.abs(d)))
-
-    def _character(self, signs: Signs) -> Character:
-        tests = self.corner.tests.copy()
-        tests[self._zero] = np.where(signs, 1.0, -1.0)
-        return Character.of(tests)
 
     def across(self, ray: Array, away: Array) -> tuple[Character, Array] | None:
         """Follow the path beside a ray, from far out towards the corner and on to the other end.
@@ -147,10 +138,9 @@ class Paths:
             k, distance = first
             d = d + distance * cell.tangent
             gradient = self._gradients.some(np.array([k]))[0]
-            signs = self._signs(d, cell.tangent)
-            signs[k] = float(gradient.dot(cell.tangent)) > 0.0
+            is_positive = float(gradient.dot(cell.tangent)) > 0.0
+            ahead = self.character(d, cell.tangent).with_sign(int(self._zero[k]), is_positive)
             self.crossings += 1
-            ahead = self._character(signs)
             if corner.system.cell(ahead) == begun or not cell.cross(ahead, gradient):
                 return None
         return None
@@ -202,7 +192,7 @@ class _PathInCell:
             return False
         self.head(ahead * gradient)
         size = self._corner.metric.norm(self.tangent)
-        astray = np.abs(self._jacobian @ self.tangent) > ASTRAY_IN_CELL * size * self._sizes
+        astray = np.abs(self._jacobian @ self.tangent) > ASTRAY * size * self._sizes
         return not bool(astray.any())
 
     def factorise(self) -> bool:

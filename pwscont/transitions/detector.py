@@ -316,8 +316,6 @@ NARROW_BRACKET = EPS**0.6
 NARROWEST_BRACKET = GUARD * EPS
 #: A bracket in double precision cannot be halved more often.
 MOST_BRACKET_HALVINGS = 60
-#: Brent's method takes no more steps than the square of these halvings; many where a zero is flat.
-MOST_BRENT = MOST_BRACKET_HALVINGS**2
 
 
 def locate_zero(
@@ -342,7 +340,8 @@ def locate_zero(
     lo, hi = bracket
     guess = 0.5 * (lo + hi) if guess is None else guess
     for _ in range(MOST_BRACKET_HALVINGS):
-        found = _newton(segment, border, guess)
+        corrected = zero(segment.curve, border, segment.near(guess))
+        found = corrected if isinstance(corrected, Failure) else corrected.state
         if not isinstance(segment, CurvedSegment):
             return found
         if isinstance(found, State):
@@ -355,12 +354,6 @@ def locate_zero(
         lo, hi = (guess, hi) if border(middle.x)[0] > 0.0 else (lo, guess)
         guess = 0.5 * (lo + hi)
     return Failure(FailureReason.NOT_CONVERGED)
-
-
-def _newton(segment: Segment, border: Border, guess: float) -> State | Failure:
-    """Return the zero that Newton finds from a place; the tangent points to where it falls."""
-    found = zero(segment.curve, border, segment.near(guess))
-    return found if isinstance(found, Failure) else found.state
 
 
 class _OffCurveError(Exception):
@@ -410,7 +403,8 @@ def locate_sign_change(
         if not ends[0] <= 0.0 <= ends[1]:  # a change that is rounding
             return Failure(FailureReason.NOT_CONVERGED)
         xtol = narrow * (segment.length if isinstance(segment, CurvedSegment) else bracket[1])
-        s = brentq(along, *bracket, xtol=xtol, rtol=4.0 * EPS, maxiter=MOST_BRENT)
+        most = MOST_BRACKET_HALVINGS**2  # Brent's method takes many steps where a zero is flat
+        s = brentq(along, *bracket, xtol=xtol, rtol=4.0 * EPS, maxiter=most)
         return state(s) if is_curved else locate_point(segment, s)
     except _OffCurveError as off:
         return off.failure

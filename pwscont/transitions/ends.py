@@ -48,7 +48,7 @@ from pwscont.transitions.detector import (
     locate_sign_change,
     locate_zero,
 )
-from pwscont.transitions.rays import Corner, Ray, check_continuity, inward_ray, vanishing
+from pwscont.transitions.rays import Corner, Ray, check_continuity, inward_ray
 from pwscont.transitions.smooth import (
     STEEPEST_AT_FOLD,
     at_branch_point,
@@ -151,7 +151,7 @@ def ended_by_system(arrival: SpecialPointFound) -> SpecialPointFound:
     cells = dict.fromkeys(ray.curve.selection.character for ray in arrival.rays)
     if not isinstance(system, Ending) or len(cells) < 2:
         return arrival
-    zero = vanishing(system, arrival.x, state.error, curve.metric.scale)
+    zero = Corner.at(system, curve.metric, arrival.x, state.error).zero
     reasons = (end_of(system, cell, zero) for cell in cells) if zero else ()
     why = next(filter(None, reasons), None)
     return SpecialPointFound(Kind.END, arrival.x, why, arrival.rays) if why else arrival
@@ -300,7 +300,7 @@ class Bounds(TransitionDetector):
     def arrive(self, curve: Curve, state: State, index: int) -> SpecialPointFound:
         """End the branch, or cross the interface that is met together with the bound."""
         selection, back = curve.selection, Ray(curve, state).reversed()
-        zero = vanishing(selection.system, state.x, state.error, curve.metric.scale)
+        zero = Corner.at(selection.system, curve.metric, state.x, state.error).zero
         for place, test in enumerate(selection.bounding.tolist()):
             if test in zero:
                 return BoundingTests().arrive(curve, state, place)

@@ -19,7 +19,7 @@ from typing import TypeAlias, final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Matrix, Signs, generic
+from pwscont.basics.arrays import Array, Matrix, generic
 from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidSystemError
 from pwscont.basics.outcome import Failure
@@ -34,6 +34,8 @@ from pwscont.system.promises import refuse_jump
 from pwscont.system.selection import Selection
 from pwscont.system.system import Block, PiecewiseSystem, SlicewiseLinearSystem
 
+#: Largest residual of a direction of a selection, as a part of the terms.
+ASTRAY = EPS**0.5
 #: Selections that differ by more than this (relative) at a common point do not agree there.
 DISAGREE = EPS**0.5
 
@@ -71,18 +73,6 @@ class Ray:
     def reversed(self) -> Ray:
         """Return the same place with the opposite direction."""
         return Ray(self.curve, self.state.reversed(), self.interface_cells, self.index)
-
-
-def vanishing(system: PiecewiseSystem, x: Array, error: Array, scale: Array) -> frozenset[int]:
-    """Return the indices of the tests that are zero at ``x``; see :func:`rounding_of_tests`."""
-    z, alpha = x[:-1], float(x[-1])
-    gradients, values = system.test_jacobian(z, alpha), system.test_functions(z, alpha)
-    return frozenset(is_zero(gradients, values, x, error, scale).nonzero()[0].tolist())
-
-
-def is_zero(gradients: Matrix, values: Array, x: Array, error: Array, scale: Array) -> Signs:
-    """Tell which tests with these gradients are zero at ``x``; see :func:`rounding_of_tests`."""
-    return np.asarray(np.abs(values) <= rounding_of_tests(gradients, x, error, scale))
 
 
 def rounding_of_tests(gradients: Matrix, x: Array, error: Array, scale: Array) -> Array:
@@ -198,8 +188,8 @@ class Corner:
         tests = np.array(system.test_functions(x[:-1], float(x[-1])), dtype=float)
         if zero is None:
             gradients = system.test_jacobian(x[:-1], float(x[-1]))
-            vanish = is_zero(gradients, tests, x, error, metric.scale)
-            zero = frozenset(vanish.nonzero()[0].tolist())
+            vanish = np.abs(tests) <= rounding_of_tests(gradients, x, error, metric.scale)
+            zero = frozenset(np.flatnonzero(vanish).tolist())
         return cls(system, metric, x, error, zero, tests)
 
     @classmethod

@@ -26,13 +26,7 @@ from pwscont.basics.arrays import Array
 from pwscont.basics.outcome import TOUCH, Failure, FailureReason, Kind
 from pwscont.basics.rounding import CONFIDENCE, CONVERGED, EPS, GUARD, SAME_ALPHA
 from pwscont.curve.corrector import polished
-from pwscont.curve.crossing import (
-    ERROR_OF_DIFFERENCES,
-    FULL_RANK,
-    Crossing,
-    crossing,
-    loses_rank,
-)
+from pwscont.curve.crossing import ERROR_OF_DIFFERENCES, FULL_RANK, Crossing, crossing, loses_rank
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.newton import uncertainty_beside
 from pwscont.curve.stepper import CurvedSegment, Segment
@@ -143,10 +137,8 @@ def fold_at_end(curve: Curve, state: State) -> State | None:
 
     None if the state is not at an end, or alpha goes on beyond the end.
     """
-    if curve.selection.is_straight:
-        return None
-    side, slope = _side(curve, state), curve.slope(state)
-    if not side or abs(slope) > STEEPEST_AT_FOLD:
+    side = _side(curve, state)
+    if not side or abs(slope := curve.slope(state)) > STEEPEST_AT_FOLD:
         return None
     inwards = FIRST_SECANT if side * slope > 0.0 else -FIRST_SECANT
     here, there = beside(curve, state, 0.0), beside(curve, state, inwards)
@@ -171,9 +163,7 @@ def fold_at_end(curve: Curve, state: State) -> State | None:
 def leads_outside(ray: Ray) -> bool:
     """Tell whether a ray along an end of the interval bends out of the interval."""
     curve, state = ray.curve, ray.state
-    if not _side(curve, state) or curve.selection.is_straight:
-        return False
-    if abs(curve.slope(state)) > STEEPEST_AT_FOLD:
+    if not _side(curve, state) or abs(curve.slope(state)) > STEEPEST_AT_FOLD:
         return False
     found = beside(curve, state, FIRST_SECANT)
     return isinstance(found, Failure) and found.trouble is FailureReason.OUTSIDE
@@ -190,14 +180,16 @@ def leaning(ray: Ray) -> Ray:
     """Return a ray along an end of the interval, leant so that the ray leads into the interval."""
     curve, state = ray.curve, ray.state
     side = _side(curve, state)
-    if not side or curve.slope(state) or curve.selection.is_straight:
+    if not side or curve.slope(state):
         return ray
     slope = side * LEAN_INWARDS * float(curve.metric.scale[-1])
     return replace(ray, state=_with_slope(state, slope, state.error))
 
 
 def _side(curve: Curve, state: State) -> int:
-    """Return the sign with which alpha enters the interval at an end, 0 away from the ends."""
+    """Return the sign with which alpha enters the interval at an end of a curved piece, else 0."""
+    if curve.selection.is_straight:
+        return 0
     (lo, hi), alpha = curve.metric.interval, state.alpha
     same = SAME_ALPHA * max(hi - lo, abs(alpha))
     return (abs(alpha - lo) <= same) - (abs(alpha - hi) <= same)
@@ -208,13 +200,8 @@ OUTSIDE_STEP = 0.1
 MOST_BISECTIONS = 10
 #: Largest distance, in the metric, of a branch point from where it was located before.
 LOCATED_AGAIN = EPS**0.5
-#: The extended system, which costs as much as many points of the curve, is solved from the middle
-#: of every third bracket: from within an eighth of the bracket before.
-BISECTIONS_BETWEEN = 3
 #: Distance at which the sign of det[J; t^T] is evaluated if no piece carries the sign along.
 DISTANCE_TO_SIGN = EPS**0.25
-#: What is read, by the sign: not to be written to.
-_READINGS = {sign: Reading(np.array([1.0, -1.0]) * sign, UNKNOWN) for sign in (-1, 0, 1)}
 
 
 @final
@@ -224,7 +211,8 @@ class SmoothBranchPoints(TransitionDetector):
 
     def read(self, curve: Curve, state: State) -> Reading:
         """Return the sign and its negative."""
-        return _READINGS[state.orientation]
+        sign = float(state.orientation)
+        return Reading(np.array([sign, -sign]), UNKNOWN)
 
     def locate(self, segment: Segment, index: int, bracket: tuple[float, float]) -> State | Failure:
         """Solve the extended system from within the bracket."""
@@ -299,13 +287,11 @@ def _locate(
     curve of double roots, tells of no point.
     """
     (lo, hi), last = bracket, segment.end
-    for number in range(MOST_BISECTIONS):
+    for _ in range(MOST_BISECTIONS):
         middle = 0.5 * (lo + hi)
-        is_tried = number % BISECTIONS_BETWEEN == 0
-        point = crossing(segment.curve, segment.near(middle)) if is_tried else None
-        if not isinstance(point, Crossing) or not _belongs(segment, point.x):
-            point = None
-        else:
+        found = crossing(segment.curve, segment.near(middle))
+        point = found if isinstance(found, Crossing) and _belongs(segment, found.x) else None
+        if point is not None:
             if not point.meets:
                 return Failure(FailureReason.SINGULAR)
             middle = 0.5 * (lo + segment.position(point.x))

@@ -29,6 +29,7 @@ from pwscont.basics.arrays import (
     is_anywhere,
     is_everywhere,
     joined,
+    largest,
     product,
 )
 from pwscont.basics.character import Character
@@ -50,7 +51,7 @@ from pwscont.system.values import own_array
 from pwscont.transitions.bounding import BoundingTests, crossed
 from pwscont.transitions.detector import Reading, SpecialPointFound, TransitionDetector, ratio_test
 from pwscont.transitions.ends import at_end
-from pwscont.transitions.rays import SLANT, Ray, is_zero
+from pwscont.transitions.rays import ASTRAY, SLANT, Ray, rounding_of_tests
 
 #: A piece keeps the direction in which the piece began up to this part of the direction.
 ALIGNED = EPS**0.5
@@ -78,10 +79,7 @@ class StraightTests(TransitionDetector):
         self._last: Entered | None = None
 
     def read(self, curve: Curve, state: State) -> Reading:
-        """Return the bounding tests, positive inside, and their slopes.
-
-        A piece may run along an interface: a test that is zero, and stays so, is no event.
-        """
+        """Return the bounding tests, positive inside, and their slopes."""
         return self._slowly.read(curve, state)
 
     def locate(self, segment: Segment, index: int, bracket: tuple[float, float]) -> State | Failure:
@@ -126,7 +124,8 @@ class StraightTests(TransitionDetector):
         curve, state = ray.curve, ray.state
         gradients = self._gradients_of(curve, state.x)
         tests = gradients.tests_at(state.x)
-        if gradients.may_end or not gradients.are_inside(curve, tests, state):
+        may_end = isinstance(gradients.system, Ending)
+        if may_end or not gradients.are_inside(curve, tests, state):
             return None
         cell = self._cell_of(curve, state)
         return cell and Entered(state, ray, cell, tests, gradients.rows.dot(cell.along))
@@ -154,22 +153,23 @@ class StraightTests(TransitionDetector):
         gradients, selection = self._gradients_of(curve, start.x), curve.selection
         test = int(selection.bounding[index])
         x, gradient = start.x + s * start.tangent, gradients.rows.one(test)
-        if gradients.may_end or not curve.metric.admits(x):
+        if isinstance(selection.system, Ending) or not curve.metric.admits(x):
             return None
-        last = self._last if self._last and self._last.ray.state is start else None
-        cell = last.cell if last else self._cell_of(curve, start)
-        tests = gradients.tests_at(x)
+        cell, tests = self._cell_of(curve, start), gradients.tests_at(x)
         beyond = Character.beyond(tests, test, bool(selection.side[index] < 0.0))
         other = Curve(Selection(selection.system, beyond), curve.metric)
-        if cell is None or not gradients.is_crossed(test, gradient, start):
-            return None
-        if not other.selection.is_bounded_by(test):
+        level = SLANT * np.abs(gradient).dot(np.abs(start.tangent))
+        is_crossed = abs(gradient.dot(start.tangent)) > level
+        if cell is None or not is_crossed or not other.selection.is_bounded_by(test):
             return None
         point = cell.cross(other, x, test, gradient, float(tests[test]))
         if point is None:
             return None
         rates = gradients.rows.dot(cell.along)
-        here = tests - gradients.changes(point, rates)
+        changes = point.along * rates
+        if point.aside is not None:
+            changes += gradients.rows.dot(joined(point.aside, 0.0))
+        here = tests - changes
         if not are_finite(here) or gradients.is_corner(tests, here, point, test):
             return None
         # alpha reverses if the path turns
@@ -182,6 +182,8 @@ class StraightTests(TransitionDetector):
     def _cell_of(self, curve: Curve, start: State) -> StraightCell | None:
         """Return the cell of a piece, factorised afresh if the last cell is another cell."""
         cell = self._last.cell if self._last else None
+        if self._last and self._last.ray.state is start:
+            return cell
         if cell is None or cell.curve.selection is not curve.selection:
             cell = None if curve.selection.adjacent_cells else StraightCell.at(curve, start.x)
         if cell is None:
@@ -198,52 +200,37 @@ class Gradients:
         self.system, self.scale = curve.selection.system, curve.metric.scale
         self.rows = Rows(self.system.test_jacobian(x[:-1], float(x[-1])))
         self._typical: Array = product(self.rows.magnitudes, self.scale)
-        #: Whether pieces may end where tests vanish.
-        self.may_end = isinstance(self.system, Ending)
 
     def tests_at(self, x: Array) -> Array:
         """Return a copy of all tests at a point, shape (m,)."""
         values = self.system.test_functions(x[:-1], float(x[-1]))
         return own_array(self.system, "test_functions", values, self._typical.shape)
 
-    def changes(self, point: CorrectedPoint, rates: Array) -> Array:
-        """Return by how much the correction of a point changed all tests, shape (m,)."""
-        changes: Array = point.along * rates
-        if point.aside is not None:
-            changes += self.rows.dot(joined(point.aside, 0.0))
-        return changes
-
-    def is_crossed(self, test: int, gradient: Array, start: State) -> bool:
-        """Tell whether a piece leads clearly through the interface where a test vanishes."""
-        slope = abs(float(gradient.dot(start.tangent)))
-        if slope > SLANT * float(self._typical[test]):
-            return True  # nearly always, because tangents have length one
-        return bool(slope > SLANT * np.abs(gradient).dot(np.abs(start.tangent)))
-
     def are_inside(self, curve: Curve, tests: Array, state: State) -> bool:
         """Tell whether a state lies inside the cell of a curve, and no test is next to zero."""
-        metric, selection = curve.metric, curve.selection
-        extent = metric.largest(np.abs(state.x)), metric.largest(state.size)
-        if not len(tests) or not are_finite(tests) or self._near_zero(tests, extent).any():
+        if not len(tests) or not are_finite(tests):
             return False
-        inside = selection.side * tests[selection.bounding] > 0.0
-        return not len(inside) or is_everywhere(inside)
+        if self._near_zero(tests, state.x, state.size).any():
+            return False
+        return bool((curve.selection.side * tests[curve.selection.bounding] > 0.0).all())
 
-    def _near_zero(self, tests: Array, extent: tuple[float, float]) -> Signs:
-        """Tell which tests errors or corrections of this extent may have made zero."""
-        reach = GUARD * EPS * (1.0 + extent[0]) + 2.0 * CONFIDENCE * extent[1]
+    def _near_zero(self, tests: Array, x: Array, size: Array) -> Signs:
+        """Tell which tests may be zero because of the error, or of a correction, of a point."""
+        extent, error = largest(np.abs(x) / self.scale), largest(size / self.scale)
+        reach = GUARD * EPS * (1.0 + extent) + 2.0 * CONFIDENCE * error
         near: Signs = np.abs(tests) <= reach * self._typical
         return near
 
     def is_corner(self, before: Array, tests: Array, point: CorrectedPoint, but: int) -> bool:
         """Tell whether another test vanishes at a point, or has another sign than before."""
-        near = self._near_zero(tests, point.extent).nonzero()[0]
-        near = near[near != but] if len(near) else near
+        near = self._near_zero(tests, point.x, point.size).nonzero()[0]
+        near = near[near != but]
         if not len(near):
             return False  # nearly always
         rows, values = self.rows.some(near), tests[near]
         turned = (values >= 0.0) != (before[near] >= 0.0)
-        return bool((turned | is_zero(rows, values, point.x, point.error, self.scale)).any())
+        rounding = rounding_of_tests(rows, point.x, point.error, self.scale)
+        return bool((turned | (np.abs(values) <= rounding)).any())
 
 
 #: Systems of fewer unknowns are audited at every transition, all systems after AUDIT_AFTER
@@ -263,8 +250,6 @@ UNSEEN = 0.75 * CONFIDENCE * EPS
 GROWN = 2.0
 #: How many times larger than all other unknowns an unknown is made, in typical magnitudes.
 FAR_AWAY = 2.0**20
-#: Largest residual of a direction of a selection, as a part of the terms.
-ASTRAY = EPS**0.5
 
 
 class CorrectedPoint(NamedTuple):
@@ -273,7 +258,6 @@ class CorrectedPoint(NamedTuple):
     x: Array
     error: Array  # samples of the error of x, shape (k, n + 1)
     size: Array  # the estimate of the error of x, shape (n + 1,)
-    extent: tuple[float, float]  # largest components of x and size, in typical magnitudes
     along: float  # by how much alpha was corrected along the piece
     aside: Array | None  # by how much z was corrected as well; None if not needed
 
@@ -294,7 +278,6 @@ class StraightCell:
         self._lines = np.zeros((1 + len(self._samples), len(along)))
         self._lines[0] = along
         self.along: Array = self._lines[0]  # with alpha component 1; changes with the cell
-        self._wide = np.zeros(len(along))
         self._terms = np.empty(0)  # magnitudes of the terms of the rows of H at the last audit
         self._most, self._since = np.empty(0), AUDIT_AFTER
 
@@ -340,8 +323,7 @@ class StraightCell:
         if pivot == 0.0:
             return None
         slopes = self._lines.dot(gradient) / pivot
-        self._wide[:-1] = w  # alpha of the lines does not change
-        add_multiples(self._lines, -slopes, self._wide)
+        add_multiples(self._lines, -slopes, joined(w, 0.0))  # alpha of the lines does not change
         self.turn, self._since = 1 if pivot > 0.0 else -1, self._since + 1
         self.length = other.metric.norm(self.along)
         return self.corrected(x, gradient, value, slopes) if self._is_tame() else None
@@ -376,10 +358,12 @@ class StraightCell:
         error: Array = self._lines[1:].copy()  # and where the rounding of the test puts the point
         last = EPS * np.abs(gradient).dot(sizes) * self._samples[:, -1] - slopes[1:]
         add_multiples(error, last / slopes[0], self._lines[0])
-        size = magnitude(sizes, error)
-        extent = metric.largest(sizes), metric.largest(size)
-        point = CorrectedPoint(x - dx, error, size, extent, along, aside)
-        return point if metric.admits(point.x) and self._is_rounding(dx, point) else None
+        point = CorrectedPoint(x - dx, error, magnitude(sizes, error), along, aside)
+        # a correction is no more than the rounding and the error of the corrected point
+        rounding = GUARD * EPS * largest(sizes / metric.scale) * metric.scale
+        rounding += CONFIDENCE * point.size
+        is_rounding = is_everywhere(np.abs(dx) <= rounding)
+        return point if is_rounding and metric.admits(point.x) else None
 
     def _has_renewed(self, jacobian: Matrix) -> bool:
         """Factorise the Jacobian of the cell afresh; False for a singular Jacobian."""
@@ -392,14 +376,6 @@ class StraightCell:
         known = self._jacobian
         return self.curve.selection.jacobian(x) if known is None else known
 
-    def _is_rounding(self, dx: Array, point: CorrectedPoint) -> bool:
-        """Tell whether a correction is no more than rounding and error of the corrected point."""
-        typical = GUARD * EPS * point.extent[0]
-        if point.aside is None and abs(point.along) * self.length <= typical:
-            return True  # nearly always
-        rounding = typical * self.curve.metric.scale + CONFIDENCE * point.size
-        return is_everywhere(np.abs(dx) <= rounding)
-
     def _is_tame(self) -> bool:
         """Tell whether the direction is finite, and far from vertical."""
         return self.length * self.curve.metric.width < GROWTH
@@ -411,9 +387,10 @@ class StraightCell:
         magnitudes, astray = abs(jacobian), jacobian.dot(along)
         self._most = sizes
         if n >= ALWAYS_AUDITED:
-            largest = np.zeros(len(sizes))
-            np.maximum.at(largest, metric.kinds, sizes)
-            self._most = GROWN * largest[metric.kinds]
+            kinds = np.unique(metric.scale, return_inverse=True)[1]
+            most = np.zeros(len(sizes))
+            np.maximum.at(most, kinds, sizes)
+            self._most = GROWN * most[kinds]
         self._terms = product(magnitudes, self._most + CONVERGED * metric.scale)
         typical = product(magnitudes, metric.scale)
         if not is_everywhere(np.abs(astray) <= (ASTRAY * self.length) * typical):

@@ -39,7 +39,6 @@ from pwscont.transitions.detector import (
     SpecialPointFound,
     TransitionDetector,
     locate_sign_change,
-    ratio_test,
 )
 
 #: Closer to the beginning of a piece than this, in the metric and times 1 + |x|, the event of a
@@ -81,14 +80,6 @@ class Watch:
         self, detectors: Sequence[TransitionDetector], added: Sequence[TransitionDetector] = ()
     ) -> None:
         self._detectors, self._added = detectors, added
-        self._are_affine = all(detector.is_affine for detector in detectors)
-        self._shortening = self._overriding("needs_shorter_step")
-        self._with_gradients = self._overriding("border")
-
-    def _overriding(self, method: str) -> list[tuple[int, TransitionDetector]]:
-        """Return the detectors that override a method, and their places."""
-        own, every = getattr(TransitionDetector, method), enumerate(self._detectors)
-        return [(i, each) for i, each in every if getattr(type(each), method) is not own]
 
     def read(self, curve: Curve, state: State) -> Reading:
         """Return what all detectors read at a state, in new arrays; refuse wrong readings."""
@@ -116,19 +107,18 @@ class Watch:
         The function is watched again once it is positive. With a negative slope, the same zero
         would be found again.
         """
-        values, slopes, place = reading.values.copy(), reading.slopes.copy(), self._place(event)
-        values[reading.begins[place] + event.index] = 0.0
-        slopes[reading.begins[place] + event.index] = 0.0
+        values, slopes = reading.values.copy(), reading.slopes.copy()
+        values[self._index(reading, event)] = slopes[self._index(reading, event)] = 0.0
         return Reading(values, slopes, reading.begins)
 
     def before(self, reading: Reading, event: Event) -> Reading:
         """Return the reading just before an event: functions that vanish there are positive."""
         values = np.where(reading.values == 0.0, JUST_POSITIVE, reading.values)
-        values[reading.begins[self._place(event)] + event.index] = JUST_POSITIVE
+        values[self._index(reading, event)] = JUST_POSITIVE
         return Reading(values, reading.slopes, reading.begins)
 
-    def _place(self, event: Event) -> int:
-        return self._detectors.index(event.detector)
+    def _index(self, reading: Reading, event: Event) -> int:
+        return reading.begins[self._detectors.index(event.detector)] + event.index
 
     def check(self, start: Reading, end: Reading) -> None:
         """Refuse detectors whose number of functions changed, or whose values are nan."""
@@ -144,7 +134,7 @@ class Watch:
         self, segment: CurvedSegment, start: Reading, end: Reading
     ) -> Failure | None:
         """Return the reason for which a detector asks for a shorter step, None without one."""
-        for i, detector in self._shortening:
+        for i, detector in enumerate(self._detectors):
             if failure := detector.needs_shorter_step(segment, start.part(i), end.part(i)):
                 return failure
         return None
@@ -155,9 +145,9 @@ class Watch:
         The distance is along the tangent. None where no such function falls.
         """
         soonest = None
-        for i, detector in self._with_gradients:
+        for i, detector in enumerate(self._detectors):
             values, slopes = (part := reading.part(i)).values, part.slopes
-            if not len(values):
+            if not len(values) or type(detector).border is TransitionDetector.border:
                 continue
             rates = np.divide(slopes, values, out=np.zeros(len(values)), where=values > 0.0)
             fastest = rates.argmin()
@@ -172,8 +162,6 @@ class Watch:
 
         Each detector looks only as far as the nearest zero of the detectors before it.
         """
-        if self._are_affine:
-            return ratio_test(start.values, start.slopes)
         distances, farthest = [], np.inf
         for i, detector in enumerate(self._detectors):
             distances.append(detector.falls(segment, start.part(i), farthest))
@@ -220,11 +208,7 @@ def first_on_ray(watch: Watch, segment: Segment, start: Reading) -> Event | Fail
 
 
 def first_on_curve(
-    watch: Watch,
-    segment: CurvedSegment,
-    start: Reading,
-    end: Reading,
-    first: Event | None = None,
+    watch: Watch, segment: CurvedSegment, start: Reading, end: Reading, first: Event | None = None
 ) -> Event | Failure | None:
     """Return the first event on a curved segment, None where there is none.
 
@@ -259,7 +243,8 @@ def first_on_curve(
         first = event
         if event.position <= 0.0:
             break
-        segment = segment.until(event.state)
+        ends = segment.start, event.state
+        segment = CurvedSegment.between(segment.curve, *ends, segment.suggestion)
         end = watch.before(watch.read(segment.curve, event.state), event)
     return first
 
@@ -323,28 +308,27 @@ def _bracket_of_dip(
     """Return a bracket of the first zero of a function that is positive at both ends."""
     border = detector.border(segment.curve, index)
 
-    def slope(state: State) -> float:
-        """Return the slope, even where a reading calls the function level at zero."""
+    def value_and_slope(state: State) -> tuple[float, float]:
+        """Return value and slope, even where a reading calls the function level at zero."""
         if border:
-            return float(border(state.x)[1].dot(state.tangent))
-        return float(detector.read(segment.curve, state).slopes[index])
+            value, gradient = border(state.x)
+            return float(value), float(gradient.dot(state.tangent))
+        read = detector.read(segment.curve, state)
+        return float(read.values[index]), float(read.slopes[index])
 
-    def value(state: State) -> float:
-        """Return the value, even where a reading calls the function level at zero."""
-        if border:
-            return float(border(state.x)[0])
-        return float(detector.read(segment.curve, state).values[index])
+    def slope(state: State) -> float:
+        return value_and_slope(state)[1]
 
     lowest, least = segment.start, 0.0
     for narrow in (NARROW_BRACKET, EPS):
         found = locate_sign_change(segment, slope, (0.0, segment.length), narrow)
         if isinstance(found, Failure):
             return found
-        lowest, least = found, value(found)
-        if not 0.0 <= least <= abs(slope(lowest)) * narrow * segment.length:
+        lowest, (least, steepness) = found, value_and_slope(found)
+        if not 0.0 <= least <= abs(steepness) * narrow * segment.length:
             break  # otherwise the dip may be narrower than the bracket of the lowest point
     if least < 0.0:  # the last correction may be larger than the dip is deep
-        least = value(corrected_again(segment.curve, lowest))
+        least, _ = value_and_slope(corrected_again(segment.curve, lowest))
     return (0.0, segment.position(lowest.x)) if least < 0.0 else None
 
 
