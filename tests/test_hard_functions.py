@@ -209,3 +209,20 @@ def test_a_reactor_has_no_solutions_at_negative_temperatures(seed):
     assert not graph.infinite
     for t in (0.02, 0.07, 0.234, 1.234, 2.7):
         assert graph.count(sign * t) == number(t)
+
+
+@pytest.mark.parametrize("speed", [1e4, 1e6, 1e8, 1e9, 1e10, 1e11])
+@pytest.mark.sweep(7)
+def test_a_fast_reaction_has_two_solutions(speed):
+    """A + B <-> C in a stirred tank: only sums of rows tell the size of the third unknown."""
+
+    def residual(z, t, sw):
+        rate = speed * (z[0] * z[1] - 0.1 * z[2])
+        return [t - z[0] - rate, 1.0 - z[1] - rate, rate - z[2]]
+
+    graph = explore(Switched(3, residual), (0.1, 3.0))
+    for t in (0.3, 0.9, 1.7, 2.6):
+        # z2 = rate = speed ((t - z2) (1 - z2) - 0.1 z2)
+        truth = np.sort(np.roots([1.0, -(t + 1.1 + 1.0 / speed), t]))
+        found = sorted(float(solution.z[2]) for solution in graph.solutions(t))
+        assert found == pytest.approx(truth, rel=1e-5)

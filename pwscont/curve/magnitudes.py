@@ -25,11 +25,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from functools import reduce
+from itertools import product
 from typing import final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Matrix, dense, joined, largest
+from pwscont.basics.arrays import Array, Matrix, dense, generic, joined, largest, smallest
 from pwscont.basics.budget import check_budget
 from pwscont.basics.character import Character
 from pwscont.basics.rounding import CONFIDENCE, EPS
@@ -150,6 +151,9 @@ LITTLE, FAR_BELOW, LEVEL = 0.001, 53, 0.99 * PART
 PLACES = (0.0, 0.381966, 1.0)
 #: Most unknowns whose sizes are told by more than a single Newton step.
 MANY = 32
+#: Sizes that differ by more than this factor are compared with Newton steps, and are too small if
+#: all steps are longer by the second factor.
+FAR_APART, FAR_BEYOND = 1e6, 1e3
 #: Unknowns that change by less than this part of their size over the interval do not move.
 STILL = EPS**0.5
 #: Among many unknowns, an unknown smaller than this part of the largest, in units in which columns
@@ -201,7 +205,28 @@ def rough_magnitudes(system: PiecewiseSystem, interval: tuple[float, float], z: 
         if sizes.all() or (number and not sizes[unknown].any()):
             break
         terms = np.maximum(terms, np.maximum(others, most.max(axis=1)))
-    return np.where(sizes > 0.0, sizes, np.minimum(1.0, box.upper - box.lower))
+    sizes = np.where(sizes > 0.0, sizes, np.minimum(1.0, box.upper - box.lower))
+    if largest(sizes) > FAR_APART * smallest(sizes):
+        sizes = np.maximum(sizes, _least_steps(system, alphas, sizes))
+    return sizes
+
+
+def _least_steps(system: PiecewiseSystem, alphas: Sequence[float], sizes: Array) -> Array:
+    """Return the least Newton steps from several points, zero where not far beyond sizes.
+
+    In a fast reaction an unknown seems tiny, because a little of the unknown changes each row a
+    lot: only sums of rows tell the size of the unknown.
+    """
+    least, box = np.full(len(sizes), np.inf), Box.of(system)
+    for shift, alpha in product((0.0, 1.0, 2.0), alphas):
+        z = box.inside(2.0 * sizes * generic(len(sizes), shift))
+        jacobian = dense(jacobian_at(system, z, alpha, system.character(z, alpha)))
+        factor = bordered(jacobian, last_unit(len(z) + 1), balanced_columns(jacobian))
+        if factor.is_singular():
+            return np.zeros(len(sizes))
+        step = factor.solve(joined(_residual(system, z, alpha), 0.0))[:-1]
+        least = np.fmin(least, np.abs(step))
+    return np.where(np.isfinite(least) & (least > FAR_BEYOND * sizes), least, 0.0)
 
 
 def _reach(

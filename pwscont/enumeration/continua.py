@@ -119,8 +119,10 @@ def solution_near(system: PiecewiseSystem, scale: Array, y: Array, alpha: float)
         residual, jacobian, _ = linear
         step = lstsq(jacobian, -residual, cond=SINGULAR_VALUE)[0]
         y = y + step
-        if np.linalg.norm(step) <= LONGEST_LAST_STEP * (1.0 + np.linalg.norm(y)):
-            return y
+        longest = LONGEST_LAST_STEP * (1.0 + np.linalg.norm(y))
+        if np.linalg.norm(step) <= longest:  # a cut off direction may have hidden the residual
+            arrived = equations_in_magnitudes(system, y * scale, alpha, scale)
+            return y if arrived and np.linalg.norm(arrived[0]) <= longest else None
     return None
 
 
