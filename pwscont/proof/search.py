@@ -14,9 +14,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Indices, Signs
+from pwscont.basics.arrays import Array, Signs
 from pwscont.basics.budget import check_budget
-from pwscont.proof.enclosures import evaluated, lines_of, times, turned_lines, with_slopes
+from pwscont.proof.enclosures import evaluated, lines_of, times, with_slopes
 from pwscont.proof.interval import ULP, Interval, above, inverses, together
 from pwscont.proof.tape import Tape
 
@@ -31,11 +31,9 @@ TOGETHER = 2048
 MOST_BOXES = 300_000
 #: A tube is tried where the rests of lines, as unknowns, are narrower than this part of the box.
 TRIED = 2.0
-#: The widest coordinate is halved, in magnitudes, among those that change preconditioned rows at
-#: least this part as much as another one does.
-MATTERS = 0.5
-#: From so many boxes on, lines of derivatives, which are narrower, pay.
-MANY = 100
+#: The widest coordinate, in magnitudes, is halved among those that change some row of H by at least
+#: this part of what another coordinate does.
+MATTERS = 1e-3
 #: How much wider than the box a tube is tried.
 WIDER = 1.25
 #: The least radius of a tube, relative to typical magnitudes: a box may have no width at all.
@@ -121,14 +119,14 @@ def _looked_at(
     """Return the tubes of boxes that are proved, the halves of others, and boxes left open."""
     boxes = boxes[:, ~evaluated(tape, boxes).excludes_zero().any(axis=0)]
     slopes, rest = lines_of(tape, boxes)
-    blur = np.einsum("ijb,jb->ib", np.abs(inverse_of(slopes.lo[:, :-1])), rest.width())
+    blur = np.einsum("ijb,jb->ib", np.abs(inverse_of(slopes[:, :-1])), rest.width())
     size, width = scale[:, np.newaxis], boxes.width()
     is_sharp = (blur < TRIED * width[:-1] + LEAST * size[:-1]).all(axis=0)
     boxes, empty = contracted(boxes, slopes, rest)
     tried = is_sharp & ~empty & boxes[:-1].is_within(whole[:-1]).all(axis=0)
     left, found = ~tried & ~empty, list[Tubes]()
     if tried.any():
-        tubes, is_proved = _around(tape, boxes[:, tried], slopes.lo[..., tried], size[:-1])
+        tubes, is_proved = _around(tape, boxes[:, tried], slopes[..., tried], size[:-1])
         left[tried], found = ~is_proved, [tubes.only(is_proved)]
     boxes = boxes[:, left]
     *unknowns, alpha = boxes.width() / size
@@ -137,17 +135,24 @@ def _looked_at(
     return found, _halved(tape, boxes[:, ~is_small], size), boxes[:, is_small]
 
 
-def contracted(box: Interval, slopes: Interval, start: Interval) -> tuple[Interval, Signs]:
+def contracted(box: Interval, slopes: Array, start: Interval) -> tuple[Interval, Signs]:
     """Return boxes contracted by one sweep of interval Newton, and which boxes are empty.
 
-    On the boxes, H(x) lies in slopes (x - middle) + start, shapes (n, n + 1, B) and (n, B).
+    On the boxes, H(x) lies in slopes (x - middle) + start, shapes (n, n + 1, B) and (n, B). The
+    rows are combined so that n of the n + 1 columns become unit columns: those with the largest
+    determinant, times the width of the box. No rule needs exact combinations.
     """
-    middle, each = box.middle(), np.arange(box.lo.shape[1])
-    matrix, columns = preconditioned(slopes.middle(), box.width())
-    rows, rest = times(matrix, slopes), times(matrix, start)
+    middle, width, each = box.middle(), box.width(), np.arange(box.lo.shape[1])
+    choices = np.array([[k for k in range(len(width)) if k != left] for left in range(len(width))])
+    square = np.where(np.isfinite(slopes), slopes, 0.0).transpose(2, 0, 1)
+    sizes = [np.abs(np.linalg.det(square[..., own])) * width[own].prod(axis=0) for own in choices]
+    columns = choices[np.argmax(sizes, axis=0)]
+    inverse = inverses(np.take_along_axis(square, columns[:, np.newaxis], axis=2))
+    matrix = np.where(np.isfinite(inverse), inverse, 0.0).transpose(1, 2, 0)
+    rows, rest = times(matrix, Interval(slopes)), times(matrix, start)
     lo, hi = box.lo.copy(), box.hi.copy()
     empty = np.zeros(len(each), dtype=bool)
-    for i, own in enumerate(columns):
+    for i, own in enumerate(columns.T):
         terms = rows[i] * (Interval(lo, hi) - middle)
         empty |= (rest[i] + terms.total()).excludes_zero()
         terms.lo[own, each] = terms.hi[own, each] = 0.0
@@ -158,21 +163,6 @@ def contracted(box: Interval, slopes: Interval, start: Interval) -> tuple[Interv
     return Interval(lo, hi), empty | (lo > hi).any(axis=0)
 
 
-def preconditioned(middle: Array, width: Array) -> tuple[Array, Indices]:
-    """Return finite matrices that turn n of n + 1 columns into unit columns, and the columns.
-
-    ``middle`` (n, n + 1, B) is about the derivatives; the columns are those with the largest
-    determinant, times ``width`` (n + 1, B). No rule needs exact results, shapes (n, n, B), (n, B).
-    """
-    rows = np.where(np.isfinite(middle), middle, 0.0).transpose(2, 0, 1)
-    each = range(len(width))
-    choices = np.array([[k for k in each if k != left_out] for left_out in each])
-    sizes = [np.abs(np.linalg.det(rows[..., own])) * width[own].prod(axis=0) for own in choices]
-    columns = choices[np.argmax(sizes, axis=0)]
-    inverse = inverses(np.take_along_axis(rows, columns[:, np.newaxis], axis=2))
-    return np.where(np.isfinite(inverse), inverse, 0.0).transpose(1, 2, 0), columns.T
-
-
 def inverse_of(middle: Array) -> Array:
     """Return about the inverse of square matrices (n, n, B); any numbers will do."""
     return inverses(middle.transpose(2, 0, 1)).transpose(1, 2, 0)
@@ -180,9 +170,9 @@ def inverse_of(middle: Array) -> Array:
 
 def _halved(tape: Tape, boxes: Interval, scale: Array) -> list[Interval]:
     """Return both halves of boxes, along the widest coordinate that matters."""
-    slopes, width = with_slopes(tape.slopes, boxes)[1], boxes.width()
-    effect = times(preconditioned(slopes.middle(), width)[0], slopes).reach() * width
-    effect = (effect / effect.sum(axis=1, keepdims=True)).sum(axis=0)
+    width = boxes.width()
+    effect = with_slopes(tape.slopes, boxes)[1].reach() * width
+    effect = (effect / effect.sum(axis=1, keepdims=True)).max(axis=0)
     effect = np.where(width > FINEST * scale, effect, 0.0)
     relative = np.where(effect < MATTERS * effect.max(axis=0), 0.0, width / scale)
     split = relative.argmax(axis=0), np.arange(boxes.lo.shape[1])
@@ -218,10 +208,7 @@ def proved(tape: Tape, tubes: Tubes, radius: Array, matrix: Array) -> tuple[Tube
     """Return tubes of a radius with the radius of their images, and which tubes are proved."""
     alpha = Interval(tubes.first, tubes.last)
     box = together(np.vstack, tubes.at(alpha, radius), alpha)
-    if radius.shape[1] < MANY:
-        slopes = times(matrix, with_slopes(tape.slopes, box)[1])
-    else:
-        slopes = turned_lines(tape, box, matrix)
+    slopes = times(matrix, with_slopes(tape.slopes, box)[1])
     start = evaluated(tape, Interval(np.vstack([tubes.centre, tubes.middle])))
     along = (slopes[:, :-1] * Interval(tubes.slope)).total(axis=1)
     away = (slopes[:, -1] + along) * (alpha - Interval(tubes.middle))
