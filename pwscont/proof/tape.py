@@ -254,8 +254,9 @@ def _simpler(name: str, x: Any, y: Any) -> Any:
     if name == "multiply":
         is_nothing = number == 0.0 and other.tape.steps[other.place].name == "variable"
         return 0.0 if is_nothing else other if number == 1.0 else -other if number == -1.0 else None
-    found: Any = number if isinf(number) else other if number == 0.0 else None
-    return -found if name == "subtract" and found is y else found
+    if isinf(number):
+        return -number if name == "subtract" and other is x else number
+    return other if number == 0.0 and (name == "add" or other is x) else None
 
 
 #: Operations that are written down as others.
