@@ -27,10 +27,8 @@ Rules = Mapping[str, Callable[..., Interval]]
 def evaluated(tape: Tape, box: Interval, rules: Rules = OPERATIONS) -> Interval:
     """Return the outputs of a tape on boxes (n + 1, B), shape (outputs, B)."""
     values: list[Interval] = []
-    for place, step in enumerate(tape.steps):
-        if place in tape.fixed:
-            values.append(tape.fixed[place])
-        elif step.name == "variable":
+    for step in tape.steps:
+        if step.name == "variable":
             values.append(box[step.numbers[0]])
         else:
             values.append(rules[step.name](*(values[arg] for arg in step.args), *step.numbers))
@@ -77,12 +75,13 @@ def lines_of(tape: Tape, box: Interval) -> tuple[Array, Interval]:
     centre, units = box.middle(), np.eye(len(box.lo))[..., np.newaxis]
     far = (box - centre).reach()
     lines: list[Line] = []
-    for place, step in enumerate(tape.steps):
-        if place in tape.fixed:
-            line = Line(0.0, tape.fixed[place], tape.fixed[place])
-        elif step.name == "variable":
+    for step in tape.steps:
+        if step.name == "variable":
             (i,) = step.numbers
             line = Line(units[i], Interval(centre[i]), box[i])
+        elif not step.args:
+            constant = OPERATIONS[step.name](*step.numbers)
+            line = Line(0.0, constant, constant)
         else:
             args = [lines[arg] for arg in step.args]
             values = OPERATIONS[step.name](*(x.values for x in args), *step.numbers)
@@ -142,12 +141,11 @@ def _magnitude(x: Interval) -> tuple[list[Array], Interval]:
 
 def _larger(x: Sequence[Line], far: Array, sign: float = 1.0) -> Line:
     """Return the larger argument, (a + b + abs(a - b)) / 2, or with sign -1 the smaller."""
-    a, b = (each.values for each in x)
-    apart = _sum(x, [1.0, -1.0], NOTHING, far).values
-    (slope,), rest = _magnitude(apart.meet(a - b))
-    rounding = (abs(a) + abs(b)) * Interval(-ULP, ULP)
-    factors = [0.5 + 0.5 * sign * slope, 0.5 - 0.5 * sign * slope]
-    return _sum(x, factors, rest * (0.5 * sign) + rounding, far)
+    apart = _sum(x, [1.0, -1.0], NOTHING, far)
+    values = apart.values.meet(x[0].values - x[1].values)
+    size = _sum([apart], *_magnitude(values), far)
+    half = np.full(1, 0.5)
+    return _sum([*x, size], [half, half, sign * half], NOTHING, far)
 
 
 def _either(x: Sequence[Line], far: Array) -> Line:

@@ -76,16 +76,6 @@ class Tape:
         return self.node("constant", numbers=(_exact(thing),)).place
 
     @cached_property
-    def fixed(self) -> dict[int, Interval]:
-        """The values of steps that depend on no variable, by their places."""
-        fixed: dict[int, Interval] = {}
-        for place, step in enumerate(self.steps):
-            if step.name != "variable" and all(arg in fixed for arg in step.args):
-                args = (fixed[arg] for arg in step.args)
-                fixed[place] = OPERATIONS[step.name](*args, *step.numbers)
-        return fixed
-
-    @cached_property
     def slopes(self) -> Tape:
         """The tape of the formula, n outputs, and its derivatives by (z, alpha), n (n + 1)."""
         return self._with_slopes(self.outputs)
