@@ -31,9 +31,6 @@ TOGETHER = 2048
 MOST_BOXES = 300_000
 #: A tube is tried where the rests of lines, as unknowns, are narrower than this part of the box.
 TRIED = 2.0
-#: The widest coordinate, in magnitudes, is halved among those that change some row of H by at least
-#: this part of what another coordinate does.
-MATTERS = 1e-3
 #: How much wider than the box a tube is tried.
 WIDER = 1.25
 #: The least radius of a tube, relative to typical magnitudes: a box may have no width at all.
@@ -169,12 +166,13 @@ def inverse_of(middle: Array) -> Array:
 
 
 def _halved(tape: Tape, boxes: Interval, scale: Array) -> list[Interval]:
-    """Return both halves of boxes, along the widest coordinate that matters."""
+    """Return both halves of boxes, along the coordinate that is widest in typical magnitudes.
+
+    A coordinate on which the formula does not depend is the last.
+    """
     width = boxes.width()
-    effect = with_slopes(tape.slopes, boxes)[1].reach() * width
-    effect = (effect / effect.sum(axis=1, keepdims=True)).max(axis=0)
-    effect = np.where(width > FINEST * scale, effect, 0.0)
-    relative = np.where(effect < MATTERS * effect.max(axis=0), 0.0, width / scale)
+    relative = np.where(width > FINEST * scale, width / scale, 0.0)
+    relative[tape.idle] *= FINEST_ALPHA
     split = relative.argmax(axis=0), np.arange(boxes.lo.shape[1])
     lower, upper = boxes.hi.copy(), boxes.lo.copy()
     lower[split] = upper[split] = boxes.middle()[split]

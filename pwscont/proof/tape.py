@@ -81,6 +81,13 @@ class Tape:
         return self._with_slopes(self.outputs)
 
     @cached_property
+    def idle(self) -> list[int]:
+        """The numbers of the variables on which no output depends."""
+        slopes, count = self.slopes.outputs[len(self.outputs) :], self.size + 1
+        nothing = self.slopes.place_of(0.0)
+        return [i for i in range(count) if set(slopes[i::count]) == {nothing}]
+
+    @cached_property
     def tests(self) -> Tape:
         """The tape of the tests of all switches, and of their derivatives by (z, alpha)."""
         new = self._copy()
@@ -163,6 +170,7 @@ class Traced(NDArrayOperatorsMixin):
     """A number on a tape; numpy's functions of the number write operations on the tape."""
 
     __slots__ = ("place", "tape")
+    ndim, shape, size = 0, (), 1  # as numbers of numpy have
 
     def __init__(self, tape: Tape, place: int) -> None:
         self.tape, self.place = tape, place
@@ -179,7 +187,10 @@ class Traced(NDArrayOperatorsMixin):
     def __getattr__(self, name: str) -> Any:
         """Return a function by its name, as numpy asks the entries of arrays."""
         if name not in ELEMENTARY and name not in DERIVED:
-            raise AttributeError(f"{name} is not known to the tape")
+            words = f"the formula asks for {name}, which is not known to the tape"
+            if not name.startswith("__"):  # numpy asks for names of its own
+                self.tape.refused.append(NotTracedError(words))
+            raise AttributeError(words)
         return lambda *args: self._of(name, self, *args)
 
     def _of(self, name: str, *args: Any) -> Any:
