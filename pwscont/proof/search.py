@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Signs
+from pwscont.basics.arrays import Array, Indices, Signs
 from pwscont.basics.budget import check_budget
 from pwscont.proof.enclosures import evaluated, lines_of, times, with_slopes
 from pwscont.proof.interval import ULP, Interval, above, inverses, together
@@ -31,6 +31,9 @@ TOGETHER = 2048
 MOST_BOXES = 300_000
 #: A tube is tried where the rests of lines, as unknowns, are narrower than this part of the box.
 TRIED = 2.0
+#: The widest coordinate is halved, in magnitudes, among those that change preconditioned rows at
+#: least this part as much as another one does.
+MATTERS = 0.5
 #: How much wider than the box a tube is tried.
 WIDER = 1.25
 #: The least radius of a tube, relative to typical magnitudes: a box may have no width at all.
@@ -135,21 +138,14 @@ def _looked_at(
 def contracted(box: Interval, slopes: Array, start: Interval) -> tuple[Interval, Signs]:
     """Return boxes contracted by one sweep of interval Newton, and which boxes are empty.
 
-    On the boxes, H(x) lies in slopes (x - middle) + start, shapes (n, n + 1, B) and (n, B). The
-    rows are combined so that n of the n + 1 columns become unit columns: those with the largest
-    determinant, times the width of the box. No rule needs exact combinations.
+    On the boxes, H(x) lies in slopes (x - middle) + start, shapes (n, n + 1, B) and (n, B).
     """
-    middle, width, each = box.middle(), box.width(), np.arange(box.lo.shape[1])
-    choices = np.array([[k for k in range(len(width)) if k != left] for left in range(len(width))])
-    square = np.where(np.isfinite(slopes), slopes, 0.0).transpose(2, 0, 1)
-    sizes = [np.abs(np.linalg.det(square[..., own])) * width[own].prod(axis=0) for own in choices]
-    columns = choices[np.argmax(sizes, axis=0)]
-    inverse = inverses(np.take_along_axis(square, columns[:, np.newaxis], axis=2))
-    matrix = np.where(np.isfinite(inverse), inverse, 0.0).transpose(1, 2, 0)
+    middle, each = box.middle(), np.arange(box.lo.shape[1])
+    matrix, columns = preconditioned(slopes, box.width())
     rows, rest = times(matrix, Interval(slopes)), times(matrix, start)
     lo, hi = box.lo.copy(), box.hi.copy()
     empty = np.zeros(len(each), dtype=bool)
-    for i, own in enumerate(columns.T):
+    for i, own in enumerate(columns):
         terms = rows[i] * (Interval(lo, hi) - middle)
         empty |= (rest[i] + terms.total()).excludes_zero()
         terms.lo[own, each] = terms.hi[own, each] = 0.0
@@ -160,19 +156,33 @@ def contracted(box: Interval, slopes: Array, start: Interval) -> tuple[Interval,
     return Interval(lo, hi), empty | (lo > hi).any(axis=0)
 
 
+def preconditioned(middle: Array, width: Array) -> tuple[Array, Indices]:
+    """Return finite matrices that turn n of n + 1 columns into unit columns, and the columns.
+
+    ``middle`` (n, n + 1, B) is about the derivatives; the columns are those with the largest
+    determinant, times ``width`` (n + 1, B). No rule needs exact results, shapes (n, n, B), (n, B).
+    """
+    rows = np.where(np.isfinite(middle), middle, 0.0).transpose(2, 0, 1)
+    each = range(len(width))
+    choices = np.array([[k for k in each if k != left_out] for left_out in each])
+    sizes = [np.abs(np.linalg.det(rows[..., own])) * width[own].prod(axis=0) for own in choices]
+    columns = choices[np.argmax(sizes, axis=0)]
+    inverse = inverses(np.take_along_axis(rows, columns[:, np.newaxis], axis=2))
+    return np.where(np.isfinite(inverse), inverse, 0.0).transpose(1, 2, 0), columns.T
+
+
 def inverse_of(middle: Array) -> Array:
     """Return about the inverse of square matrices (n, n, B); any numbers will do."""
     return inverses(middle.transpose(2, 0, 1)).transpose(1, 2, 0)
 
 
 def _halved(tape: Tape, boxes: Interval, scale: Array) -> list[Interval]:
-    """Return both halves of boxes, along the coordinate that is widest in typical magnitudes.
-
-    A coordinate on which the formula does not depend is the last.
-    """
-    width = boxes.width()
-    relative = np.where(width > FINEST * scale, width / scale, 0.0)
-    relative[tape.idle] *= FINEST_ALPHA
+    """Return both halves of boxes, along the widest coordinate that matters."""
+    slopes, width = with_slopes(tape.slopes, boxes)[1], boxes.width()
+    effect = times(preconditioned(slopes.middle(), width)[0], slopes).reach() * width
+    effect = (effect / effect.sum(axis=1, keepdims=True)).sum(axis=0)
+    effect = np.where(width > FINEST * scale, effect, 0.0)
+    relative = np.where(effect < MATTERS * effect.max(axis=0), 0.0, width / scale)
     split = relative.argmax(axis=0), np.arange(boxes.lo.shape[1])
     lower, upper = boxes.hi.copy(), boxes.lo.copy()
     lower[split] = upper[split] = boxes.middle()[split]

@@ -20,8 +20,7 @@ import numpy as np
 from numpy.lib.mixins import NDArrayOperatorsMixin
 
 from pwscont.notation.arithmetic import KINKED, OF_TWO, SMOOTH, refuse_kink
-from pwscont.proof.interval import Interval
-from pwscont.proof.operations import ELEMENTARY, OPERATIONS, SWITCHES
+from pwscont.proof.operations import ELEMENTARY, SWITCHES
 
 #: Largest whole number that is taken as a power by repeated multiplication.
 LARGEST_POWER = 64
@@ -79,13 +78,6 @@ class Tape:
     def slopes(self) -> Tape:
         """The tape of the formula, n outputs, and its derivatives by (z, alpha), n (n + 1)."""
         return self._with_slopes(self.outputs)
-
-    @cached_property
-    def idle(self) -> list[int]:
-        """The numbers of the variables on which no output depends."""
-        slopes, count = self.slopes.outputs[len(self.outputs) :], self.size + 1
-        nothing = self.slopes.place_of(0.0)
-        return [i for i in range(count) if set(slopes[i::count]) == {nothing}]
 
     @cached_property
     def tests(self) -> Tape:
