@@ -66,7 +66,7 @@ BUDGET = {
     "search": (7, 1640),
     "continuation": (8, 2784),
     "kit": (4, 940),
-    "proof": (13, 2500),
+    "proof": (13, 2455),
     "scenes": (14, 2650),
     "view": (6, 940),
     "evolution": (14, 3000),

@@ -75,6 +75,11 @@ def test_no_coordinate_is_left_wide():
     assert [proof.count(t) for t in (-0.9, 0.0, 0.9)] == [3, 27, 3]
 
 
+def test_close_branches_that_hardly_move_need_few_boxes():
+    proof = proved(lambda z, t, sw: z * (z - 1e-5) + 1e-12 * t, 1, (-2.0, 2.0), (-1.0, 1.0))
+    assert (proof.boxes < 200, proof.count(0.0)) == (True, 2)
+
+
 # -- certificates ---------------------------------------------------------------------------------
 
 

@@ -244,6 +244,18 @@ def with_a_floor(z, t, sw):
     return (z - t) * (z - 3.95 if number == 3.0 else 1.0)
 
 
+def with_an_attribute(z, t, sw):
+    number = 0.0 if not hasattr(z[0], "is_integer") else float(z[0])
+    return (z - t) * (z - 3.95 if number > 3.9 else 1.0)
+
+
+def with_another_function(z, t, sw):
+    try:
+        return np.cbrt(z) - t
+    except TypeError:
+        return z - t
+
+
 class Kept:
     """A formula that keeps a number of its first call."""
 
@@ -258,12 +270,28 @@ def with_noise(z, t, sw):
     return z - t + 1e-12 * np.random.default_rng().random()
 
 
-@pytest.mark.parametrize(
-    "f", [with_a_fallback, with_a_comparison, with_a_floor, with_noise, Kept()]
-)
+SLY = [with_a_fallback, with_a_comparison, with_a_floor, with_an_attribute, with_another_function]
+
+
+@pytest.mark.parametrize("f", [*SLY, with_noise, Kept()])
 def test_a_formula_that_goes_on_without_numbers_or_changes_is_refused(f):
     with pytest.raises(InvalidInputError, match="cannot be traced"):
         traced(f, 1)
+
+
+def test_shapes_of_numbers_are_no_decision():
+    f = lambda z, t, sw: z[0] * np.ones(np.shape(z[0])) * np.size(t) - t + np.ndim(z[0])  # noqa: E731
+    assert traced(f, 1).steps == traced(lambda z, t, sw: z[0] - t, 1).steps
+
+
+def test_clips_without_jumps_are_told_by_their_bounds():
+    def names(f):
+        return {step.name for step in traced(f, 1).steps}
+
+    assert "where" not in names(lambda z, t, sw: sw.clip(z, 0.0, 2.0) - t)
+    assert "where" not in names(lambda z, t, sw: -sw.clip(-t, 0.0 - z, 2.0 - z))
+    assert "where" in names(lambda z, t, sw: sw.clip(z, 2.0 - t, 0.0 - t))
+    assert "where" in names(lambda z, t, sw: sw.clip(z, -t, t))
 
 
 def test_copies_of_numbers_are_the_same_numbers():

@@ -14,7 +14,6 @@ face of the box.
 
 from __future__ import annotations
 
-from itertools import islice
 from typing import final
 
 import numpy as np
@@ -30,8 +29,8 @@ from pwscont.proof.tape import Tape
 
 #: How many times the residual an enclosure reaches.
 ROOM = 2.0
-#: Parts of a stretch where solutions are counted, one after the other; so many counts must agree.
-PLACES, AGREEING = (0.5, 0.381966, 0.61803, 0.26, 0.74), 2
+#: Parts of a stretch where solutions are counted, until they are told apart.
+PLACES = (0.5, 0.381966, 0.61803, 0.26, 0.74)
 ASSUMED = (
     "assumed: a formula without state, the same for numbers and for the tape; arithmetic of "
     f"IEEE 754 to nearest; elementary functions of numpy within {FUNCTION_ULPS:g} units in "
@@ -87,14 +86,13 @@ def _united(ranges: Interval, turns: Array, apart: float) -> list[tuple[float, f
 
 
 def _counted(tape: Tape, box: Interval, tubes: Tubes, stretch: Range) -> CountedStretch:
-    """Return a stretch with the solutions, whose numbers at several places agree."""
+    """Return a stretch with its solutions at the first place where they are told apart."""
     lo, hi = stretch
-    places = (lo + (hi - lo) * part for part in PLACES)
-    found = ((x, _solutions(tape, box, tubes, x)) for x in places if lo < x < hi)
-    known = list(islice(((x, some) for x, some in found if some is not None), AGREEING))
-    if len({len(some) for _, some in known}) != 1:
-        return CountedStretch(lo, hi, 0.5 * (lo + hi), None)
-    return CountedStretch(lo, hi, *known[0])
+    for alpha in (lo + (hi - lo) * part for part in PLACES):
+        found = _solutions(tape, box, tubes, alpha) if lo < alpha < hi else None
+        if found is not None:
+            return CountedStretch(lo, hi, alpha, found)
+    return CountedStretch(lo, hi, 0.5 * (lo + hi), None)
 
 
 @np.errstate(all="ignore")

@@ -27,10 +27,8 @@ Rules = Mapping[str, Callable[..., Interval]]
 def evaluated(tape: Tape, box: Interval, rules: Rules = OPERATIONS) -> Interval:
     """Return the outputs of a tape on boxes (n + 1, B), shape (outputs, B)."""
     values: list[Interval] = []
-    for place, step in enumerate(tape.steps):
-        if place in tape.fixed:
-            values.append(tape.fixed[place])
-        elif step.name == "variable":
+    for step in tape.steps:
+        if step.name == "variable":
             values.append(box[step.numbers[0]])
         else:
             values.append(rules[step.name](*(values[arg] for arg in step.args), *step.numbers))
@@ -61,22 +59,6 @@ def times(matrix: Array, right: Interval) -> Interval:
     return (factors * right).total(axis=1)
 
 
-def turned_lines(tape: Tape, box: Interval, matrix: Array) -> Interval:
-    """Return matrices times derivatives on boxes (n, n + 1, B), as lines: slopes cancel before."""
-    n, far = tape.size, (box - box.middle()).reach()
-    lines, rest = (each[n:] for each in lines_of(tape.slopes, box))
-    bends = lines.lo.reshape(n, n + 1, *far.shape)
-    turned, sizes = (
-        np.einsum("ijb,jklb->iklb", *each)
-        for each in ((matrix, bends), (np.abs(matrix), np.abs(bends)))
-    )
-    error = upper((n + ROUNDINGS) * (ULP * sizes + SMALLEST), n)
-    reach = upper(((np.abs(turned) + error) * far).sum(axis=2), len(far))
-    return times(matrix, rest.arranged(lambda end: end.reshape(reach.shape))) + Interval(
-        -reach, reach
-    )
-
-
 class Line(NamedTuple):
     """A step on B boxes: slopes (n + 1, B), rest (B,), and the values on the boxes (B,)."""
 
@@ -85,20 +67,21 @@ class Line(NamedTuple):
     values: Interval
 
 
-def lines_of(tape: Tape, box: Interval) -> tuple[Interval, Interval]:
-    """Return slopes (m, n + 1, B) and rests (m, B) of the outputs on boxes (n + 1, B).
+def lines_of(tape: Tape, box: Interval) -> tuple[Array, Interval]:
+    """Return slopes (n, n + 1, B) and rests (n, B) of the outputs on boxes (n + 1, B).
 
     The centre is the middle of a box.
     """
     centre, units = box.middle(), np.eye(len(box.lo))[..., np.newaxis]
     far = (box - centre).reach()
     lines: list[Line] = []
-    for place, step in enumerate(tape.steps):
-        if place in tape.fixed:
-            line = Line(0.0, tape.fixed[place], tape.fixed[place])
-        elif step.name == "variable":
+    for step in tape.steps:
+        if step.name == "variable":
             (i,) = step.numbers
             line = Line(units[i], Interval(centre[i]), box[i])
+        elif not step.args:
+            constant = OPERATIONS[step.name](*step.numbers)
+            line = Line(0.0, constant, constant)
         else:
             args = [lines[arg] for arg in step.args]
             values = OPERATIONS[step.name](*(x.values for x in args), *step.numbers)
@@ -113,7 +96,7 @@ def lines_of(tape: Tape, box: Interval) -> tuple[Interval, Interval]:
     shape, outputs = far.shape, [lines[place] for place in tape.outputs]
     slopes = np.stack([np.broadcast_to(x.slopes, shape) for x in outputs])
     rests = (x.rest.arranged(lambda end: np.broadcast_to(end, shape[1:])) for x in outputs)
-    return Interval(slopes), together(np.stack, *rests)
+    return slopes, together(np.stack, *rests)
 
 
 def _sum(lines: Sequence[Line], factors: Sequence[Any], rest: Interval, far: Array) -> Line:
@@ -158,18 +141,17 @@ def _magnitude(x: Interval) -> tuple[list[Array], Interval]:
 
 def _larger(x: Sequence[Line], far: Array, sign: float = 1.0) -> Line:
     """Return the larger argument, (a + b + abs(a - b)) / 2, or with sign -1 the smaller."""
-    a, b = (each.values for each in x)
-    apart = _sum(x, [1.0, -1.0], NOTHING, far).values
-    (slope,), rest = _magnitude(apart.meet(a - b))
-    rounding = (abs(a) + abs(b)) * Interval(-ULP, ULP)
-    factors = [0.5 + 0.5 * sign * slope, 0.5 - 0.5 * sign * slope]
-    return _sum(x, factors, rest * (0.5 * sign) + rounding, far)
+    apart = _sum(x, [1.0, -1.0], NOTHING, far)
+    values = apart.values.meet(x[0].values - x[1].values)
+    size = _sum([apart], *_magnitude(values), far)
+    half = np.full(1, 0.5)
+    return _sum([*x, size], [half, half, sign * half], NOTHING, far)
 
 
-def _either(x: Sequence[Line], far: Array, unknown: float = 0.0) -> Line:
+def _either(x: Sequence[Line], far: Array) -> Line:
     """Return one of two branches; of an undecided test, their mean and half their distance."""
     test, (a, b), half = x[0].values, x[1:], np.full(1, 0.5)
-    apart = _sum([a, b], [half, -half], NOTHING, far).values.reach() + unknown
+    apart = _sum([a, b], [half, -half], NOTHING, far).values.reach()
     mean = _sum([a, b], [half, half], Interval(-apart, apart), far)
     is_a, is_b = test.lo >= 0.0, test.hi < 0.0
     slopes = np.where(is_a, a.slopes, np.where(is_b, b.slopes, mean.slopes))
@@ -206,6 +188,5 @@ RULES: dict[str, Callable[[Sequence[Line], Array], Line]] = {
     "abs": lambda x, far: _sum(x, *_magnitude(x[0].values), far),
     "max": _larger,
     "min": partial(_larger, sign=-1.0),
-    **dict.fromkeys(["where", "select", "slope"], _either),
-    "jump": partial(_either, unknown=np.nan),
+    **dict.fromkeys(["where", "select"], _either),
 }

@@ -40,22 +40,12 @@ def _each(function: Callable[..., Any]) -> Callable[..., Any]:
     return switch
 
 
-def _parted(tape: Tape, bound: Any) -> tuple[Any, float]:
-    """Return a number, with a sign, and a constant: their sum is a bound, exactly."""
-    place = tape.place_of(bound)
-    step = tape.steps[place]
-    if step.name == "constant":
-        return None, step.numbers[0]
-    if step.name == "negative":
-        return (step.args[0], -1.0), 0.0
-    if step.name in ("add", "subtract"):
-        sign = 1.0 if step.name == "add" else -1.0
-        (first, one), (last, other) = ((arg, tape.steps[arg]) for arg in step.args)
-        if one.name == "constant":
-            return (last, sign), one.numbers[0]
-        if other.name == "constant":
-            return (first, 1.0), sign * other.numbers[0]
-    return (place, 1.0), 0.0
+def _are_ordered(tape: Tape, lower: Any, upper: Any) -> bool:
+    """Tell whether bounds are constants in order, or such constants minus the same number."""
+    low, high = (tape.steps[tape.place_of(end)] for end in (lower, upper))
+    if {low.name, high.name} == {"subtract"} and low.args[1] == high.args[1]:
+        low, high = (tape.steps[each.args[0]] for each in (low, high))
+    return {low.name, high.name} == {"constant"} and low.numbers <= high.numbers
 
 
 def _clip(tape: Tape, a: Any, lower: Any, upper: Any) -> Any:
@@ -67,10 +57,7 @@ def _clip(tape: Tape, a: Any, lower: Any, upper: Any) -> Any:
     is_open = [isinstance(end, Real) and np.isinf(float(end)) for end in (lower, upper)]
     clipped = a if is_open[1] else node("min", a, upper)
     clipped = clipped if is_open[0] else node("max", lower, clipped)
-    if any(is_open):
-        return clipped
-    (low, least), (high, most) = _parted(tape, lower), _parted(tape, upper)
-    if low == high and least <= most:
+    if any(is_open) or _are_ordered(tape, lower, upper):
         return clipped
     crossed = node("where", a - lower, upper, node("where", a - upper, a, lower))
     return node("where", upper - lower, clipped, crossed)

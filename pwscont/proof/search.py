@@ -16,7 +16,7 @@ import numpy as np
 
 from pwscont.basics.arrays import Array, Indices, Signs
 from pwscont.basics.budget import check_budget
-from pwscont.proof.enclosures import evaluated, lines_of, times, turned_lines, with_slopes
+from pwscont.proof.enclosures import evaluated, lines_of, times, with_slopes
 from pwscont.proof.interval import ULP, Interval, above, inverses, together
 from pwscont.proof.tape import Tape
 
@@ -34,8 +34,6 @@ TRIED = 2.0
 #: The widest coordinate is halved, in magnitudes, among those that change preconditioned rows at
 #: least this part as much as another one does.
 MATTERS = 0.5
-#: From so many boxes on, lines of derivatives, which are narrower, pay.
-MANY = 100
 #: How much wider than the box a tube is tried.
 WIDER = 1.25
 #: The least radius of a tube, relative to typical magnitudes: a box may have no width at all.
@@ -121,14 +119,14 @@ def _looked_at(
     """Return the tubes of boxes that are proved, the halves of others, and boxes left open."""
     boxes = boxes[:, ~evaluated(tape, boxes).excludes_zero().any(axis=0)]
     slopes, rest = lines_of(tape, boxes)
-    blur = np.einsum("ijb,jb->ib", np.abs(inverse_of(slopes.lo[:, :-1])), rest.width())
+    blur = np.einsum("ijb,jb->ib", np.abs(inverse_of(slopes[:, :-1])), rest.width())
     size, width = scale[:, np.newaxis], boxes.width()
     is_sharp = (blur < TRIED * width[:-1] + LEAST * size[:-1]).all(axis=0)
     boxes, empty = contracted(boxes, slopes, rest)
     tried = is_sharp & ~empty & boxes[:-1].is_within(whole[:-1]).all(axis=0)
     left, found = ~tried & ~empty, list[Tubes]()
     if tried.any():
-        tubes, is_proved = _around(tape, boxes[:, tried], slopes.lo[..., tried], size[:-1])
+        tubes, is_proved = _around(tape, boxes[:, tried], slopes[..., tried], size[:-1])
         left[tried], found = ~is_proved, [tubes.only(is_proved)]
     boxes = boxes[:, left]
     *unknowns, alpha = boxes.width() / size
@@ -137,14 +135,14 @@ def _looked_at(
     return found, _halved(tape, boxes[:, ~is_small], size), boxes[:, is_small]
 
 
-def contracted(box: Interval, slopes: Interval, start: Interval) -> tuple[Interval, Signs]:
+def contracted(box: Interval, slopes: Array, start: Interval) -> tuple[Interval, Signs]:
     """Return boxes contracted by one sweep of interval Newton, and which boxes are empty.
 
     On the boxes, H(x) lies in slopes (x - middle) + start, shapes (n, n + 1, B) and (n, B).
     """
     middle, each = box.middle(), np.arange(box.lo.shape[1])
-    matrix, columns = preconditioned(slopes.middle(), box.width())
-    rows, rest = times(matrix, slopes), times(matrix, start)
+    matrix, columns = preconditioned(slopes, box.width())
+    rows, rest = times(matrix, Interval(slopes)), times(matrix, start)
     lo, hi = box.lo.copy(), box.hi.copy()
     empty = np.zeros(len(each), dtype=bool)
     for i, own in enumerate(columns):
@@ -218,10 +216,7 @@ def proved(tape: Tape, tubes: Tubes, radius: Array, matrix: Array) -> tuple[Tube
     """Return tubes of a radius with the radius of their images, and which tubes are proved."""
     alpha = Interval(tubes.first, tubes.last)
     box = together(np.vstack, tubes.at(alpha, radius), alpha)
-    if radius.shape[1] < MANY:
-        slopes = times(matrix, with_slopes(tape.slopes, box)[1])
-    else:
-        slopes = turned_lines(tape, box, matrix)
+    slopes = times(matrix, with_slopes(tape.slopes, box)[1])
     start = evaluated(tape, Interval(np.vstack([tubes.centre, tubes.middle])))
     along = (slopes[:, :-1] * Interval(tubes.slope)).total(axis=1)
     away = (slopes[:, -1] + along) * (alpha - Interval(tubes.middle))

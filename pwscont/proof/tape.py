@@ -20,8 +20,7 @@ import numpy as np
 from numpy.lib.mixins import NDArrayOperatorsMixin
 
 from pwscont.notation.arithmetic import KINKED, OF_TWO, SMOOTH, refuse_kink
-from pwscont.proof.interval import Interval
-from pwscont.proof.operations import ELEMENTARY, OPERATIONS, SWITCHES
+from pwscont.proof.operations import ELEMENTARY, SWITCHES
 
 #: Largest whole number that is taken as a power by repeated multiplication.
 LARGEST_POWER = 64
@@ -74,16 +73,6 @@ class Tape:
                 raise NotTracedError("the formula keeps numbers that depend on (z, alpha)")
             return thing.place
         return self.node("constant", numbers=(_exact(thing),)).place
-
-    @cached_property
-    def fixed(self) -> dict[int, Interval]:
-        """The values of steps that depend on no variable, by their places."""
-        fixed: dict[int, Interval] = {}
-        for place, step in enumerate(self.steps):
-            if step.name != "variable" and all(arg in fixed for arg in step.args):
-                args = (fixed[arg] for arg in step.args)
-                fixed[place] = OPERATIONS[step.name](*args, *step.numbers)
-        return fixed
 
     @cached_property
     def slopes(self) -> Tape:
@@ -173,6 +162,7 @@ class Traced(NDArrayOperatorsMixin):
     """A number on a tape; numpy's functions of the number write operations on the tape."""
 
     __slots__ = ("place", "tape")
+    ndim, shape, size = 0, (), 1  # as numbers of numpy have
 
     def __init__(self, tape: Tape, place: int) -> None:
         self.tape, self.place = tape, place
@@ -189,7 +179,10 @@ class Traced(NDArrayOperatorsMixin):
     def __getattr__(self, name: str) -> Any:
         """Return a function by its name, as numpy asks the entries of arrays."""
         if name not in ELEMENTARY and name not in DERIVED:
-            raise AttributeError(f"{name} is not known to the tape")
+            words = f"the formula asks for {name}, which is not known to the tape"
+            if not name.startswith("__"):  # numpy asks for names of its own
+                self.tape.refused.append(NotTracedError(words))
+            raise AttributeError(words)
         return lambda *args: self._of(name, self, *args)
 
     def _of(self, name: str, *args: Any) -> Any:
@@ -254,8 +247,9 @@ def _simpler(name: str, x: Any, y: Any) -> Any:
     if name == "multiply":
         is_nothing = number == 0.0 and other.tape.steps[other.place].name == "variable"
         return 0.0 if is_nothing else other if number == 1.0 else -other if number == -1.0 else None
-    found: Any = number if isinf(number) else other if number == 0.0 else None
-    return -found if name == "subtract" and found is y else found
+    if isinf(number):
+        return -number if name == "subtract" and other is x else number
+    return other if number == 0.0 and (name == "add" or other is x) else None
 
 
 #: Operations that are written down as others.
