@@ -7,8 +7,10 @@ be passed over.
 
 Beside a bump the curve is off the cubic by less than is allowed. Along a smooth curve the distances
 are u^2 (1 - u)^2 times a polynomial; if the distances vary otherwise, places around the odd place
-are looked at, ever closer. Where alpha hardly changes the cubic may be close and alpha turn back
-all the same: the points of the curve next to the places must be in order.
+and next to the ends are looked at, ever closer, as long as the distances bend more and more, as
+beside a pole. The shorter steps after a refused step are looked into more closely. Where alpha
+hardly changes the cubic may be close and alpha turn back all the same: the points of the curve next
+to the places must be in order.
 """
 
 from __future__ import annotations
@@ -25,8 +27,8 @@ from pwscont.curve.stepper import CurvedSegment
 from pwscont.linear.factor import Factor
 from pwscont.system.system import PiecewiseSystem, SlicewiseLinearSystem
 
-#: The numbers of places in a short and in a long step.
-FEWEST_PLACES, MOST_PLACES = 6, 256
+#: The largest number of places in a step.
+MOST_PLACES = 256
 #: Most unknowns for which a look costs little beside a step.
 CHEAP_UNKNOWNS = 8
 #: Variation of the distances between places, as a part of the distance.
@@ -38,8 +40,6 @@ GOLDEN = 0.5 * (5.0**0.5 - 1.0)
 ROUGH_PART = 0.05
 #: Distances from the cubic, in the metric, below which nothing is read from how these vary.
 INVISIBLE = 10.0 * CONVERGED
-#: Most odd places of a step around which is looked.
-MOST_ODD = 3
 #: Places around an odd place, rounds of looking there, and the factor by which the room shrinks.
 CLOSER_PLACES, CLOSER_ROUNDS, ZOOM = 8, 3, 0.25
 #: Towards a pole the distances bend more by this factor after CLOSER_ROUNDS rounds; most rounds.
@@ -55,38 +55,26 @@ def gap_of(step_size: StepSize | None, system: PiecewiseSystem) -> float:
     return step_size.gap * sqrt(max(system.size / CHEAP_UNKNOWNS, 1.0))
 
 
-def farthest_off(
-    segment: CurvedSegment, factor: Factor, step_size: StepSize, allowed: float
-) -> float:
+def farthest_off(segment: CurvedSegment, factor: Factor, allowed: float) -> float:
     """Return how far the curve is from the cubic of a step at most, infinite where alpha turns.
 
     ``factor``: a factorisation [J; border] from the end of the segment. ``allowed``: the largest
     distance of the curve from the cubic; beyond, no closer look is taken.
     """
-    gap = gap_of(step_size, segment.curve.selection.system)
-    if not gap > 0.0 or segment.curve.selection.is_straight:
+    if not 0.0 < segment.gap < segment.length:
         return 0.0
-    count = min(max(ceil(segment.length / gap) - 1, FEWEST_PLACES), MOST_PLACES)
+    count = min(ceil(segment.length / segment.gap) - 1, MOST_PLACES)
     off, alphas = _looked_at(segment, factor, _at_places(count))
     worst = largest(np.abs(off)) if len(off) else 0.0
     if not worst <= allowed:
         return worst if worst > allowed else inf  # worst may be nan
     if worst > INVISIBLE and len(off) == count:
-        rough, least = np.abs(_rough(count).dot(off)), ROUGH_PART * worst + INVISIBLE
-        if largest(rough) > least:
-            odd = [0.0, 1.0, *places(count)[_peaks(rough.max(axis=1), least)].tolist()]
-            around = ((place, 1.0 / count) for place in odd)
+        rough = np.abs(_rough(count).dot(off))
+        if largest(rough) > ROUGH_PART * worst + INVISIBLE:
+            odd = float(places(count)[int(rough.argmax()) // rough.shape[1]])
+            around = ((place, 1.0 / count) for place in (odd, 0.0, 1.0))
             worst = max(worst, *(_close_in(segment, factor, room, allowed) for room in around))
     return inf if _turns(segment, factor, places(count), alphas) else worst
-
-
-def _peaks(sizes: Array, least: float) -> list[int]:
-    """Return the places of the highest peaks of sizes, at most MOST_ODD, all above a size."""
-    around = np.concatenate([[0.0], sizes, [0.0]])
-    is_peak = (sizes > least) & (sizes >= around[:-2]) & (sizes >= around[2:])
-    peaks = np.flatnonzero(is_peak)
-    highest: list[int] = peaks[np.argsort(-sizes[peaks])][:MOST_ODD].tolist()
-    return highest
 
 
 @lru_cache(maxsize=MOST_PLACES)

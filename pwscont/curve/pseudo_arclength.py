@@ -29,7 +29,7 @@ from pwscont.basics.rounding import CONFIDENCE, EPS
 from pwscont.curve.corrector import BorderedNewton, Corrected, Corrector, zero
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.error_samples import magnitude
-from pwscont.curve.looks import farthest_off
+from pwscont.curve.looks import CLOSER_PLACES, farthest_off, gap_of
 from pwscont.curve.newton import Border, Root, uncertainty
 from pwscont.curve.predictor import Hermite, Predictor
 from pwscont.curve.step_size import StepSize
@@ -110,15 +110,22 @@ class PseudoArclength(Stepper):
         """Return a true step of the proposed length, of half of that length, and so on."""
         previous, length = self._proposed(before)
         length, failure = min(length, longest), NOT_CONVERGED
-        wanted = length
+        wanted, gap = length, self._gap(curve, before)
         while length >= self.step_size.smallest:
-            segment = self._try(curve, interval, previous, state, length)
+            segment = self._try(curve, interval, previous, state, length, gap)
             if not isinstance(segment, Failure):
                 if length < wanted:  # a length that was just refused is not tried again at once
                     segment.suggestion = min(segment.suggestion, segment.length)
                 return segment
+            if segment.trouble is FailureReason.HIDDEN_FOLDS:
+                gap = min(gap, 0.5 * length / CLOSER_PLACES)
             failure, length = segment, 0.5 * length
         return failure
+
+    def _gap(self, curve: Curve, before: Segment | None) -> float:
+        """Return the distance between looks, closer after a step that was looked into closely."""
+        gap = gap_of(self.step_size, curve.selection.system)
+        return min(gap, 2.0 * before.gap) if isinstance(before, CurvedSegment) else gap
 
     def _proposed(self, before: Segment | None) -> tuple[State | None, float]:
         """Return the state before on the same piece, and the length of the next step."""
@@ -133,6 +140,7 @@ class PseudoArclength(Stepper):
         previous: State | None,
         state: State,
         length: float,
+        gap: float,
     ) -> CurvedSegment | Failure:
         """Return a step of a length, or a step to the end of the interval instead of beyond."""
         predicted, direction = self.predictor.predict(curve, previous, state, length)
@@ -141,7 +149,7 @@ class PseudoArclength(Stepper):
         if lo < float(predicted[-1]) < hi:
             corrected = self.corrector.correct(curve, predicted, direction)
         if not isinstance(corrected, Failure):
-            return accepted(curve, state, predicted, corrected, length, self.step_size)
+            return accepted(curve, state, predicted, corrected, length, self.step_size, gap)
         if corrected.trouble is FailureReason.OUTSIDE:
             return land_on_end(curve, interval, state, direction, length, self.step_size)
         return corrected
@@ -176,6 +184,7 @@ def accepted(
     corrected: Corrected,
     length: float,
     step_size: StepSize,
+    gap: float | None = None,
 ) -> CurvedSegment | Failure:
     """Return the segment from a state to a corrected prediction, a Failure if the step is not true.
 
@@ -190,6 +199,8 @@ def accepted(
         Length of the step, in the metric.
     step_size : StepSize
         Judges the turn, and suggests the length of the next step.
+    gap : float, optional
+        Distance between looks into the step; default that of ``step_size``.
     """
     end = corrected.state
     cosine = dot(curve.metric.covector(state.tangent), end.tangent)
@@ -201,13 +212,16 @@ def accepted(
     strain = _strain(*measured, corrected.contraction, length, NEGLIGIBLE)
     if not strain <= 1.0 and math.isfinite(measured[1]):
         strain = _strain(*measured, corrected.contraction, length, _noise(curve, corrected))
-    if strain <= 1.0:
-        inside = farthest_off(segment, corrected.factor, step_size, OFF * length)
-        strain = max(strain, inside / (OFF * length + NEGLIGIBLE))
-        if 1.0 < strain < math.inf:
-            strain = inside / (OFF * length + _noise(curve, corrected))
     if not strain <= 1.0:
         return Failure(FailureReason.JUMP)
+    segment.gap = gap_of(step_size, curve.selection.system) if gap is None else gap
+    inside = farthest_off(segment, corrected.factor, OFF * length)
+    strain = max(strain, inside / (OFF * length + NEGLIGIBLE))
+    if 1.0 < strain < math.inf:
+        strain = inside / (OFF * length + _noise(curve, corrected))
+    if not strain <= 1.0:
+        is_odd = strain == math.inf
+        return Failure(FailureReason.HIDDEN_FOLDS if is_odd else FailureReason.JUMP)
     segment.suggestion = step_size.after(length, strain, cosine)
     return segment
 

@@ -89,6 +89,8 @@ class CurvedSegment(Segment):
         Length of the chord.
     suggestion : float
         Length that the stepper would try next.
+    gap : float
+        Distance between the places at which was looked into the step; zero for no look.
     """
 
     curve: Curve
@@ -99,6 +101,7 @@ class CurvedSegment(Segment):
     arriving: tuple[Array, float]
     length: float
     suggestion: float
+    gap: float = 0.0
 
     def __repr__(self) -> str:
         ends = f"alpha {self.start.alpha:.10g} → {self.end.alpha:.10g}"

@@ -43,6 +43,7 @@ from pwscont.graph.queries import (
 )
 from pwscont.graph.records import Solution, SpecialPoint
 from pwscont.graph.structure import ConnectedPieces, connected
+from pwscont.system.system import SlicewiseLinearSystem
 
 #: Kinds of points at which a branch may end, the kind first that explains the end best.
 EXPLAINING = (Kind.END, Kind.EVENT, Kind.STOPPED)
@@ -171,6 +172,8 @@ def unbalanced(graph: ConnectedPieces) -> list[tuple[float, float]]:
 TOO_FEW_DIGITS = 2.0
 #: A piece that stops closer than this part of the interval to an end stops because of that end.
 AT_THE_END = 1e-6
+#: Most stretches in which, and most unknowns for which, solutions are compared.
+MOST_STRETCHES, MOST_SOLVED = 32, 64
 #: At most this many places of a kind are listed; further places are counted.
 MOST_PLACES_LISTED = 3
 #: What is said of corners at which only some ways on are known.
@@ -189,7 +192,7 @@ def verdict(graph: ConnectedPieces) -> str:
     if graph.searched.spent:
         return _unfinished(graph)
     ends = [point for point in loose_ends(graph) if is_on_purpose(graph, point)]
-    if gaps := unbalanced(graph):
+    if gaps := unbalanced(graph) or doubled(graph):
         return f"not balanced: {'; '.join(_causes(graph, gaps))}"
     doubts = list(_doubts(graph))
     promises = graph.searched.promise not in (Guarantee.NOTHING, Guarantee.UNIQUE)
@@ -234,6 +237,19 @@ def _stands_twice(graph: ConnectedPieces, gap: Gap) -> bool:
     except PwscontError:  # the graph was loaded without a system, or the graph is damaged here
         return False
     return any(_is_one(a, b) for a, b in combinations(found, 2))
+
+
+def doubled(graph: ConnectedPieces) -> list[Gap]:
+    """Return where a solution of a curved system stands twice, among the widest stretches.
+
+    A step that jumped between branches close to one another leaves a piece that lies on both: the
+    balance need not change. Systems that are linear at fixed alpha have no such steps.
+    """
+    system = graph.system
+    if system is None or isinstance(system, SlicewiseLinearSystem) or system.size > MOST_SOLVED:
+        return []
+    gaps = sorted((gap for _, gap in _judged(graph)), key=lambda gap: gap[0] - gap[1])
+    return [gap for gap in gaps[:MOST_STRETCHES] if _stands_twice(graph, gap)]
 
 
 def _is_one(a: Solution, b: Solution) -> bool:

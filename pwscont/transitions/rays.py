@@ -19,7 +19,7 @@ from typing import TypeAlias, final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Matrix, generic
+from pwscont.basics.arrays import Array, Matrix, Signs, generic
 from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidSystemError
 from pwscont.basics.outcome import Failure
