@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pwscont import Complementarity, Limits, PiecewiseSystem, Switched, explore
+from pwscont import Complementarity, Limits, PiecewiseSystem, Switched, explore, trace
 
 pytestmark = [pytest.mark.filterwarnings("ignore::RuntimeWarning"), pytest.mark.sweep(4)]
 
@@ -226,3 +226,42 @@ def test_a_fast_reaction_has_two_solutions(speed):
         truth = np.sort(np.roots([1.0, -(t + 1.1 + 1.0 / speed), t]))
         found = sorted(float(solution.z[2]) for solution in graph.solutions(t))
         assert found == pytest.approx(truth, rel=1e-5)
+
+
+@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.sweep(20)
+def test_a_train_of_reactors_has_finitely_many_solutions(seed):
+    rng = np.random.default_rng([9, seed])
+    count, g = int(rng.integers(2, 4)), rng.uniform(10.0, 35.0)
+    heat, cooling, coolant = rng.uniform(0.2, 1.2), rng.uniform(0.2, 3.0), rng.uniform(0.7, 1.1)
+
+    def residual(z, t, sw):
+        rows, feed, inlet = [], 1.0, 1.0
+        for c, temperature in zip(z[::2], z[1::2], strict=True):
+            rate = t * c * np.exp(g * (1.0 - 1.0 / temperature))
+            cooled = cooling * (temperature - coolant)
+            rows += [feed - c - rate, inlet - temperature + heat * rate - cooled]
+            feed, inlet = c, temperature
+        return rows
+
+    graph = explore(Switched(2 * count, residual), (0.01, 4.0))
+    assert not graph.infinite
+    for t in (0.5, 1.234, 3.0):
+        assert graph.count(t) >= 1
+        for solution in graph.solutions(t):
+            assert np.abs(residual(solution.z, t, None)).max() < 1e-9
+
+
+@pytest.mark.parametrize("steepness", [20.0, 40.0, 100.0])
+def test_exact_derivatives_are_not_accused_where_large_terms_cancel(steepness):
+    """Far from both steps the slope is 1e-10, and H the sum of 1 and -1."""
+    system = Switched(1, lambda z, t, sw: np.tanh(steepness * (z - t)) + np.tanh(steepness * z))
+    graph = trace(system, ([0.0], 0.0), (-0.1, 0.1))
+    assert [graph.count(t) for t in (-0.05, 0.02)] == [1, 1]
+    assert graph.solutions(0.05)[0].z[0] == pytest.approx(0.025, abs=1e-9)
+
+
+@pytest.mark.parametrize("power", [0.5, 1.5, 0.3])
+def test_powers_of_the_parameter_need_no_negative_parameter(power):
+    graph = explore(Switched(1, lambda z, t, sw: z - t**power), (0.3, 10.0))
+    assert graph.solutions(1.7)[0].z[0] == pytest.approx(1.7**power, rel=1e-12)

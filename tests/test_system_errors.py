@@ -13,6 +13,7 @@ from pwscont import (
     PiecewiseLinearSystem,
     PiecewiseSystem,
     Slices,
+    Switched,
     enumerate_solutions,
     explore,
     trace,
@@ -347,3 +348,12 @@ def test_a_jacobian_that_is_no_number_is_named():
 
     with pytest.raises(InvalidSystemError, match=r"NoNumber\.jacobian in .* is wrong in row 0"):
         explore(NoNumber(), (-0.5, 1.0))
+
+
+@pytest.mark.parametrize(
+    ("residual", "period"), [(np.sin, np.pi), (lambda z: z - np.sin(z), 2.0 * np.pi)]
+)
+def test_a_period_over_which_h_changes_is_refused(residual, period):
+    system = Switched(1, lambda z, t, sw: residual(z) - t, periods=[period])
+    with pytest.raises(InvalidSystemError, match=r"periods\(\) gives .* for unknown 0"):
+        explore(system, (-0.2, 0.5))

@@ -47,8 +47,8 @@ ARMIJO = 1e-4
 MOST_LEAPS = 3
 #: Most steps no longer than rounding from points where H is more than rounding.
 MOST_UNSOLVED = 10
-#: H falls if each row falls by this factor.
-FALLS = 0.125
+#: H falls if each row falls by this factor, and stays if a row does not even fall by the second.
+FALLS, STAYS = 0.125, 0.5
 
 
 #: A point (z, alpha), the character of the cell there, and the residual.
@@ -109,10 +109,12 @@ def semismooth_newton(
             is_root = is_solved(Selection(system, character), metric, x, linear.jacobian, residual)
             if not (is_root and _is_last(linear, x, residual)):
                 after = _evaluated(system, there)
-                falls = (np.abs(after[2]) < FALLS * np.abs(residual)).all()
-                if falls or (not is_root and unsolved < MOST_UNSOLVED):
-                    point, linear, unsolved = after, None, unsolved + (not is_root)
+                falls, stays = _trend(linear, metric, x, residual, after[2])
+                is_open = not is_root or (linear.is_singular and not stays)
+                if falls or (is_open and unsolved < MOST_UNSOLVED):
+                    point, linear, unsolved = after, None, unsolved + (not falls)
                     continue
+                is_root = is_root and not (stays and linear.is_singular)
             if (
                 not is_root  # H is nearly constant here, and not zero
                 or not _is_regular_zero(linear, metric, x, residual)
@@ -165,6 +167,21 @@ def _is_last(linear: _Linearised, x: Array, residual: Array) -> bool:
     """
     terms = product(abs(linear.jacobian), np.abs(x))
     return not linear.is_singular and bool((np.abs(residual) <= EPS**0.5 * terms).all())
+
+
+def _trend(
+    linear: _Linearised, metric: Metric, x: Array, before: Array, after: Array
+) -> tuple[bool, bool]:
+    """Tell whether all rows of H that are not small fall, and whether some row does not.
+
+    Small beside the terms of a row: those of the unknowns at x, and what alpha changes over the
+    interval. At a double zero H falls from step to step.
+    """
+    terms = product(abs(linear.jacobian), joined(np.abs(x[:-1]), metric.width))
+    before, after = np.abs(before), np.abs(after)
+    is_small, falls = after <= EPS**0.5 * terms, after < FALLS * before
+    stays = ~is_small & (after > STAYS * before)
+    return bool(falls.any() and (falls | is_small).all()), bool(stays.any())
 
 
 def _is_regular_zero(linear: _Linearised, metric: Metric, x: Array, residual: Array) -> bool:

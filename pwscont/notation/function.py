@@ -88,7 +88,7 @@ class UserFunction:
         """
         surveys = [_Survey(forms) for _ in points]
         for x, survey in zip(points, surveys, strict=True):
-            self._called(x[:-1], float(x[-1]), survey)
+            self._called(x[:-1], x[-1], survey)  # powers of a numpy number are real or nan
         calls = surveys[0].calls
         prints = _prints(surveys) if len(points) > 1 else []
         if len(set(prints)) < len(prints):  # else there is nothing to tell apart
@@ -102,7 +102,7 @@ class UserFunction:
         for x in points:
             survey = _AnyValues(forms)
             with np.errstate(all="ignore"), suppress(Exception):
-                self._called(x[:-1], float(x[-1]), survey)
+                self._called(x[:-1], x[-1], survey)  # powers of a numpy number are real or nan
             if len(survey.calls) == calls:
                 yield survey
 

@@ -182,7 +182,7 @@ def _first_calls(function: UserFunction, points: Sequence[Array]) -> tuple[Array
     for x in points:
         try:
             with np.errstate(all="ignore"):
-                outcome, forms = function.surveyed(x[:-1], float(x[-1]))
+                outcome, forms = function.surveyed(x[:-1], x[-1])
         except InvalidSystemError:
             raise
         except Exception as error:  # perhaps the function is not defined at x

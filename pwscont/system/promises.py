@@ -28,9 +28,11 @@ from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidSystemError
 from pwscont.basics.printing import at, short
 from pwscont.basics.rounding import CONFIDENCE, EPS, GUARD
+from pwscont.system.box import Box
 from pwscont.system.contract import (
     Values,
     check_contract,
+    jacobian_at,
     refuse_wrong_gradients,
     refuse_wrong_jacobian,
     residual_at,
@@ -80,6 +82,29 @@ def check_start(
         with np.errstate(all="ignore"):
             refuse_wrong_jacobian(system, character, x)
             refuse_wrong_gradients(system, x)
+            _refuse_wrong_periods(system, x)
+
+
+def _refuse_wrong_periods(system: PiecewiseSystem, x: Array) -> None:
+    """Refuse a period of an unknown over which H changes, at a generic point."""
+    period, alpha = Box.of(system).period, float(x[-1])
+    scale = system.differences(alpha).scale
+    z = (x + scale * generic(len(scale)))[:-1]
+    for j in np.flatnonzero(np.isfinite(period)).tolist():
+        here, there = (
+            residual_at(system, y, alpha, system.character(y, alpha))
+            for y in (z, z + period[j] * (np.arange(len(z)) == j))
+        )
+        slopes = abs(jacobian_at(system, z, alpha, system.character(z, alpha)))
+        terms = np.abs(here) + np.abs(there) + product(slopes, scale)
+        wrong = np.abs(there - here) > AFFINE_DEFECT * terms
+        if wrong.any():
+            row = int(np.flatnonzero(wrong)[0])
+            raise InvalidSystemError(
+                f"{type(system).__name__}.periods() gives {period[j]:.10g} for unknown {j}, but "
+                f"row {row} of H changes from {here[row]:.6g} to {there[row]:.6g} over that period "
+                f"at alpha = {alpha:.6g}"
+            )
 
 
 def check_promises(
