@@ -53,9 +53,6 @@ MANY_UPDATES = 2.0
 LEAST_UPDATES = 8
 #: Most changed rows for which an LU is inverted, in 4/3 m^3 operations.
 MOST_BEFORE_INVERSE = 8
-#: Largest number of nonzero entries of a right-hand side that is multiplied with single columns of
-#: the inverse, instead of the whole inverse.
-FEW_ENTRIES = 4
 
 
 @final
@@ -221,9 +218,6 @@ class Updating(RowSolver):
         self._take(matrix)
         if self._lu is not None:
             return self._lu.solve(rhs)
-        entries = np.flatnonzero(rhs) if rhs.ndim == 1 else None
-        if entries is not None and len(entries) <= FEW_ENTRIES:
-            return self._inverse[:, entries] @ rhs[entries]
         product: Array = rhs @ self._inverse.T
         return product
 
