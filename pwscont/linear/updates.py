@@ -193,10 +193,7 @@ class Updating(RowSolver):
     def solve(self, matrix: RowMatrix, rhs: Array) -> Array:
         """Return the solution for a right-hand side, or several."""
         self._take(matrix)
-        if self._lu is not None:
-            return self._lu.solve(rhs)
-        product: Array = rhs @ self._inverse.T
-        return product
+        return rhs @ self._inverse.T if self._lu is None else self._lu.solve(rhs)
 
     def solve_transposed(self, matrix: RowMatrix, rhs: Array) -> Array:
         """Return the solution with the transposed matrix."""
