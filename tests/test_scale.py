@@ -139,25 +139,6 @@ def test_contract():
         assert report, str(report)
 
 
-@pytest.mark.parametrize("seed", range(6))
-def test_rows_times_an_inverse_without_a_product(seed):
-    """Against products: rows that become unit vectors, that were, and that slip on others."""
-    rng, body = np.random.default_rng(seed), random_body(seed=seed)
-    friction = rng.choice([0.0, 0.5, 3.0], P)
-    algebra = ContactAlgebra(body, body.stiffness, Updating())
-    last, now = (
-        ContactMatrix(algebra, mode, friction).displacements
-        for mode in (in_modes(body, rng), in_modes(body, rng))
-    )
-    inverse = np.asfortranarray(np.linalg.inv(last.dense()))
-    which = np.flatnonzero(last.keys != now.keys)
-    products, largest = now.divided(which, last, inverse)
-    expected, terms = RowMatrix.divided(now, which, last, inverse)
-    np.testing.assert_allclose(products, expected, rtol=0.0, atol=1e-12 * terms)
-    assert largest <= 1.001 * max(terms, 1.0)
-    assert largest >= np.abs(products[:, which]).max()
-
-
 class Table(RowMatrix):
     """Every row is one of a few of a table."""
 

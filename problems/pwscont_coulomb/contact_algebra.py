@@ -34,7 +34,6 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any, final
 
 import numpy as np
-import numpy.typing as npt
 import scipy.sparse as sp
 from scipy.linalg import blas
 
@@ -169,32 +168,6 @@ class Displacements(RowMatrix):
         columns *= np.where(self.unit, 0.0, a.D * a.weights(self.keys))
         columns[self.unit, self.unit] = 1.0
         return columns.T
-
-    def divided(self, which: Indices, last: RowMatrix, inverse: Array) -> tuple[Array, float]:
-        """Return rows times the inverse of another matrix; most of the rows need no product."""
-        assert isinstance(last, Displacements), "matrices of one family are of one kind"
-        unit, known = self.unit[which], self._follows(which, last)
-        others = ~(unit | known)
-        multiplied, largest = super().divided(which[others], last, inverse)
-        products = np.empty((len(which), len(self.keys)), order="F")
-        products[others], products[unit] = multiplied, inverse[which[unit]]
-        self._put_combined(products, known.nonzero()[0], which[known], last)
-        return products, max(largest, float(np.abs(products[:, which]).max()))
-
-    def _follows(self, which: Indices, last: Displacements) -> npt.NDArray[np.bool_]:
-        """Tell which rows combine two rows of another matrix: the same row, and A_nu."""
-        has_normal = ~last.unit[self._algebra.partner[which]]
-        follows: npt.NDArray[np.bool_] = has_normal & ~(self.unit | last.unit)[which]
-        return follows
-
-    def _put_combined(
-        self, products: Array, at: Indices, which: Indices, last: Displacements
-    ) -> None:
-        """Write such rows times the inverse of the other matrix, combinations of unit vectors."""
-        normal, scale = self._algebra.partner[which], self.scale[which]
-        products[at] = 0.0
-        products[at, normal] = scale * (last.keys[which] - self.keys[which]) / last.scale[normal]
-        products[at, which] += scale / last.scale[which]
 
     def product(self, x: Array, force: Array) -> Array:
         """Return M x for x and A D x, shape (..., n)."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from functools import lru_cache
 from typing import final
 
 import numpy as np
@@ -14,8 +13,6 @@ from pwscont.basics.printing import MOST_LETTERS, short
 #: From bytes 0 and 1 to the printed signs, and back.
 AS_TEXT = bytes.maketrans(b"\x00\x01", b"-+")
 FROM_TEXT = bytes.maketrans(b"-+", b"\x00\x01")
-#: The bytes of signs in :meth:`Character.among`: 1 for negative, 2 for positive.
-ONE_OR_TWO = bytes.maketrans(b"\x00\x01", b"\x01\x02")
 
 
 @final
@@ -53,7 +50,7 @@ class Character:
     @property
     def signs(self) -> tuple[bool, ...]:
         """The sign of each test function."""
-        return _as_tuple(self._signs)
+        return tuple(self._array.tolist())
 
     @property
     def array(self) -> Signs:
@@ -100,11 +97,8 @@ class Character:
 
     def among(self, tests: Indices) -> bytes:
         """Return the signs of some tests as bytes: 1 or 2, and 0 for every other test."""
-        signs = self.array
-        if len(tests) == len(signs):
-            return self._signs.translate(ONE_OR_TWO)
-        some = np.zeros(len(signs), np.uint8)
-        some[tests] = signs[tests] + np.uint8(1)
+        some = np.zeros(len(self._signs), np.uint8)
+        some[tests] = self._array[tests] + np.uint8(1)
         return some.tobytes()
 
     def __bytes__(self) -> bytes:
@@ -130,8 +124,3 @@ class Character:
 
     def __str__(self) -> str:
         return self._signs.translate(AS_TEXT).decode("ascii")
-
-
-@lru_cache(maxsize=64)  # a residual may ask again and again, and a graph holds thousands
-def _as_tuple(signs: bytes) -> tuple[bool, ...]:
-    return tuple(np.frombuffer(signs, dtype=np.bool_).tolist())

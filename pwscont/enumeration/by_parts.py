@@ -183,19 +183,16 @@ class PartSlice(SlicewiseLinearSystem):
     def bounding_tests(self, character: Character) -> list[int]:
         """Return the tests of each block that bound the block's mode."""
         bounding = zip(self.table.bounding, self._modes(character), strict=True)
-        return [test for bounds, mode in bounding if mode is not None for test in bounds[mode]]
+        return [test for bounds, mode in bounding for test in bounds[mode]]
 
-    def _modes(self, character: Character) -> list[int | None]:
-        """Return the number of the mode of each block, None for signs that are no mode."""
-        signs = character.signs
-        chosen = (tuple(signs[test] for test in block.tests) for block in self.table.blocks)
-        pairs = zip(self.table.blocks, chosen, strict=True)
-        return [b.modes.index(mode) if mode in b.modes else None for b, mode in pairs]
+    def _modes(self, character: Character) -> list[int]:
+        """Return the number of the mode of each block."""
+        signs, blocks = character.signs, self.table.blocks
+        return [block.modes.index(tuple(signs[i] for i in block.tests)) for block in blocks]
 
     def _in_cell(self, character: Character) -> tuple[Array, Array, Array]:
         """Return the rows of a cell: the matrix, the constants and the errors of the constants."""
-        modes = [mode for mode in self._modes(character) if mode is not None]
-        rows = [block.rows for block in self.table.blocks]
+        modes, rows = self._modes(character), [block.rows for block in self.table.blocks]
         matrices, constants = zip(*self.table.rows, strict=True)
         parts = matrices, constants, self._errors
         matrix, values, errors = (_in_modes(part, rows, modes) for part in parts)

@@ -53,7 +53,8 @@ class Interior:
     @cached_property
     def generic(self) -> tuple[tuple[Array, Array], ...]:
         """Two generic vectors f, shape (n + 1,), each with B^-1 f[:-1]."""
-        vectors = _two_generic(len(self.column) + 1)
+        angles = generic_angles(len(self.column) + 1)
+        vectors = np.stack([np.cos(angles), np.sin(angles)])
         return tuple(zip(vectors, self.core.solve_all(vectors[:, :-1]), strict=True))
 
 
@@ -155,12 +156,6 @@ def row_scale(largest: Array, row: Array) -> Array:
         With scaled entries.
     """
     return power_of_two(np.append(largest, np.abs(row).max()))
-
-
-def _two_generic(size: int) -> Array:
-    """Return two vectors related to no simple numbers, shape (2, size)."""
-    angles = generic_angles(size)
-    return np.stack([np.cos(angles), np.sin(angles)])
 
 
 @final

@@ -65,8 +65,7 @@ def factor(matrix: Matrix, scale: Array, *, overwrite: bool = False) -> ScaledFa
         matrix = matrix if overwrite else np.array(matrix, dtype=float, order="F")
         matrix *= scale
         rows = power_of_two(row_maxima(matrix))
-        by_columns = matrix.T  # the divisors lie along the rows of the transpose
-        by_columns /= rows
+        matrix /= rows[:, np.newaxis]
         lu = DenseLU(matrix, overwrite=True, moves_pivots=False)
     else:
         scaled = matrix @ sp.diags(scale)

@@ -53,9 +53,6 @@ MANY_UPDATES = 2.0
 LEAST_UPDATES = 8
 #: Most changed rows for which an LU is inverted, in 4/3 m^3 operations.
 MOST_BEFORE_INVERSE = 8
-#: Largest number of nonzero entries of a right-hand side that is multiplied with single columns of
-#: the inverse, instead of the whole inverse.
-FEW_ENTRIES = 4
 
 
 @final
@@ -144,29 +141,6 @@ class RowMatrix(ABC):
     def dense(self) -> Array:
         """Return a new array of the whole matrix, shape (m, m), in Fortran order."""
 
-    def divided(self, which: Indices, last: RowMatrix, inverse: Array) -> tuple[Array, float]:
-        """Return rows times the inverse of another matrix of the family, and a largest sum.
-
-        A family may know more about rows: a row of the other matrix, times the inverse, is a
-        unit vector, and a unit vector times the inverse is a row of the inverse.
-
-        Parameters
-        ----------
-        which : ndarray of int, shape (k,)
-        last : RowMatrix
-        inverse : ndarray, shape (m, m)
-            The inverse of the other matrix.
-
-        Returns
-        -------
-        products : ndarray, shape (k, m)
-        largest : float
-            The largest sum of magnitudes of the terms of a product, in columns ``which``.
-        """
-        rows, columns = self.rows(which), inverse[:, which]  # copies
-        sums = np.abs(rows) @ np.abs(columns, out=columns)
-        return rows @ inverse, float(sums.max(initial=0.0))
-
 
 class RowSolver(ABC):
     """Solves with the matrices of a family; a solver remembers the last matrix."""
@@ -219,13 +193,7 @@ class Updating(RowSolver):
     def solve(self, matrix: RowMatrix, rhs: Array) -> Array:
         """Return the solution for a right-hand side, or several."""
         self._take(matrix)
-        if self._lu is not None:
-            return self._lu.solve(rhs)
-        entries = np.flatnonzero(rhs) if rhs.ndim == 1 else None
-        if entries is not None and len(entries) <= FEW_ENTRIES:
-            return self._inverse[:, entries] @ rhs[entries]
-        product: Array = rhs @ self._inverse.T
-        return product
+        return rhs @ self._inverse.T if self._lu is None else self._lu.solve(rhs)
 
     def solve_transposed(self, matrix: RowMatrix, rhs: Array) -> Array:
         """Return the solution with the transposed matrix."""
@@ -273,7 +241,7 @@ class Updating(RowSolver):
         few = MOST_BEFORE_INVERSE if self._lu is not None else max(2.0, LARGEST_PART_REPLACED * m)
         if len(changed) > few or self._replaced >= max(LEAST_UPDATES, MANY_UPDATES * m):
             return False
-        if not self._invert() or not self._replace(matrix, last, changed):
+        if not self._invert() or not self._replace(matrix, changed):
             return False
         self._replaced += len(changed)
         self.updates += 1
@@ -287,18 +255,19 @@ class Updating(RowSolver):
                 self._inverse, self._lu = self._lu.turned_into_inverse(), None
         return self._lu is None
 
-    def _replace(self, matrix: RowMatrix, last: RowMatrix, rows: Indices) -> bool:
+    def _replace(self, matrix: RowMatrix, which: Indices) -> bool:
         """Change rows E^T M to R by Woodbury's formula; False where digits are lost.
 
         M'^-1 = M^-1 - M^-1 E (R M^-1 E)^-1 (R M^-1 - E^T), as E^T M M^-1 E is the identity.
         """
-        parts, largest = matrix.divided(rows, last, self._inverse)
-        pivots = DenseLU(parts[:, rows])
+        rows, w = matrix.rows(which), self._inverse[:, which]
+        parts = rows @ self._inverse
+        pivots, terms = DenseLU(parts[:, which]), np.abs(rows) @ np.abs(w)
         smallest = np.abs(pivots.lu.diagonal()).min()
-        if not smallest > SMALL_PIVOT * (1.0 + largest):
+        if not smallest > SMALL_PIVOT * (1.0 + terms.max()):
             return False
-        parts[np.arange(len(rows)), rows] -= 1.0
-        parts, w = pivots.solve(parts.T).T, self._inverse[:, rows]
+        parts[np.arange(len(which)), which] -= 1.0
+        parts = pivots.solve(parts.T).T
         self._inverse = blas.dgemm(-1.0, w, parts, 1.0, self._inverse, overwrite_c=1)
         self._sign *= pivots.sign
         return True

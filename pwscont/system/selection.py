@@ -7,7 +7,7 @@ from typing import cast, final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Indices, Matrix, Signs, dense, indices, is_anywhere
+from pwscont.basics.arrays import Array, Indices, Matrix, Signs, dense, indices, joined
 from pwscont.basics.character import Character
 from pwscont.basics.printing import named, short
 from pwscont.basics.rounding import EPS, GUARD
@@ -70,9 +70,7 @@ class Selection:
     @cached_property
     def cell(self) -> bytes:
         """The signs that name this selection."""
-        if self.adjacent_cells or type(self.system).cell is not PiecewiseSystem.cell:
-            return self.system.cell(self.character)
-        return self.character.among(self.bounding)
+        return self.system.cell(self.character)
 
     @cached_property
     def adjacent_names(self) -> tuple[bytes, ...]:
@@ -86,7 +84,7 @@ class Selection:
 
     def is_bounded_by(self, test: int) -> bool:
         """Tell whether a test bounds the cell."""
-        return bool(len(self.bounding)) and is_anywhere(self.bounding == test)
+        return bool((self.bounding == test).any())
 
     def residual(self, x: Array) -> Array:
         """Return a copy of H_chi(x), shape (n,)."""
@@ -99,11 +97,7 @@ class Selection:
 
     def residual_and(self, x: Array, value: float) -> Array:
         """Return H_chi(x) with ``value`` appended, shape (n + 1,): the bordered equations at x."""
-        both = np.empty(len(x))
-        value_there = self.system.residual(x[:-1], float(x[-1]), self.character)
-        both[:-1] = checked_array(self.system, "residual", value_there, (len(both) - 1,))
-        both[-1] = value
-        return both
+        return joined(self.residual(x), value)
 
     def residuals(self, points: Array) -> Array:
         """Return H_chi at points, shape (k, n + 1), each with 0 appended."""
