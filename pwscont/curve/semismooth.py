@@ -27,7 +27,7 @@ from pwscont.basics.outcome import Failure, FailureReason
 from pwscont.basics.rounding import CONVERGED, EPS, GUARD
 from pwscont.curve.error_samples import has_digits
 from pwscont.curve.metric import Metric, deflation, stretch
-from pwscont.curve.newton import Root, is_rounding, is_solved, uncertainty
+from pwscont.curve.newton import SOLVED, Root, is_rounding, is_solved, uncertainty
 from pwscont.linear.factor import Factor
 from pwscont.linear.factorise import balanced_columns, bordered, last_unit
 from pwscont.system.contract import jacobian_at, residual_at
@@ -177,9 +177,9 @@ def _trend(
     Small beside the terms of a row: those of the unknowns at x, and what alpha changes over the
     interval. At a double zero H falls from step to step.
     """
-    terms = product(abs(linear.jacobian), joined(np.abs(x[:-1]), metric.width))
+    sizes = joined(EPS**0.5 * np.abs(x[:-1]), SOLVED * metric.width)
     before, after = np.abs(before), np.abs(after)
-    is_small, falls = after <= EPS**0.5 * terms, after < FALLS * before
+    is_small, falls = after <= product(abs(linear.jacobian), sizes), after < FALLS * before
     stays = ~is_small & (after > STAYS * before)
     return bool(falls.any() and (falls | is_small).all()), bool(stays.any())
 

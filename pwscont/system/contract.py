@@ -280,7 +280,7 @@ def _refuse_wrong_derivative(
     for far in (x + direction, x - direction):
         values = np.abs(function(far))
         rounding = np.fmax(rounding, GUARD * EPS * values / min(STEPS))
-    wrong &= np.abs(quotients[-1] - slopes) > rounding
+    wrong &= ~(np.abs(quotients[-1] - slopes) <= rounding)
     if not wrong.any():
         return
     words = f"is wrong in row {np.flatnonzero(wrong)[0]}: it is not the derivative of"
