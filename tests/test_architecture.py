@@ -55,7 +55,7 @@ LONGEST_FILE = 500
 #: Most files and lines of each room, a little above the figures when they were set. When a room
 #: becomes smaller, its budget becomes smaller.
 BUDGET = {
-    "basics": (10, 1171),
+    "basics": (10, 1172),
     "system": (10, 2184),
     "linear": (11, 1466),
     "notation": (13, 2862),

@@ -113,7 +113,7 @@ class Budget:
         self.is_limited = limits is not None and limits != NO_LIMITS
         seconds = self._limits.seconds
         self._deadline = clock() + (seconds if seconds is not None else math.inf)
-        self._reason, self._is_interrupted = "", False
+        self._reason, self._is_interrupted, self._was_interrupted = "", False, False
         self._outer = _current.get()
 
     def __enter__(self) -> Budget:
@@ -128,7 +128,7 @@ class Budget:
         if self._handler is not None:
             signal.signal(signal.SIGINT, self._handler)
         if self._outer is not None:
-            self._outer._is_interrupted |= self.spent == INTERRUPTED
+            self._outer._is_interrupted |= self._is_interrupted or self._was_interrupted
 
     @property
     def spent(self) -> str:
@@ -147,6 +147,7 @@ class Budget:
     def extend(self) -> None:
         """Allow some seconds more, for work on what the run has found; Ctrl-C ends the work."""
         self._reason = self.spent
+        self._was_interrupted |= self._is_interrupted
         self._is_interrupted = False
         seconds = self._limits.seconds
         if seconds is not None:
