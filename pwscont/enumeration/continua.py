@@ -99,7 +99,7 @@ def underflows(system: PiecewiseSystem, metric: Metric, x: Array) -> bool:
         return float(np.abs(residual_at(system, z, alpha, system.character(z, alpha))).max())
 
     inside, beyond = 0.0, 1.0
-    if size(beyond) > TINY:
+    if size(beyond) > TINY or size(inside) <= TINY:  # H is zero at the centre as well
         return False
     while beyond - inside > NEAR_ZERO:
         middle = 0.5 * (inside + beyond)
