@@ -60,7 +60,7 @@ BUDGET = {
     "linear": (11, 1466),
     "notation": (13, 2862),
     "curve": (14, 2844),
-    "enumeration": (11, 2602),
+    "enumeration": (11, 2603),
     "transitions": (12, 3575),
     "graph": (10, 2632),
     "search": (7, 1640),

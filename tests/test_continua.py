@@ -71,3 +71,17 @@ def test_a_corner_that_several_faces_share_is_one_start(n):
     np.testing.assert_allclose(end, [0.0] * n + [1.0], atol=1e-12)
     graph = explore(system, (-2.0, 2.0))
     assert [graph.count(alpha) for alpha in (-2.0, 0.5, 1.0, 1.5)] == [np.inf, np.inf, 1, 1]
+
+
+@pytest.mark.parametrize("factor", [lambda z: np.exp(3.0 * z[0]), lambda z: np.exp(-0.5 * (z @ z))])
+@pytest.mark.slow
+def test_what_underflows_is_no_continuum(factor):
+    """Far out the factor is zero in floating point: the solutions are those without the factor."""
+
+    def competing(z, alpha, _):
+        rows = np.array([z[0] * (1.0 - z[0] - 0.5 * z[1]), z[1] * (alpha - z[1] - 0.5 * z[0])])
+        return factor(z) * rows
+
+    graph = explore(Switched(2, competing), (0.6, 1.5))
+    assert not graph.infinite
+    assert [graph.count(alpha) for alpha in (0.7, 1.0, 1.4)] == [4, 4, 4]

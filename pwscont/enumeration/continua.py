@@ -23,7 +23,7 @@ from typing import final
 import numpy as np
 from scipy.linalg import lstsq, null_space, svd
 
-from pwscont.basics.arrays import Array, are_finite, dense
+from pwscont.basics.arrays import Array, are_finite, dense, generic
 from pwscont.basics.budget import check_budget
 from pwscont.basics.rounding import EPS
 from pwscont.curve.metric import Metric
@@ -90,16 +90,17 @@ def is_one_of_many(system: PiecewiseSystem, metric: Metric, x: Array) -> bool:
 def underflows(system: PiecewiseSystem, metric: Metric, x: Array) -> bool:
     """Tell whether H is zero at a point, or next to zero, only because H is as small as it can be.
 
-    On the way from the centre H is tiny before H is zero, as exp(-z^2) is; max(z, 0) is not.
+    On the way from a generic place H is tiny before H is zero, as exp(-z^2) is; max(z, 0) is not.
     """
-    centre, alpha = Box.of(system).centre(metric.scale[:-1]), float(x[-1])
+    scale, alpha = metric.scale[:-1], float(x[-1])
+    start = Box.of(system).centre(scale) + scale * generic(len(scale))
 
     def size(part: float) -> float:
-        z = centre + part * (x[:-1] - centre)
+        z = start + part * (x[:-1] - start)
         return float(np.abs(residual_at(system, z, alpha, system.character(z, alpha))).max())
 
     inside, beyond = 0.0, 1.0
-    if size(beyond) > TINY or size(inside) <= TINY:  # H is zero at the centre as well
+    if size(beyond) > TINY or size(inside) <= TINY:
         return False
     while beyond - inside > NEAR_ZERO:
         middle = 0.5 * (inside + beyond)
