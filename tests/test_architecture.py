@@ -59,7 +59,7 @@ BUDGET = {
     "system": (10, 2184),
     "linear": (11, 1466),
     "notation": (13, 2862),
-    "curve": (14, 2844),
+    "curve": (14, 2874),
     "enumeration": (11, 2603),
     "transitions": (12, 3575),
     "graph": (10, 2632),

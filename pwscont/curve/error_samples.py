@@ -12,7 +12,16 @@ from functools import lru_cache
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Matrix, are_finite, is_everywhere, largest, product
+from pwscont.basics.arrays import (
+    Array,
+    Matrix,
+    are_finite,
+    is_anywhere,
+    is_everywhere,
+    largest,
+    product,
+    smallest,
+)
 from pwscont.basics.rounding import CONFIDENCE, EPS
 from pwscont.curve.metric import Metric
 from pwscont.system.box import Box
@@ -21,8 +30,12 @@ from pwscont.system.box import Box
 Found = tuple[Array, Array]
 #: Most unknowns for which the inverse is formed column by column, instead of sampled.
 MOST_WHOLE_INVERSE = 16
+#: The number of entries up to which ``hypot`` is faster than sums of squares.
+MOST_BY_HYPOT = 256
 #: Largest error, as a part of a number, of a number with a certain digit.
 ONE_DIGIT = 0.1
+#: Smallest number whose square keeps all digits, in any unit.
+SQUARES_UNDERFLOW = 1e-140
 #: Number of samples for larger systems.
 SAMPLES = 4
 
@@ -32,8 +45,25 @@ def magnitude(x: Array, error: Array) -> Array:
 
     ``error``, shape (k, n + 1): independent contributions, as from :func:`uncertainty`.
     """
-    estimate: Array = np.maximum(EPS * np.abs(x), np.abs(np.hypot.reduce(error, axis=0)))
+    estimate: Array = np.maximum(EPS * np.abs(x), _root_of_squares(error))
     return estimate
+
+
+def _root_of_squares(error: Array) -> Array:
+    """Return the root of the sum of squares of each column; ``hypot`` of many takes far longer.
+
+    Magnitudes are far from where squares overflow, see :class:`~pwscont.curve.metric.Metric`.
+    """
+    spread: Array
+    if error.size <= MOST_BY_HYPOT:
+        spread = np.abs(np.hypot.reduce(error, axis=0))
+        return spread
+    spread = np.sqrt(np.ones(len(error)).dot(np.square(error)))  # a sum takes twice as long
+    if len(spread) and smallest(spread) < SQUARES_UNDERFLOW:  # most numbers are zero
+        lost = spread < SQUARES_UNDERFLOW
+        if len(error) and is_anywhere(np.logical_and(error, lost)):
+            spread[lost] = np.hypot.reduce(error[:, lost], axis=0)
+    return spread
 
 
 def rounding_of_values(rows: Matrix, sizes: Array, error: Array) -> Array:
