@@ -202,12 +202,14 @@ def test_the_graph_found_so_far_comes_back_after_ctrl_c(calls):
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
 
-def test_an_interrupt_raised_by_a_report():
-    def report(pieces, alpha):
-        if pieces == 2:
-            raise KeyboardInterrupt
+def after_two_pieces(pieces, alpha):
+    """Report to a user who then presses Ctrl-C."""
+    if pieces == 2:
+        raise KeyboardInterrupt
 
-    graph = explored(report=report)
+
+def test_an_interrupt_raised_by_a_report():
+    graph = explored(report=after_two_pieces)
     assert graph.guarantee.startswith("interrupted")
     assert len(graph.pieces) == 2
     assert rows(graph) < rows(explored())
@@ -228,13 +230,9 @@ def test_ctrl_c_while_events_are_marked_keeps_all_pieces():
 
 
 def test_events_are_marked_on_what_was_found_before_ctrl_c():
-    def report(pieces, alpha):
-        if pieces == 2:
-            raise KeyboardInterrupt
-
-    found = explored(report=report)
+    found = explored(report=after_two_pieces)
     middle = 0.5 * sum(found.pieces[0].interval)
-    graph = explored(report=report, events={"half": lambda z, alpha: alpha - middle})
+    graph = explored(report=after_two_pieces, events={"half": lambda z, alpha: alpha - middle})
     assert len(graph.special_points("event")) == found.count(middle) > 0
     assert "events" not in graph.guarantee
 
