@@ -1,5 +1,6 @@
 """Equilibria of Filippov systems and periodic points of maps against closed forms and all words."""
 
+from functools import reduce
 from itertools import product
 
 import numpy as np
@@ -130,6 +131,22 @@ def test_words_of_maps():
     one, other = (system.character(np.array([x, 0.0, -1.0, 0.0]), 0.0) for x in (-1.0, 1.0))
     assert system.describe_transition(one, other) == "border collision LL → RL"
     assert system.test_name(1) == "the border at point 1"
+
+
+@pytest.mark.parametrize("n", [1, 2, 3])
+@pytest.mark.parametrize("period", [1, 2, 3, 4])
+def test_the_sign_is_that_of_the_determinant_of_one_less_the_derivative(n, period):
+    rng = np.random.default_rng(10 * n + period)
+    left = rng.normal(size=(n, n))
+    right = left + np.outer(rng.normal(size=n), np.arange(n) == 0)
+    points = AffinePeriodicPoints(left, right, rng.normal(size=n), period=period)
+    graph = explore(points, INTERVAL)
+    found = [*graph.solutions(-0.5), *graph.solutions(0.5)]
+    assert found  # a line through zero has solutions on one side at least
+    for solution in found:
+        steps = [right if side == "R" else left for side in solution.label.split()[-1]]
+        derivative = reduce(lambda whole, step: step @ whole, steps, np.eye(n))
+        assert solution.det_sign == np.sign(np.linalg.det(np.eye(n) - derivative))
 
 
 # -- Filippov systems ----------------------------------------------------------------------------

@@ -49,10 +49,10 @@ def test_points_that_are_none(points, words):
 @pytest.mark.parametrize(
     ("name", "method", "words"),
     [
-        ("scale", lambda self: np.ones(1), r"def scale\(self, lo, hi\), but takes \(\)"),
+        ("scale", lambda self: np.ones(1), r"def scale\(self, lo, hi\), but takes \(self\)"),
         ("residual", lambda self, z, alpha: z, r"def residual\(self, z, alpha, character\)"),
         ("label", lambda self: "", r"def label\(self, character\)"),
-        ("cells", lambda self, alpha: (), r"def cells\(self\), but takes \(alpha\)"),
+        ("cells", lambda self, alpha: (), r"def cells\(self\), but takes \(self, alpha\)"),
     ],
 )
 def test_methods_with_other_arguments(name, method, words):

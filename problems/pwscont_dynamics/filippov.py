@@ -30,7 +30,8 @@ class FilippovEquilibria(PiecewiseSystem):
     y is above 1 where h > 0, below 0 where h < 0, and the share where h = 0. H is continuous,
     although the field is not. A regular equilibrium that meets h = 0, a *boundary equilibrium*, is
     a transition; at a non-smooth fold the regular equilibrium and a pseudo-equilibrium meet and
-    vanish (di Bernardo, Nordmark and Olivar 2008).
+    vanish (di Bernardo, Nordmark and Olivar 2008). The last row compares h with a share: give h in
+    a unit in which h is about 1 at equilibria, or a search may miss pseudo-equilibria.
 
     Parameters
     ----------

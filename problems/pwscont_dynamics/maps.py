@@ -20,9 +20,9 @@ class Orbits(PiecewiseSystem, BringsSearches):
     """Points with f(...f(x)) = x after k steps of f = right where the border is >= 0, else left.
 
     The unknowns are all points of the orbit, z = (x_0, ..., x_{k-1}), so that no products of slopes
-    are formed; the rows are x_{i+1} - f(x_i), and det(dH/dz) = det(I - Df^k). The test of step i is
-    the border at x_i. The *word* of an orbit is L or R for each point. An orbit of least period k
-    is found k times, once from each point.
+    are formed; the rows are x_i - f(x_{i-1}), and det(dH/dz) = det(I - Df^k), whatever n and k. The
+    test of step i is the border at x_i. The *word* of an orbit is L or R for each point. An orbit
+    of least period k is found k times, once from each point.
 
     Attributes
     ----------
@@ -42,15 +42,19 @@ class Orbits(PiecewiseSystem, BringsSearches):
         return np.concatenate([self._border(x, alpha) for x in self._points(z)])
 
     def residual(self, z: Array, alpha: float, character: Character) -> Array:
-        """Return the next point less the image of each point."""
+        """Return each point less the image of the point before."""
         points = self._points(z)
         pairs = zip(points, character.signs, strict=True)
         images = [self._sides[sign](x, alpha) for x, sign in pairs]
-        rows: Array = (np.roll(points, -1, axis=0) - images).ravel()
+        rows: Array = (points - np.roll(images, 1, axis=0)).ravel()
         return rows
 
     def _points(self, z: Array) -> Array:
         return z.reshape(self.period, self.n)
+
+    def _places(self) -> Array:
+        """Return the places of the coordinates of each point in the unknowns, shape (k, n)."""
+        return np.arange(self.size).reshape(self.period, self.n)
 
     # -- searches ----------------------------------------------------------------------------
 
@@ -75,9 +79,8 @@ class Orbits(PiecewiseSystem, BringsSearches):
         whole = dense(self.jacobian(z, alpha, self.character(z, alpha)))
         product = np.eye(self.n)
         own = np.eye(self.n) if self.period == 1 else 0.0
-        for i in range(self.period):
-            at = slice(i * self.n, (i + 1) * self.n)
-            product = (own - whole[at, at]) @ product
+        for at, after in zip(self._places(), np.roll(self._places(), -1, axis=0), strict=True):
+            product = (own - whole[np.ix_(after, at)]) @ product
         values: Array = np.linalg.eigvals(product).astype(complex)
         return values
 
@@ -212,8 +215,5 @@ class AffinePeriodicPoints(Orbits, PiecewiseLinearSystem):
 
     def blocks(self) -> tuple[Block, ...]:
         """Return a block for each step, which is on the left or on the right."""
-        sides = ((False,), (True,))
-        return tuple(
-            Block((i,), tuple(range(i * self.n, (i + 1) * self.n)), sides)
-            for i in range(self.period)
-        )
+        sides, images = ((False,), (True,)), np.roll(self._places(), -1, axis=0).tolist()
+        return tuple(Block((i,), tuple(rows), sides) for i, rows in enumerate(images))

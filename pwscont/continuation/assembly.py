@@ -337,7 +337,7 @@ def _messages(
     before, after = (piece.character for _, piece in passed)
     if before == after:
         return node.message, node.message
-    note = f"; {node.message}" if node.message and node.kind not in CROSSED else ""
+    note = f"; {node.message}" if node.kind not in CROSSED and node.message else ""
     forward, backward = (
         system.describe_transition(*cells) for cells in ((before, after), (after, before))
     )

@@ -187,7 +187,7 @@ class Discovery:
             return
         if piece.arrival.kind == Kind.END:
             self.leaving.append(piece.arrival.rays[0].reversed())
-        if piece.arrival.message == ENDLESS:
+        if piece.arrival.said == ENDLESS:
             self._endless.append(piece.arrival.rays[0])
         end = place_of_arrival(piece.arrival)
         reached = self._reach(piece, end, left)

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterable
-from functools import partial
+from functools import lru_cache, partial
 from inspect import isfunction, ismethod, signature
 from itertools import pairwise
 from typing import Any, TypeAlias
@@ -132,23 +132,24 @@ def check_attributes(system: PiecewiseSystem) -> None:
     if isinstance(size, bool) or not isinstance(size, int | np.integer) or size < 1:
         raise broken(system, "size", f"must be the number of unknowns, got {size!r}")
     if size > MOST_UNKNOWNS:
-        words = f"more than {MOST_UNKNOWNS} unknowns do not fit into the memory of a computer"
-        raise broken(system, "size", f"is {size}; {words}")
+        words = f"is {size}; more than {MOST_UNKNOWNS} do not fit into the memory of a computer"
+        raise broken(system, "size", words)
     for name, arguments in METHODS.items():
         if not callable(found := getattr(system, name, len)):  # another kind has no such method
             words = f"must be a method, def {name}({arguments}), got {short(repr(found))}"
             raise broken(system, name, words)
         if ismethod(found) and not str(found.__module__).startswith("pwscont."):
-            _check_arguments(found, name, arguments)
+            _check_arguments(found.__func__, name, arguments)
     for name in VALUES:
         if callable(getattr(system, name)):
             raise broken(system, name, f"must be a value, not a method: {name} = ...")
 
 
+@lru_cache(maxsize=1024)  # signatures cost more than all other checks
 def _check_arguments(method: Callable[..., Any], name: str, arguments: str) -> None:
     """Refuse a method that does not take the arguments that a run gives."""
     try:
-        signature(method).bind(*arguments.split(", ")[1:])
+        signature(method).bind(*arguments.split(", "))
     except TypeError:
         words = f"must be def {name}({arguments}), but takes {signature(method)}"
         raise InvalidSystemError(f"{method.__qualname__} {words}") from None

@@ -100,11 +100,9 @@ def _refuse_wrong_periods(system: PiecewiseSystem, x: Array) -> None:
         wrong = np.abs(there - here) > AFFINE_DEFECT * terms
         if wrong.any():
             row = int(np.flatnonzero(wrong)[0])
-            raise InvalidSystemError(
-                f"{type(system).__name__}.periods() gives {period[j]:.10g} for unknown {j}, but "
-                f"row {row} of H changes from {here[row]:.6g} to {there[row]:.6g} over that period "
-                f"at alpha = {alpha:.6g}"
-            )
+            words = f"gives {period[j]:.10g} for unknown {j}, but row {row} of H changes from "
+            words += f"{here[row]:.6g} to {there[row]:.6g} over that period at alpha = {alpha:.6g}"
+            raise broken(system, "periods()", words)
 
 
 def check_promises(
