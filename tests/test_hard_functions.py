@@ -40,6 +40,24 @@ def test_powers_below_one_of_a_switch(power):
     assert largest_residual(graph, f, np.linspace(-1.9, 1.9, 11)) < 1e-6
 
 
+@pytest.mark.parametrize("kink", [0.3, -0.7])
+@pytest.mark.parametrize("power", [0.5, 0.7])
+@pytest.mark.parametrize("rise", [0.0, 0.4])
+def test_infinite_slopes_at_a_kink_that_is_not_zero(kink, power, rise):
+    """At the kink the slopes make all of H look like rounding: no branch runs along the kink."""
+    arch = Switched(1, lambda z, t, sw: z - 2.0 * sw.abs(z - kink - rise * t) ** power - t)
+    graph = explore(arch, (-2.0, 2.0))
+
+    def signs(t):
+        """Return the number of solutions, by the signs at zero of the switch and far out."""
+        q = np.concatenate([-np.geomspace(1e5, 1e-12, 20001), np.geomspace(1e-12, 1e5, 20001)])
+        values = kink + rise * t + q - 2.0 * np.abs(q) ** power - t
+        return int((values[1:] * values[:-1] < 0.0).sum())
+
+    for t in (-1.73, -0.61, 0.27, 1.19, 1.91):
+        assert graph.count(t) == signs(t)
+
+
 @pytest.mark.parametrize("at_bound", ["log", "1/z"])
 def test_functions_that_are_infinite_at_a_bound(at_bound):
     if at_bound == "log":

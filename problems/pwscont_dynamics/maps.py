@@ -54,7 +54,8 @@ class Orbits(PiecewiseSystem, BringsSearches):
 
     def _places(self) -> Array:
         """Return the places of the coordinates of each point in the unknowns, shape (k, n)."""
-        return np.arange(self.size).reshape(self.period, self.n)
+        places: Array = np.arange(self.size).reshape(self.period, self.n)
+        return places
 
     # -- searches ----------------------------------------------------------------------------
 
