@@ -21,11 +21,10 @@ from scipy.sparse.csgraph import connected_components
 
 from pwscont.basics.arrays import Array, Signs
 from pwscont.graph.proved import BoxProof, Corners, CountedStretch, Range
-from pwscont.proof.enclosures import evaluated, with_slopes
 from pwscont.proof.interval import FUNCTION_ULPS, Interval, chosen, solved, together
 from pwscont.proof.operations import OPERATIONS, branch
 from pwscont.proof.search import FINEST_ALPHA, SLACK, Covered, Tubes, inverse_of, polished, proved
-from pwscont.proof.tape import Tape
+from pwscont.proof.tape import Tape, evaluated, with_slopes
 
 #: How many times the residual an enclosure reaches.
 ROOM = 2.0

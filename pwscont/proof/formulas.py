@@ -15,9 +15,8 @@ from pwscont.basics.arrays import Array, generic
 from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidInputError
 from pwscont.notation.curved import SwitchedSystem
-from pwscont.proof.enclosures import evaluated
 from pwscont.proof.interval import Interval
-from pwscont.proof.tape import NotTracedError, Tape, as_array
+from pwscont.proof.tape import NotTracedError, Tape, as_array, evaluated
 from pwscont.system.system import PiecewiseSystem, SlicewiseLinearSystem
 
 #: At how many points the tape is compared with the formula, and how much they may differ, relative

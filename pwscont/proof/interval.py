@@ -212,6 +212,12 @@ def together(function: Callable[[list[Array]], Array], *parts: Interval) -> Inte
     return Interval(function([x.lo for x in parts]), function([x.hi for x in parts]))
 
 
+def times(matrix: Array, right: Interval) -> Interval:
+    """Return matrices of numbers (m, n, B) times intervals (n, ..., B)."""
+    shape = (*matrix.shape[:2], *(1,) * (right.lo.ndim - 2), matrix.shape[-1])
+    return (Interval(matrix.reshape(shape)) * right).total(axis=1)
+
+
 def inverses(matrices: Array) -> Array:
     """Return the inverses of matrices (B, n, n) to rounding, nan for singular matrices."""
     regular = np.linalg.slogdet(matrices)[0][:, np.newaxis, np.newaxis] != 0.0
