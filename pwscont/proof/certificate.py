@@ -16,7 +16,7 @@ import numpy as np
 
 from pwscont.basics.arrays import Array
 from pwscont.basics.printing import counted
-from pwscont.proof.interval import SMALLEST, ULP
+from pwscont.proof.interval import Interval, upper
 
 ASSUMED = "assumed: arithmetic of IEEE 754 to nearest; {} count as the doubles that they are"
 #: Most nodes with friction, whose signs are all tried.
@@ -83,30 +83,21 @@ def _doubts(evolution: Any) -> list[str]:
 
 def is_unique(A: Array, N: Array, T: Array, friction: Array) -> bool:
     """Tell whether the form of some signs, with friction times signs, is positive definite."""
-    coupled = T.T @ (friction[:, np.newaxis] * (N @ A))
-    form = 0.5 * (A + A.T) - 0.5 * (coupled + coupled.T)
-    sizes = np.abs(A) + np.abs(T.T) @ (np.abs(friction)[:, np.newaxis] * (np.abs(N) @ np.abs(A)))
-    error = (2 * len(friction) + 8) * (ULP * (sizes + sizes.T) + SMALLEST)
-    return is_positive_definite(form, error)
+    work = Interval(friction[:, np.newaxis]) * (Interval(N) @ Interval(A))
+    return is_positive_definite(Interval(A) - Interval(T.T) @ work)
 
 
-def is_positive_definite(matrix: Array, error: Array) -> bool:
-    """Tell whether all symmetric matrices within an error of a matrix are positive definite.
+@np.errstate(all="ignore")
+def is_positive_definite(form: Interval) -> bool:
+    """Tell whether the symmetric parts of all matrices K between two are positive definite.
 
-    If the Cholesky factorisation of matrix - c I ends in floating point, with c above the trace
-    times (n + 1) roundoffs, the matrix is positive definite (Rump, Verification of positive
-    definiteness, *BIT* 46 (2006) 433-452). Rows and columns are scaled by powers of two before.
+    With any numbers R, best the inverse of a Cholesky factor, they are if R (K + K') R' is, whose
+    eigenvalues differ from 2 by less than 2 if the rows of R (K + K') R' - 2 I do (Gershgorin).
     """
-    diagonal = np.diag(matrix)
-    if not (np.isfinite(matrix).all() and (diagonal > 0.0).all()):
-        return False
-    scale = 2.0 ** -np.round(0.5 * np.log2(diagonal))
-    scaled = scale[:, np.newaxis] * matrix * scale
-    far = (scale[:, np.newaxis] * error * scale).sum(axis=1).max()
-    size = len(scaled)
-    shift = (2 * size + 8) * ULP * np.trace(scaled) + 2.0 * far
+    both = form + form.arranged(np.transpose)
     try:
-        np.linalg.cholesky(scaled - shift * np.eye(size))
+        R = np.linalg.inv(np.linalg.cholesky(0.5 * both.middle()))
     except np.linalg.LinAlgError:
         return False
-    return bool(shift < 1.0)
+    off = (Interval(R) @ both @ Interval(R.T) - 2.0 * np.eye(len(R))).reach()
+    return bool((upper(off.sum(axis=1), len(R)) < 2.0).all())
