@@ -120,14 +120,11 @@ class _Pieces:
         sizes = np.abs(rows[:, :-1]) @ self._magnitudes + np.abs(rows[:, -1])
         off = np.abs(values) <= HOLDS * sizes[:, np.newaxis]
         room = values / (sizes + (sizes == 0.0))[:, np.newaxis]
-        # the mode whose equations hold; of several, the mode with the most room
-        marks = [
-            [
-                2.0 * off[own].all(axis=0) + room[sides].min(axis=0, initial=1.0)
-                for own, sides in modes
-            ]
-            for modes in self.cells.modes
-        ]
+
+        def mark(own: Indices, sides: Indices) -> Array:  # of several that hold, the most room
+            return 2.0 * off[own].all(axis=0) + room[sides].min(axis=0, initial=1.0)
+
+        marks = [[mark(*mode) for mode in modes] for modes in self.cells.modes]
         return np.array([np.argmax(each, axis=0) for each in marks]).T
 
     def left_pieces(self) -> list[int]:
@@ -147,10 +144,9 @@ class _Pieces:
     def _is_range(self, k: int, line: Interval, ranges: Ranges, i: int) -> bool:
         """Tell whether a piece is the range of its cell, and note what vanishes at the ends."""
         points, piece = self._points[k], self._graph.pieces[k]
-        alphas = points[:, -1]
-        order = np.argsort(alphas, kind="stable")
-        ends = np.array([ranges.first.middle()[i], ranges.last.middle()[i]])
-        found = np.vstack([self.cells.unknowns(line, alphas).middle(), ends[order]]).T
+        order = np.argsort(points[:, -1], kind="stable")
+        ends = np.array([ranges.first.middle()[i], ranges.last.middle()[i]])[order]
+        found = np.vstack([self.cells.unknowns(line, points[:, -1]).middle(), ends]).T
         if not (np.abs(found - points) <= self._near).all():
             return False
         for end, node in zip(order, (piece.start, piece.end), strict=True):
@@ -200,11 +196,9 @@ class _Pieces:
     def left_cells(self) -> Iterator[Choice]:
         """Yield the cells that may hold solutions that are on no piece, and on no ray."""
         proved = set(map(tuple, self._choices.tolist()))
-        for choices in self.cells.choices():
-            empty = Ranges.of(self.cells.lines(choices), self._graph.interval).empty
-            for choice in map(tuple, choices[~empty].tolist()):
-                if choice not in proved and not self._is_on_pieces(choice):
-                    yield choice
+        for choice, *_ in self.cells.left(self._graph.interval):
+            if choice not in proved and not self._is_on_pieces(choice):
+                yield choice
 
     def _is_on_pieces(self, choice: Choice) -> bool:
         """Tell in rational numbers whether a cell is empty, or has solutions on pieces only.

@@ -14,7 +14,7 @@ from pwscont.basics.printing import counted
 from pwscont.graph.branch_graph import BranchGraph
 from pwscont.graph.proved import are_matched, with_slack
 from pwscont.graph.records import Solution
-from pwscont.proof.cells import MOST_CELLS, Choice, ExactCells, Point, Ranges, segment_of
+from pwscont.proof.cells import MOST_CELLS, Choice, ExactCells, Point, segment_of
 from pwscont.proof.certificate import ASSUMED, Certificate, certified_rates
 from pwscont.proof.interval import Interval
 from pwscont.proof.pieces import certified_pieces
@@ -120,13 +120,11 @@ def proved_solutions(
     A cell off all its inequalities has one solution in floating point. Rational numbers decide all
     other cells that may have solutions, and cells whose solution may be that of another cell.
     """
-    found: list[tuple[Choice, Interval, bool]] = []
-    for choices in cells.choices():
-        x, sides = cells.lines(choices)
-        ranges = Ranges.of((x, sides), (alpha, alpha))
-        for i in np.flatnonzero(~ranges.empty):
-            box = cells.unknowns(x[i], np.array([alpha]))[:, 0]
-            found.append((tuple(choices[i].tolist()), box, bool(ranges.decided[i])))
+    at = np.array([alpha])
+    found = [
+        (choice, cells.unknowns(line, at)[:, 0], is_decided)
+        for choice, line, is_decided in cells.left((alpha, alpha))
+    ]
     lo, hi = (np.array([getattr(box, end) for _, box, _ in found]) for end in ("lo", "hi"))
     boxes, points, undecided = dict[Choice, Interval](), set[Point](), list[Choice]()
     for choice, box, is_decided in found:

@@ -128,7 +128,7 @@ def _looked_at(
     tried = is_sharp & ~empty & boxes[:-1].is_within(whole[:-1]).all(axis=0)
     left, found = ~tried & ~empty, list[Tubes]()
     if tried.any():
-        tubes, is_proved = _around(tape, boxes[:, tried], about[..., tried], size[:-1])
+        tubes, is_proved = around(tape, boxes[:, tried], about[..., tried], size[:-1])
         left[tried], found = ~is_proved, [tubes.only(is_proved)]
     *unknowns, alpha = boxes.width() / size
     widest = np.max(unknowns, axis=0)
@@ -182,7 +182,7 @@ def _halved(boxes: Interval, rows: Interval, size: Array) -> list[Interval]:
     return [Interval(boxes.lo, lower), Interval(upper, boxes.hi)]
 
 
-def _around(tape: Tape, box: Interval, slopes: Array, scale: Array) -> tuple[Tubes, Signs]:
+def around(tape: Tape, box: Interval, slopes: Array, size: Any) -> tuple[Tubes, Signs]:
     """Return tubes that hold boxes (n + 1, B), and which of the tubes are proved.
 
     ``slopes`` are about the derivatives.
@@ -191,7 +191,7 @@ def _around(tape: Tape, box: Interval, slopes: Array, scale: Array) -> tuple[Tub
     slope = -np.einsum("ijb,jb->ib", matrix, slopes[:, -1])
     centre = polished(tape, middle[:-1], middle[-1], matrix)
     tubes = Tubes(alpha.lo, middle[-1], alpha.hi, centre, slope, centre, centre)
-    radius = WIDER * tubes.far(box[:-1], alpha) + SLACK * np.abs(centre) + LEAST * scale
+    radius = WIDER * tubes.far(box[:-1], alpha) + SLACK * np.abs(centre) + LEAST * size
     tubes, is_proved = proved(tape, tubes, radius, matrix)
     return tubes, is_proved & tubes.hold(box[:-1], alpha)
 
