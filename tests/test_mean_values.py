@@ -8,7 +8,7 @@ import pytest
 from high_precision import exact
 from sweeps import swept
 
-import pwscont.proof.operations
+import pwscont.proof.interval
 from pwscont.proof.formulas import traced
 from pwscont.proof.interval import Interval
 from pwscont.proof.tape import evaluated, with_slopes
@@ -88,7 +88,7 @@ def test_one_branch_at_kinks_and_slopes_without_rounding_are_caught(monkeypatch)
         f = RATIONAL[name]
         return escapes(f, lambda z, t: f(z, t, EXACT, Fraction), 1_000)[0]
 
-    switches = pwscont.proof.operations.SWITCHES
+    switches = pwscont.proof.interval.SWITCHES
     for name, first in (("abs", lambda dx: (dx, dx)), ("max", lambda da, db: (da, da))):
         monkeypatch.setitem(switches, name, (switches[name][0], first))
     assert lost("abs") > 0

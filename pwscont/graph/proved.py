@@ -110,13 +110,13 @@ class BoxProof:
         Folds, or places where curves leave the box: the number of solutions is proved to go from
         the number before to the number after without turning.
         """
-        before = {each.hi: each.count for each in self.stretches if each.count is not None}
-        after = {each.lo: each.count for each in self.stretches if each.count is not None}
+        counts = [(x.lo, x.hi, x.count) for x in self.stretches if x.count is not None]
+        before, after = {hi: k for _, hi, k in counts}, {lo: k for lo, _, k in counts}
         return [
             (lo, hi)
             for lo, hi, turn in self.turns
-            if lo in before and hi in after and not np.isnan(turn)
-            if np.sign(after[hi] - before[lo]) in (0.0, turn)
+            if lo in before and hi in after and np.sign(after[hi] - before[lo]) in (0.0, turn)
+            if not np.isnan(turn)
         ]
 
     @cached_property
@@ -156,9 +156,9 @@ class BoxProof:
             parts = ((len(self.open), "box"), (vague, "stretch"))
             open_parts = (counted(number, what, "es") for number, what in parts if number)
             return f"not proved in {' and in '.join(open_parts)}"
-        words, number = "complete in the box, proved", len(self.windows)
-        where = f"{counted(number, 'window')} of alpha of width up to {_widest(self.windows):.1g}"
-        return f"{words}, except in {where}" if number else words
+        number, words = len(self.windows), "complete in the box, proved"
+        except_in = f", except in {counted(number, 'window')} of alpha of width up to "
+        return words + (except_in + f"{_widest(self.windows):.1g}" if number else "")
 
     @property
     def where(self) -> str:
@@ -173,7 +173,7 @@ class BoxProof:
             f"{_widest(self.folds):.1g}: there the number of solutions goes from the number before "
             "to the number after without turning"
         )
-        return (self.words, *([folds] if self.folds else ()), self.where, self.assumed)
+        return self.words, *[folds] * bool(self.folds), self.where, self.assumed
 
     def judged(self, graph: ConnectedPieces, words: str) -> str:
         """Return the guarantee of a graph with what is proved, from the guarantee without."""
@@ -207,16 +207,12 @@ class BoxProof:
         Solutions are compared where the solutions were counted, and numbers between special points.
         """
         known = {each.alpha: each.solutions for each in self.stretches}
-        between = [
-            0.5 * (lo + hi)
-            for lo, hi in pairwise(graph.breaks())
-            if not any(lo < alpha < hi for alpha in known)
-        ]
+        middles = [(lo, 0.5 * (lo + hi), hi) for lo, hi in pairwise(graph.breaks())]
+        between = [at for lo, at, hi in middles if not any(lo < alpha < hi for alpha in known)]
         far = (np.abs(piece.points[:, : len(self.box[0])]).max(axis=0) for piece in graph.pieces)
         typical = np.max([0.0 * self.box[0], *far], axis=0)
         for alpha in [*known, *between]:
-            count = self.count(alpha)
-            if count is not None:
+            if (count := self.count(alpha)) is not None:
                 found = list(self._inside(graph, alpha, typical))
                 proved = known.get(alpha)
                 if len(found) != count or (proved and not are_matched(proved, found)):
@@ -224,13 +220,12 @@ class BoxProof:
 
     def _inside(self, graph: ConnectedPieces, alpha: float, typical: Array) -> Iterator[Corners]:
         """Yield the solutions of a graph in the box, with their slack."""
-        lower, upper = self.box
         own = Box.of(graph.system) if graph.system is not None else None
         for solution in solutions_at(graph, alpha):
             z, slack = with_slack(solution, typical)
             if own is not None and own.is_periodic:
                 z = own.wrapped(np.append(z, np.zeros(len(own.period) - len(z))))[: len(z)]
-            if ((z >= lower) & (z <= upper)).all():
+            if ((z >= self.box[0]) & (z <= self.box[1])).all():
                 yield z, slack
 
     def plain(self) -> dict[str, Any]:
@@ -247,7 +242,7 @@ class BoxProof:
             If the entries make no sense.
         """
         box, *opened = _corners([plain["box"], *plain["open"]])
-        lo, hi = (float(end) for end in plain["interval"])
+        lo, hi = map(float, plain["interval"])
         stretches = [
             CountedStretch(float(a), float(b), float(at), None if s is None else _corners(s))
             for a, b, at, s in plain["stretches"]
@@ -255,6 +250,38 @@ class BoxProof:
         turns: Any = map(tuple, np.array(plain["turns"], dtype=float).reshape(-1, 3).tolist())
         boxes, assumed = int(plain["boxes"]), str(plain["assumed"])
         return cls(box, (lo, hi), stretches, list(turns), opened, boxes, assumed)
+
+
+@final
+@dataclass(frozen=True, slots=True, repr=False)
+class Certificate:
+    """What :func:`pwscont.prove` has proved.
+
+    Attributes
+    ----------
+    holds : bool
+        Whether all that was given is proved: solutions and their number at one alpha, all pieces
+        and transitions of a graph, or that there is exactly one evolution.
+    statements : tuple of str
+        A sentence for what is proved, and a sentence for the data of the proof.
+    open : sequence
+        What is not decided: at one alpha, cells (for every part of the system, the number of a
+        mode); of a graph, pieces, special points and cells in words; of an evolution, what stands
+        in the way.
+    count : int or None
+        The proved number of solutions at one alpha; None where a cell is not decided.
+    is_complete : bool
+        Whether a graph is proved to have all solutions on its interval.
+    """
+
+    holds: bool
+    statements: tuple[str, str]
+    open: Sequence[Any]
+    count: int | None = None
+    is_complete: bool = False
+
+    def __repr__(self) -> str:
+        return f"Certificate({self.statements[0]})"
 
 
 def _widest(ranges: list[Range]) -> float:

@@ -1,8 +1,6 @@
 """Systems of linear pieces, cell by cell: where in an interval of alpha a cell has solutions.
 
-A cell is one choice of a mode for every part of the system; its solutions lie on a line, along
-which every inequality is affine in alpha. Rational numbers decide what bounds of rounding do not:
-singular cells, inequalities that vanish, data so large that bounds are no numbers.
+A cell is one choice of a mode for every part of the system; its solutions lie on a line.
 """
 
 from __future__ import annotations

@@ -1,15 +1,9 @@
 """What tubes and open boxes prove of the solutions of a formula in a box.
 
-Theorem (the page "Proofs" of the manual): between groups of open boxes every solution in the
-box lies in a tube and inside the boundary of the box, so that the number of solutions in the box is
-constant on every stretch of alpha between groups; the number is counted at one alpha of the
-stretch.
-
-A group is *passed* if all solutions in its hull are proved to lie on one curve without branch
-points; other groups stay open. The *turn* of a group that is passed says how the number of
-solutions changes in the hull when alpha grows: the number only grows (1), only falls (-1), or stays
-(0). The turn is not a number where several switches are undecided, or a fold is near a kink or a
-face of the box.
+The number of solutions is constant on every stretch of alpha between groups of open boxes. A group
+is *passed* if all solutions in its hull are proved to lie on one curve; the *turn* says how the
+number changes in the hull when alpha grows: it only grows (1), only falls (-1), stays (0), or is
+not known (not a number). The theorem stands on the page "Proofs".
 """
 
 from __future__ import annotations
@@ -21,8 +15,7 @@ from scipy.sparse.csgraph import connected_components
 
 from pwscont.basics.arrays import Array, Signs
 from pwscont.graph.proved import BoxProof, Corners, CountedStretch, Range
-from pwscont.proof.interval import FUNCTION_ULPS, Interval, chosen, solved, together
-from pwscont.proof.operations import OPERATIONS, branch
+from pwscont.proof.interval import FUNCTION_ULPS, MODES, Interval, chosen, solved, together
 from pwscont.proof.search import FINEST_ALPHA, Covered, Tubes, around
 from pwscont.proof.tape import Tape, evaluated, with_slopes
 
@@ -41,10 +34,6 @@ AGREEING_SELECTIONS = "; selections of a class that agree where tests vanish"
 MOST_GROUPED = 4000
 #: Into how many parts the weights of two modes are divided.
 WEIGHTS = 8
-#: The rules with which a switch that is undecided has the derivative of one branch.
-MODES = [
-    {**OPERATIONS, "slope": lambda test, a, b, k=k: branch(test, a, b, (a, b)[k])} for k in (0, 1)
-]
 
 
 def counted_proof(
@@ -165,10 +154,7 @@ def grouped(
 class _Passage:
     """What the derivatives in hulls of groups say of the solutions there.
 
-    The curve is proved if the derivatives of H and of one linear function make a regular matrix,
-    whatever the derivatives in the hull: then H and the function together are injective. If one
-    switch may be in two modes, the derivatives are averages of both modes with any weight; if
-    several switches may be, the derivatives are anything in the hull.
+    If one switch may be in two modes, the derivatives are averages of both modes with any weight.
     """
 
     def __init__(self, tape: Tape, hulls: Interval, scale: Array) -> None:
@@ -179,7 +165,7 @@ class _Passage:
         self._test = Interval(np.zeros_like(hulls.lo))  # of the switch that is undecided
         for k in range(len(either)):
             self._test = chosen(either[k], by[k] * self._scale, self._test)
-        hull, *modes = (with_slopes(tape.slopes, hulls, rules)[1] for rules in (OPERATIONS, *MODES))
+        hull, *modes = (with_slopes(tape.slopes, hulls, rules)[1] for rules in MODES)
         self._modes = [chosen(self._undecided > 1, hull, each) * self._scale for each in modes]
         self._along = np.sum([_tangent(each.middle()) for each in self._modes], axis=0)
 

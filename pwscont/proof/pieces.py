@@ -1,10 +1,6 @@
-"""The pieces and transitions of a graph of linear pieces, each with a certificate.
+"""Counts at one alpha, and pieces and transitions of graphs, of systems of linear pieces: proved.
 
-A piece is proved if it is the range of alpha in which all inequalities of its cell hold. Two pieces
-end in one point if the rows that vanish there have the same span. What doubles do not decide,
-corners and vertical pieces among it, is decided in rational numbers, as long as unknowns are few.
-If the system has few cells, all other cells are proved to hold no solutions off the pieces but
-rays without end where the graph has infinitely many solutions: then nothing is missing.
+What doubles do not decide goes to rational numbers. The theorems stand on the page "Proofs".
 """
 
 from __future__ import annotations
@@ -17,15 +13,17 @@ from typing import Any, final
 import numpy as np
 
 from pwscont.basics.arrays import Array, Indices
+from pwscont.basics.errors import InvalidInputError
 from pwscont.basics.printing import counted
 from pwscont.enumeration.echelon import independent
 from pwscont.graph.branch_graph import BranchGraph
-from pwscont.graph.records import Piece
+from pwscont.graph.proved import Certificate, are_matched, with_slack
+from pwscont.graph.records import Piece, Solution
 from pwscont.proof.cells import MOST_CELLS, Choice, ExactCells, Point, Ranges, segment_of, value
-from pwscont.proof.certificate import ASSUMED, Certificate
 from pwscont.proof.interval import Interval
-from pwscont.system.abilities import ExactMode, completed_point
+from pwscont.system.abilities import ExactMode, completed_point, shown_size
 
+ASSUMED = "assumed: arithmetic of IEEE 754 to nearest; {} count as the doubles that they are"
 #: An end of a cell is the end of a piece within this part of the typical magnitudes.
 NEAR = 2.0**-20
 #: An equation holds, to tell modes apart, within this part of the sizes of the terms.
@@ -34,6 +32,58 @@ HOLDS = 1e-7
 DUST = 1e-6
 #: Most unknowns of a piece that is looked at in rational numbers.
 MOST_RATIONAL = 80
+
+
+def certified_count(
+    system: Any, alpha: float, known: Sequence[Solution], number: float
+) -> Certificate:
+    """Return what is proved of all solutions at alpha, and of the known ones, ``number`` in all."""
+    cells, size = ExactCells(*system.exact_rows(alpha)), shown_size(system)
+    if cells.number > MOST_CELLS:
+        raise InvalidInputError(
+            f"{cells.number} cells are too many: at most {MOST_CELLS} are proved"
+        )
+    boxes, points, undecided = proved_solutions(cells, alpha)
+    centres = [each.middle()[:size] for each in boxes.values()]
+    centres += [np.array(point[:size], dtype=float) for point in points]
+    count = None if undecided else len(centres)
+    found = [with_slack(each, np.abs(each.z).max(initial=0.0)) for each in known]
+    holds = count == number and are_matched([(x, x) for x in centres], found)
+    words = f"exactly {counted(len(centres), 'solution')} at alpha = {alpha:.8g}, proved"
+    if not holds:
+        given = "infinitely many" if number == inf else number
+        words += f"; the {given} given are not these"
+    if undecided:
+        words = f"not proved: {counted(len(undecided), 'cell')} undecided at alpha = {alpha:.8g}"
+    return Certificate(holds, (words, ASSUMED.format("the data")), undecided, count)
+
+
+@np.errstate(all="ignore")
+def proved_solutions(
+    cells: ExactCells, alpha: float
+) -> tuple[dict[Choice, Interval], set[Point], list[Choice]]:
+    """Return enclosures of solutions by cells, all other solutions, and cells that are undecided.
+
+    A cell off all its inequalities has one solution in floating point. Rational numbers decide all
+    other cells that may have solutions, and cells whose solution may be that of another cell.
+    """
+    at = np.array([alpha])
+    found = [
+        (choice, cells.unknowns(line, at)[:, 0], is_decided)
+        for choice, line, is_decided in cells.left((alpha, alpha))
+    ]
+    lo, hi = (np.array([getattr(box, end) for _, box, _ in found]) for end in ("lo", "hi"))
+    boxes, points, undecided = dict[Choice, Interval](), set[Point](), list[Choice]()
+    for choice, box, is_decided in found:
+        if is_decided and ((lo > box.hi) | (hi < box.lo)).any(axis=1).sum() == len(found) - 1:
+            boxes[choice] = box
+            continue
+        ends = segment_of(*cells.of(choice), (alpha, alpha))
+        if ends is not None and len(ends) == 2 and ends[0] == ends[1]:
+            points.add(ends[0][:-1])
+        elif ends is not None:
+            undecided.append(choice)
+    return boxes, points, undecided
 
 
 def certified_pieces(
@@ -122,7 +172,8 @@ class _Pieces:
         room = values / (sizes + (sizes == 0.0))[:, np.newaxis]
 
         def mark(own: Indices, sides: Indices) -> Array:  # of several that hold, the most room
-            return 2.0 * off[own].all(axis=0) + room[sides].min(axis=0, initial=1.0)
+            best: Array = 2.0 * off[own].all(axis=0) + room[sides].min(axis=0, initial=1.0)
+            return best
 
         marks = [[mark(*mode) for mode in modes] for modes in self.cells.modes]
         return np.array([np.argmax(each, axis=0) for each in marks]).T

@@ -1,10 +1,7 @@
 """Boxes of (z, alpha), excluded, contracted, proved as tubes or halved, generation by generation.
 
-A tube is the set of all (z, alpha) with alpha in [first, last] and z within ``radius`` of the line
-centre + slope (alpha - middle). Krawczyk's operator, for the equations at fixed alpha, maps the
-tube at every alpha into the inside of the tube: so H(., alpha) has exactly one zero there, and the
-zero lies in the image (Krawczyk 1969; Neumaier 1990, theorem 5.1.8), across kinks as well
-(docs/theory, F20). A box that touches the boundary of the whole box is not accepted.
+The theorem stands on the page "Proofs" of the manual: Krawczyk's operator proves that a tube has
+exactly one zero at every alpha. A box that touches the boundary of the whole box is not accepted.
 """
 
 from __future__ import annotations
@@ -140,8 +137,7 @@ def _looked_at(
 def contracted(box: Interval, rows: Interval, rest: Interval) -> tuple[Interval, Signs]:
     """Return boxes contracted by one sweep of interval Newton, and which boxes are empty.
 
-    On the boxes, rows (x - middle) + rest hold zero at solutions x, shapes (n + 1, n + 1, B) and
-    (n + 1, B); every row is solved for an unknown of its own.
+    Solutions x solve rows (x - middle) + rest = 0, every row for an unknown of its own.
     """
     middle, found = box.middle(), Interval(box.lo.copy(), box.hi.copy())
     empty = np.zeros(box.lo.shape[1], dtype=bool)

@@ -1,9 +1,7 @@
 """The tape of a formula: the elementary operations of f(z, alpha, sw), written down once.
 
-numpy hands every operation on an array of :class:`Traced` objects to the nodes, and every node
-writes the operation on the tape. A formula that decides by a value (a comparison, ``np.floor``,
-``float(alpha)``), or calls what no node knows (a table, a solver, complex numbers), is refused in
-words. Derivatives are tapes too.
+numpy hands operations on arrays of :class:`Traced` to the entries, which write the operations down;
+a formula that decides by a value is refused in words. Derivatives are tapes too.
 """
 
 from __future__ import annotations
@@ -20,8 +18,7 @@ import numpy as np
 from numpy.lib.mixins import NDArrayOperatorsMixin
 
 from pwscont.notation.arithmetic import KINKED, OF_TWO, SMOOTH, refuse_kink
-from pwscont.proof.interval import Interval
-from pwscont.proof.operations import ELEMENTARY, OPERATIONS, SWITCHES
+from pwscont.proof.interval import ELEMENTARY, OPERATIONS, SWITCHES, Interval
 
 #: Largest whole number that is taken as a power by repeated multiplication.
 LARGEST_POWER = 64
