@@ -85,14 +85,6 @@ class BoxProof:
         How many boxes were looked at.
     assumed : str
         What the proof assumes.
-
-    Examples
-    --------
-    >>> from pwscont import Everywhere, Switched, explore
-    >>> arch = Switched(1, lambda z, t, sw: z * (z - 1) * (z - 2) + 5 * sw.relu(z - 1) - t)
-    >>> proof = explore(arch, (-0.5, 1.0), search=Everywhere()).proof
-    >>> proof.words, proof.count(0.2), len(proof.folds)
-    ('complete in the box, proved', 3, 2)
     """
 
     box: Corners
@@ -234,13 +226,7 @@ class BoxProof:
 
     @classmethod
     def read(cls, plain: Mapping[str, Any]) -> BoxProof:
-        """Return the proof that :meth:`plain` wrote down.
-
-        Raises
-        ------
-        KeyError, TypeError, ValueError
-            If the entries make no sense.
-        """
+        """Return the proof that :meth:`plain` wrote down, or raise Python's errors."""
         box, *opened = _corners([plain["box"], *plain["open"]])
         lo, hi = map(float, plain["interval"])
         stretches = [

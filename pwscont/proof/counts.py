@@ -16,11 +16,11 @@ from scipy.sparse.csgraph import connected_components
 from pwscont.basics.arrays import Array, Signs
 from pwscont.graph.proved import BoxProof, Corners, CountedStretch, Range
 from pwscont.proof.interval import FUNCTION_ULPS, MODES, Interval, chosen, solved, together
-from pwscont.proof.search import FINEST_ALPHA, Covered, Tubes, around
+from pwscont.proof.search import FINEST_ALPHA, Covered, Tubes, around, inverse_of, polished
 from pwscont.proof.tape import Tape, evaluated, with_slopes
 
-#: How often enclosures at one alpha are narrowed, each time about to the square of the width.
-NARROWED = 3
+#: How often the derivatives are taken anew when solutions are enclosed.
+NEWTONS = 3
 #: Parts of a stretch where solutions are counted, until they are told apart.
 PLACES = (0.5, 0.381966, 0.61803, 0.26, 0.74)
 ASSUMED = (
@@ -96,13 +96,15 @@ def _solutions(tape: Tape, box: Interval, tubes: Tubes, alpha: float) -> list[Co
 def _enclosed(tape: Tape, tubes: Tubes, alpha: float) -> Interval:
     """Return narrow enclosures of the solutions in tubes at one alpha, shape (n, k)."""
     point = Interval(np.full(len(tubes.first), alpha))
-    found = tubes.at(point, tubes.image)
-    for _ in range(NARROWED):
-        box = together(np.vstack, found, point)
+    known = tubes.at(point, tubes.image)
+    centre = known.middle()
+    for _ in range(NEWTONS):
+        box = Interval(np.vstack([centre, point.lo]))
         about = with_slopes(tape.slopes, box)[1].middle()
-        narrow, is_proved = around(tape, box, about, 0.0)
-        found = chosen(is_proved, narrow.at(point, narrow.image), found)
-    return found
+        centre = polished(tape, centre, point.lo, inverse_of(about[:, :-1]))
+    thin, is_proved = around(tape, box, about, tubes.radius)
+    found = thin.at(point, thin.image)
+    return chosen(is_proved & tubes.hold(found, point), found, known)
 
 
 def _distinct(tubes: Tubes, found: Interval, alpha: float) -> list[int] | None:

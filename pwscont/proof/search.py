@@ -36,6 +36,8 @@ WIDER = 1.25
 LEAST = 2.0**-44
 #: How much wider than necessary a tube is: a few roundings, relative to the tube's centre.
 SLACK = 64.0 * ULP
+#: By how many times the residual of the centre, as unknowns, a tube is wider.
+ROOM = 2.0
 #: Newton steps that improve the centre of a tube.
 POLISHED = 2
 
@@ -105,8 +107,8 @@ def covered(
             left.append(finished)
             following += rest
         waiting = together(np.hstack, *following)
-    joined = (np.concatenate(each, axis=-1) for each in zip(*tubes, strict=True))
-    return Tubes(*joined), together(np.hstack, *left), boxes
+    joined = Tubes(*(np.concatenate(each, axis=-1) for each in zip(*tubes, strict=True)))
+    return joined, together(np.hstack, *left), boxes
 
 
 def _looked_at(
@@ -202,14 +204,15 @@ def polished(tape: Tape, z: Array, alpha: Array, matrix: Array) -> Array:
 
 
 def proved(tape: Tape, tubes: Tubes, radius: Array, matrix: Array) -> tuple[Tubes, Signs]:
-    """Return tubes of a radius with the radius of their images, and which tubes are proved."""
+    """Return tubes of a radius, or a little more, and of their images, and which are proved."""
+    start = times(matrix, evaluated(tape, Interval(np.vstack([tubes.centre, tubes.middle]))))
+    radius = radius + ROOM * start.reach()
     alpha = Interval(tubes.first, tubes.last)
     box = together(np.vstack, tubes.at(alpha, radius), alpha)
     slopes = times(matrix, with_slopes(tape.slopes, box)[1])
-    start = evaluated(tape, Interval(np.vstack([tubes.centre, tubes.middle])))
     along = (slopes[:, :-1] * Interval(tubes.slope)).total(axis=1)
     away = (slopes[:, -1] + along) * (alpha - Interval(tubes.middle))
-    residual = (times(matrix, start) + away).reach()
+    residual = (start + away).reach()
     off = (np.eye(tape.size)[:, :, np.newaxis] - slopes[:, :-1]).reach()
     image = above(residual + (Interval(off) * Interval(radius)).total(axis=1).hi)
     is_proved: Signs = np.all((image < radius) & np.isfinite(radius), axis=0)
