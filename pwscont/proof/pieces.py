@@ -6,6 +6,7 @@ What doubles do not decide goes to rational numbers. The theorems stand on the p
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from functools import cache
 from math import inf
 from typing import Any, final
@@ -17,7 +18,7 @@ from pwscont.basics.errors import InvalidInputError
 from pwscont.basics.printing import counted
 from pwscont.enumeration.echelon import independent
 from pwscont.graph.branch_graph import BranchGraph
-from pwscont.graph.proved import Certificate, are_matched, with_slack
+from pwscont.graph.proved import are_matched, with_slack
 from pwscont.graph.records import Piece, Solution
 from pwscont.proof.cells import MOST_CELLS, Choice, ExactCells, Point, Ranges, segment_of, value
 from pwscont.proof.interval import Interval
@@ -32,6 +33,38 @@ HOLDS = 1e-7
 DUST = 1e-6
 #: Most unknowns of a piece that is looked at in rational numbers.
 MOST_RATIONAL = 80
+
+
+@final
+@dataclass(frozen=True, slots=True, repr=False)
+class Certificate:
+    """What :func:`pwscont.prove` has proved.
+
+    Attributes
+    ----------
+    holds : bool
+        Whether all that was given is proved: solutions and their number at one alpha, all pieces
+        and transitions of a graph, or that there is exactly one evolution.
+    statements : tuple of str
+        A sentence for what is proved, and a sentence for the data of the proof.
+    open : sequence
+        What is not decided: at one alpha, cells (for every part of the system, the number of a
+        mode); of a graph, pieces, special points and cells in words; of an evolution, what stands
+        in the way.
+    count : int or None
+        The proved number of solutions at one alpha; None where a cell is not decided.
+    is_complete : bool
+        Whether a graph is proved to have all solutions on its interval.
+    """
+
+    holds: bool
+    statements: tuple[str, str]
+    open: Sequence[Any]
+    count: int | None = None
+    is_complete: bool = False
+
+    def __repr__(self) -> str:
+        return f"Certificate({self.statements[0]})"
 
 
 def certified_count(

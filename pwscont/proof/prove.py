@@ -11,9 +11,8 @@ from pwscont.basics.arrays import Array, finite_array
 from pwscont.basics.errors import InvalidInputError
 from pwscont.basics.printing import counted
 from pwscont.graph.branch_graph import BranchGraph
-from pwscont.graph.proved import Certificate
 from pwscont.proof.interval import Interval, upper
-from pwscont.proof.pieces import ASSUMED, certified_count, certified_pieces
+from pwscont.proof.pieces import ASSUMED, Certificate, certified_count, certified_pieces
 from pwscont.search.enumeration import Solutions
 from pwscont.system.abilities import ExactData, ExactRates
 
