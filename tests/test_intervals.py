@@ -7,11 +7,10 @@ import pytest
 from high_precision import exact
 from sweeps import swept
 
-from pwscont.proof.certificate import is_positive_definite
-from pwscont.proof.enclosures import evaluated
 from pwscont.proof.formulas import traced
-from pwscont.proof.interval import FUNCTION_ULPS, Interval, above, below, together
-from pwscont.proof.operations import ELEMENTARY
+from pwscont.proof.interval import ELEMENTARY, FUNCTION_ULPS, Interval, above, below, together
+from pwscont.proof.prove import is_positive_definite
+from pwscont.proof.tape import evaluated
 
 QUICK, WHOLE = 2_000, 200_000
 SIZES = swept([QUICK], [WHOLE])
@@ -233,11 +232,10 @@ def test_positive_definite_matrices_are_told_to_rounding():
         for least in (1e-9, -1e-9, 0.0):
             values = np.array([least, *rng.uniform(0.5, 2.0, 5)])
             matrix = (q * values) @ q.T
-            error = 1e-14 * np.ones((6, 6))
-            assert is_positive_definite(0.5 * (matrix + matrix.T), error) == (least > 0.0)
+            known = Interval(matrix - 1e-14, matrix + 1e-14)
+            assert is_positive_definite(known) == (least > 0.0)
 
 
 def test_an_error_of_the_matrix_counts():
-    error = np.full((3, 3), 0.4)
-    assert is_positive_definite(np.eye(3), 0.1 * error)
-    assert not is_positive_definite(np.eye(3), error)  # ones of 0.4 off the diagonal, -0.4 on it
+    assert is_positive_definite(Interval(np.eye(3) - 0.04, np.eye(3) + 0.04))
+    assert not is_positive_definite(Interval(np.eye(3) - 0.4, np.eye(3) + 0.4))  # -0.4 off 0.6

@@ -8,7 +8,7 @@ from proof_families import Mixed, PiecewisePolynomial, proved, tubes_of
 from sweeps import swept
 
 import pwscont.proof.counts
-import pwscont.proof.operations
+import pwscont.proof.interval
 import pwscont.proof.search
 from pwscont import (
     Switched,
@@ -145,7 +145,7 @@ def test_a_krawczyk_image_accepted_outside_its_box_is_caught(monkeypatch):
 
 @pytest.mark.slow
 def test_a_single_selection_at_kinks_is_caught(monkeypatch):
-    switches = pwscont.proof.operations.SWITCHES
+    switches = pwscont.proof.interval.SWITCHES
     monkeypatch.setitem(switches, "abs", (switches["abs"][0], single_selection))
     assert wrong_polynomials(range(12))[0] + bad_certificates(range(4))[0] > 0
 

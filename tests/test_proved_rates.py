@@ -5,7 +5,7 @@ import pytest
 from pwscont_coulomb import ContactBody, LoadHistory, QuasiStaticCoulomb
 
 from pwscont import evolve, prove
-from pwscont.proof.certificate import is_unique
+from pwscont.proof.prove import is_unique
 
 
 def evolution(F, A=((2.0, -1.0), (-1.0, 2.0))):

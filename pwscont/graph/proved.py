@@ -85,14 +85,6 @@ class BoxProof:
         How many boxes were looked at.
     assumed : str
         What the proof assumes.
-
-    Examples
-    --------
-    >>> from pwscont import Everywhere, Switched, explore
-    >>> arch = Switched(1, lambda z, t, sw: z * (z - 1) * (z - 2) + 5 * sw.relu(z - 1) - t)
-    >>> proof = explore(arch, (-0.5, 1.0), search=Everywhere()).proof
-    >>> proof.words, proof.count(0.2), len(proof.folds)
-    ('complete in the box, proved', 3, 2)
     """
 
     box: Corners
@@ -110,13 +102,13 @@ class BoxProof:
         Folds, or places where curves leave the box: the number of solutions is proved to go from
         the number before to the number after without turning.
         """
-        before = {each.hi: each.count for each in self.stretches if each.count is not None}
-        after = {each.lo: each.count for each in self.stretches if each.count is not None}
+        counts = [(x.lo, x.hi, x.count) for x in self.stretches if x.count is not None]
+        before, after = {hi: k for _, hi, k in counts}, {lo: k for lo, _, k in counts}
         return [
             (lo, hi)
             for lo, hi, turn in self.turns
-            if lo in before and hi in after and not np.isnan(turn)
-            if np.sign(after[hi] - before[lo]) in (0.0, turn)
+            if lo in before and hi in after and np.sign(after[hi] - before[lo]) in (0.0, turn)
+            if not np.isnan(turn)
         ]
 
     @cached_property
@@ -156,9 +148,9 @@ class BoxProof:
             parts = ((len(self.open), "box"), (vague, "stretch"))
             open_parts = (counted(number, what, "es") for number, what in parts if number)
             return f"not proved in {' and in '.join(open_parts)}"
-        words, number = "complete in the box, proved", len(self.windows)
-        where = f"{counted(number, 'window')} of alpha of width up to {_widest(self.windows):.1g}"
-        return f"{words}, except in {where}" if number else words
+        number, words = len(self.windows), "complete in the box, proved"
+        except_in = f", except in {counted(number, 'window')} of alpha of width up to "
+        return words + (except_in + f"{_widest(self.windows):.1g}" if number else "")
 
     @property
     def where(self) -> str:
@@ -173,7 +165,7 @@ class BoxProof:
             f"{_widest(self.folds):.1g}: there the number of solutions goes from the number before "
             "to the number after without turning"
         )
-        return (self.words, *([folds] if self.folds else ()), self.where, self.assumed)
+        return self.words, *[folds] * bool(self.folds), self.where, self.assumed
 
     def judged(self, graph: ConnectedPieces, words: str) -> str:
         """Return the guarantee of a graph with what is proved, from the guarantee without."""
@@ -207,16 +199,12 @@ class BoxProof:
         Solutions are compared where the solutions were counted, and numbers between special points.
         """
         known = {each.alpha: each.solutions for each in self.stretches}
-        between = [
-            0.5 * (lo + hi)
-            for lo, hi in pairwise(graph.breaks())
-            if not any(lo < alpha < hi for alpha in known)
-        ]
+        middles = [(lo, 0.5 * (lo + hi), hi) for lo, hi in pairwise(graph.breaks())]
+        between = [at for lo, at, hi in middles if not any(lo < alpha < hi for alpha in known)]
         far = (np.abs(piece.points[:, : len(self.box[0])]).max(axis=0) for piece in graph.pieces)
         typical = np.max([0.0 * self.box[0], *far], axis=0)
         for alpha in [*known, *between]:
-            count = self.count(alpha)
-            if count is not None:
+            if (count := self.count(alpha)) is not None:
                 found = list(self._inside(graph, alpha, typical))
                 proved = known.get(alpha)
                 if len(found) != count or (proved and not are_matched(proved, found)):
@@ -224,13 +212,12 @@ class BoxProof:
 
     def _inside(self, graph: ConnectedPieces, alpha: float, typical: Array) -> Iterator[Corners]:
         """Yield the solutions of a graph in the box, with their slack."""
-        lower, upper = self.box
         own = Box.of(graph.system) if graph.system is not None else None
         for solution in solutions_at(graph, alpha):
             z, slack = with_slack(solution, typical)
             if own is not None and own.is_periodic:
                 z = own.wrapped(np.append(z, np.zeros(len(own.period) - len(z))))[: len(z)]
-            if ((z >= lower) & (z <= upper)).all():
+            if ((z >= self.box[0]) & (z <= self.box[1])).all():
                 yield z, slack
 
     def plain(self) -> dict[str, Any]:
@@ -239,15 +226,9 @@ class BoxProof:
 
     @classmethod
     def read(cls, plain: Mapping[str, Any]) -> BoxProof:
-        """Return the proof that :meth:`plain` wrote down.
-
-        Raises
-        ------
-        KeyError, TypeError, ValueError
-            If the entries make no sense.
-        """
+        """Return the proof that :meth:`plain` wrote down, or raise Python's errors."""
         box, *opened = _corners([plain["box"], *plain["open"]])
-        lo, hi = (float(end) for end in plain["interval"])
+        lo, hi = map(float, plain["interval"])
         stretches = [
             CountedStretch(float(a), float(b), float(at), None if s is None else _corners(s))
             for a, b, at, s in plain["stretches"]

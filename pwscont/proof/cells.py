@@ -1,8 +1,6 @@
 """Systems of linear pieces, cell by cell: where in an interval of alpha a cell has solutions.
 
-A cell is one choice of a mode for every part of the system; its solutions lie on a line, along
-which every inequality is affine in alpha. Rational numbers decide what bounds of rounding do not:
-singular cells, inequalities that vanish, data so large that bounds are no numbers.
+A cell is one choice of a mode for every part of the system; its solutions lie on a line.
 """
 
 from __future__ import annotations
@@ -102,10 +100,9 @@ class ExactCells:
 
     def _table(self, modes: list[Any], which: int) -> Indices:
         """Return the rows of the modes of a part, filled by 1 >= 0: as an equation, singular."""
-        table = np.full((len(modes), max(len(mode[which]) for mode in modes)), self._common)
-        for row, mode in zip(table, modes, strict=True):
-            row[: len(mode[which])] = mode[which]
-        return table
+        rows = [mode[which].tolist() for mode in modes]
+        longest = max(map(len, rows))
+        return np.array([own + [self._common] * (longest - len(own)) for own in rows], np.intp)
 
     def _condensed(self) -> tuple[Indices, Interval, Interval]:
         """Return an order of unknowns, the first ones by the others, and rows of the others."""
@@ -121,10 +118,15 @@ class ExactCells:
         many = max(TOGETHER // self._reduced.lo.shape[1] ** 2, 1)
         return (slice(k, min(k + many, number)) for k in range(0, number, many))
 
-    def choices(self) -> Iterator[Indices]:
-        """Yield all cells, some at once, shape (B, parts)."""
+    def left(self, interval: tuple[float, float]) -> Iterator[tuple[Choice, Interval, bool]]:
+        """Yield the cells that may have solutions, their lines, and whether that is proved."""
         for some in self.portions(self.number):
-            yield np.array(np.unravel_index(np.arange(some.start, some.stop), self._sizes)).T
+            each = np.arange(some.start, some.stop)
+            choices = np.array(np.unravel_index(each, self._sizes)).T
+            x, sides = self.lines(choices)
+            ranges = Ranges.of((x, sides), interval)
+            for i in np.flatnonzero(~ranges.empty):
+                yield tuple(choices[i].tolist()), x[i], bool(ranges.decided[i])
 
     def of(self, choice: Any) -> tuple[Array, Array]:
         """Return the equations and the inequalities of a cell."""

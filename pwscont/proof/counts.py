@@ -1,15 +1,9 @@
 """What tubes and open boxes prove of the solutions of a formula in a box.
 
-Theorem (the page "Proofs" of the manual): between groups of open boxes every solution in the
-box lies in a tube and inside the boundary of the box, so that the number of solutions in the box is
-constant on every stretch of alpha between groups; the number is counted at one alpha of the
-stretch.
-
-A group is *passed* if all solutions in its hull are proved to lie on one curve without branch
-points; other groups stay open. The *turn* of a group that is passed says how the number of
-solutions changes in the hull when alpha grows: the number only grows (1), only falls (-1), or stays
-(0). The turn is not a number where several switches are undecided, or a fold is near a kink or a
-face of the box.
+The number of solutions is constant on every stretch of alpha between groups of open boxes. A group
+is *passed* if all solutions in its hull are proved to lie on one curve; the *turn* says how the
+number changes in the hull when alpha grows: it only grows (1), only falls (-1), stays (0), or is
+not known (not a number). The theorem stands on the page "Proofs".
 """
 
 from __future__ import annotations
@@ -21,14 +15,12 @@ from scipy.sparse.csgraph import connected_components
 
 from pwscont.basics.arrays import Array, Signs
 from pwscont.graph.proved import BoxProof, Corners, CountedStretch, Range
-from pwscont.proof.enclosures import evaluated, with_slopes
-from pwscont.proof.interval import FUNCTION_ULPS, Interval, chosen, solved, together
-from pwscont.proof.operations import OPERATIONS, branch
-from pwscont.proof.search import FINEST_ALPHA, SLACK, Covered, Tubes, inverse_of, polished, proved
-from pwscont.proof.tape import Tape
+from pwscont.proof.interval import FUNCTION_ULPS, MODES, Interval, chosen, solved, together
+from pwscont.proof.search import FINEST_ALPHA, Covered, Tubes, around, inverse_of, polished
+from pwscont.proof.tape import Tape, evaluated, with_slopes
 
-#: How many times the residual an enclosure reaches.
-ROOM = 2.0
+#: How often the derivatives are taken anew when solutions are enclosed.
+NEWTONS = 3
 #: Parts of a stretch where solutions are counted, until they are told apart.
 PLACES = (0.5, 0.381966, 0.61803, 0.26, 0.74)
 ASSUMED = (
@@ -42,10 +34,6 @@ AGREEING_SELECTIONS = "; selections of a class that agree where tests vanish"
 MOST_GROUPED = 4000
 #: Into how many parts the weights of two modes are divided.
 WEIGHTS = 8
-#: The rules with which a switch that is undecided has the derivative of one branch.
-MODES = [
-    {**OPERATIONS, "slope": lambda test, a, b, k=k: branch(test, a, b, (a, b)[k])} for k in (0, 1)
-]
 
 
 def counted_proof(
@@ -61,38 +49,34 @@ def counted_proof(
     interval = float(box.lo[-1]), float(box.hi[-1])
     ends = [interval[0], *(end for lo, hi, _ in unsaid for end in (lo, hi)), interval[1]]
     pairs = zip(ends[::2], ends[1::2], strict=True) if passed.all() or not is_whole else ()
-    return BoxProof(
-        (box.lo[:-1], box.hi[:-1]),
-        interval,
-        [_counted(tape, box, tubes, each) for each in pairs if each[0] < each[1]],
-        unsaid,
-        list(zip(hulls.lo.T[~passed], hulls.hi.T[~passed], strict=True)),
-        boxes,
-        ASSUMED + (AGREEING_SELECTIONS if any(s.name == "select" for s in tape.steps) else ""),
-    )
+    stretches = [_counted(tape, box, tubes, each) for each in pairs if each[0] < each[1]]
+    opened = list(zip(hulls.lo.T[~passed], hulls.hi.T[~passed], strict=True))
+    assumed = ASSUMED + AGREEING_SELECTIONS * any(s.name == "select" for s in tape.steps)
+    corners = box.lo[:-1], box.hi[:-1]
+    return BoxProof(corners, interval, stretches, unsaid, opened, boxes, assumed)
 
 
 def _united(ranges: Interval, turns: Array, apart: float) -> list[tuple[float, float, float]]:
     """Return the union of ranges with turns; ranges closer than ``apart`` become one range."""
     united: list[tuple[float, float, float]] = []
-    for lo, hi, turn in sorted(zip(ranges.lo.tolist(), ranges.hi.tolist(), turns, strict=True)):
+    ends = (each.tolist() for each in (ranges.lo, ranges.hi, turns))
+    for lo, hi, turn in sorted(zip(*ends, strict=True)):
         if united and lo <= united[-1][1] + apart:
             first, last, before = united.pop()
-            both = np.sign(before + turn) if before * turn >= 0.0 else np.nan
-            united.append((first, max(hi, last), float(both)))
+            both = float(np.sign(before + turn)) if before * turn >= 0.0 else np.nan
+            united.append((first, max(hi, last), both))
         else:
-            united.append((lo, hi, float(turn)))
+            united.append((lo, hi, turn))
     return united
 
 
 def _counted(tape: Tape, box: Interval, tubes: Tubes, stretch: Range) -> CountedStretch:
     """Return a stretch with its solutions at the first place where they are told apart."""
     lo, hi = stretch
-    for alpha in (lo + (hi - lo) * part for part in PLACES):
-        found = _solutions(tape, box, tubes, alpha) if lo < alpha < hi else None
-        if found is not None:
-            return CountedStretch(lo, hi, alpha, found)
-    return CountedStretch(lo, hi, 0.5 * (lo + hi), None)
+    places = [alpha for part in PLACES if lo < (alpha := lo + (hi - lo) * part) < hi]
+    counted = ((alpha, _solutions(tape, box, tubes, alpha)) for alpha in places)
+    found = (each for each in counted if each[1] is not None)
+    return CountedStretch(lo, hi, *next(found, (0.5 * (lo + hi), None)))
 
 
 @np.errstate(all="ignore")
@@ -113,14 +97,12 @@ def _enclosed(tape: Tape, tubes: Tubes, alpha: float) -> Interval:
     """Return narrow enclosures of the solutions in tubes at one alpha, shape (n, k)."""
     point = Interval(np.full(len(tubes.first), alpha))
     known = tubes.at(point, tubes.image)
-    slopes = with_slopes(tape.slopes, together(np.vstack, known, point))[1]
-    matrix = inverse_of(slopes.middle()[:, :-1])
-    centre = polished(tape, known.middle(), point.lo, matrix)
-    value = evaluated(tape, Interval(np.vstack([centre, point.lo])))
-    far = np.einsum("ijb,jb->ib", np.abs(matrix), value.reach())
-    radius = ROOM * far + SLACK * (np.abs(centre) + tubes.radius)
-    thin = Tubes(point.lo, point.lo, point.lo, centre, np.zeros_like(centre), radius, radius)
-    thin, is_proved = proved(tape, thin, radius, matrix)
+    centre = known.middle()
+    for _ in range(NEWTONS):
+        box = Interval(np.vstack([centre, point.lo]))
+        about = with_slopes(tape.slopes, box)[1].middle()
+        centre = polished(tape, centre, point.lo, inverse_of(about[:, :-1]))
+    thin, is_proved = around(tape, box, about, tubes.radius)
     found = thin.at(point, thin.image)
     return chosen(is_proved & tubes.hold(found, point), found, known)
 
@@ -149,39 +131,32 @@ def _touching(boxes: Interval) -> Signs:
     return touch & touch.T
 
 
-def _hulls(boxes: Interval) -> Interval:
-    """Return the hulls of groups of boxes (n + 1, k) that touch, in the order of alpha."""
+def grouped(
+    tape: Tape, boxes: Interval, whole: Interval, scale: Array
+) -> tuple[Interval, Signs, Array]:
+    """Return the hulls of groups of open boxes (n + 1, k) that touch, which are passed, and turns.
+
+    ``whole`` is the whole box (n + 1,), and ``scale`` are the magnitudes of coordinates. Where many
+    boxes are open, every box is a group.
+    """
+    if not 0 < (number := boxes.lo.shape[1]) <= MOST_GROUPED:
+        return boxes, np.zeros(number, dtype=bool), np.full(number, np.nan)
     boxes = boxes[:, np.argsort(boxes.lo[-1])]
     count, group = connected_components(_touching(boxes), directed=False)
     lo, hi = (np.full((count, len(boxes.lo)), far) for far in (np.inf, -np.inf))
     np.minimum.at(lo, group, boxes.lo.T)
     np.maximum.at(hi, group, boxes.hi.T)
-    return Interval(lo.T, hi.T)
-
-
-def grouped(
-    tape: Tape, boxes: Interval, whole: Interval, scale: Array
-) -> tuple[Interval, Signs, Array]:
-    """Return the hulls of groups of open boxes (n + 1, k), which are passed, and their turns.
-
-    ``whole`` is the whole box (n + 1,), and ``scale`` are the magnitudes of coordinates. Where many
-    boxes are open, every box is a group.
-    """
-    if not 0 < (count := boxes.lo.shape[1]) <= MOST_GROUPED:
-        return boxes, np.zeros(count, dtype=bool), np.full(count, np.nan)
-    passage = _Passage(tape, _hulls(boxes), scale)
+    hulls = Interval(lo.T, hi.T)
+    passage = _Passage(tape, hulls, scale)
     passed = passage.is_passed()
-    return passage.hulls, passed, np.where(passed, passage.turns(whole), np.nan)
+    return hulls, passed, np.where(passed, passage.turns(whole), np.nan)
 
 
 @final
 class _Passage:
     """What the derivatives in hulls of groups say of the solutions there.
 
-    The curve is proved if the derivatives of H and of one linear function make a regular matrix,
-    whatever the derivatives in the hull: then H and the function together are injective. If one
-    switch may be in two modes, the derivatives are averages of both modes with any weight; if
-    several switches may be, the derivatives are anything in the hull.
+    If one switch may be in two modes, the derivatives are averages of both modes with any weight.
     """
 
     def __init__(self, tape: Tape, hulls: Interval, scale: Array) -> None:
@@ -192,7 +167,7 @@ class _Passage:
         self._test = Interval(np.zeros_like(hulls.lo))  # of the switch that is undecided
         for k in range(len(either)):
             self._test = chosen(either[k], by[k] * self._scale, self._test)
-        hull, *modes = (with_slopes(tape.slopes, hulls, rules)[1] for rules in (OPERATIONS, *MODES))
+        hull, *modes = (with_slopes(tape.slopes, hulls, rules)[1] for rules in MODES)
         self._modes = [chosen(self._undecided > 1, hull, each) * self._scale for each in modes]
         self._along = np.sum([_tangent(each.middle()) for each in self._modes], axis=0)
 
@@ -212,24 +187,20 @@ class _Passage:
         # tangents t, with K t = (0, ..., 0, 1)
         unit = np.eye(len(self._along))[:, -1:] + 0.0 * self._along
         ways = [_solved(each, self._along, Interval(unit)) for each in self._modes]
-        slope, other = (_sign(each[-1]) for each in ways)
+        slope, before = (_sign(each[-1]) for each in ways)
+        test, other = (_sign((self._test * each).total()) for each in ways)
+        is_crossed = (self._undecided == 1) & (test == other) & (slope == -before)  # once
+        kinks = np.where(is_crossed, test * slope, np.nan)
+        opens = np.where(self._undecided == 0, self._of_folds(ways[0]), kinks)
         inside = self.hulls[:-1].is_within(whole[:-1, np.newaxis]).all(axis=0)
-        opens = np.where(self._undecided == 0, self._of_folds(ways[0]), self._of_kinks(ways))
         turning = np.where(inside, opens, np.nan)
-        return np.where(slope == other, self._of_faces(whole, ways), turning)
+        return np.where(slope == before, self._of_faces(whole, ways), turning)
 
     def _of_folds(self, way: Interval) -> Array:
         """Return the signs of the second derivative of alpha along smooth curves."""
         bent = evaluated(self._tape.bent, together(np.vstack, self.hulls, way * self._scale))
         right = together(np.vstack, bent, Interval(np.zeros_like(bent.lo[:1])))
         return -_sign(_solved(self._modes[0], self._along, right)[-1])
-
-    def _of_kinks(self, ways: list[Interval]) -> Array:
-        """Return the signs of the change of the slope of alpha at kinks that are crossed once."""
-        test, other = (_sign((self._test * each).total()) for each in ways)
-        slope, before = (_sign(each[-1]) for each in ways)
-        is_one = (self._undecided == 1) & (test == other) & (slope == -before)
-        return np.where(is_one, test * slope, np.nan)
 
     def _of_faces(self, whole: Interval, ways: list[Interval]) -> Array:
         """Return the turns of hulls in which the curve goes on in alpha, by the faces touched."""

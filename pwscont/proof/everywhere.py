@@ -37,7 +37,7 @@ FAR = 1e3
 MANY_UNKNOWNS = 3
 #: Most work, within about a second: boxes, times operations and derivatives of each box; and the
 #: operations that every box needs besides those of the formula. The answer depends on no clock.
-MOST_WORK, BESIDES = 4_000_000, 10
+MOST_WORK, BESIDES = 6_000_000, 10
 #: The last limit, on a machine that is very slow.
 SECONDS = 5.0
 
@@ -118,11 +118,11 @@ class Everywhere(Search):
         """
         tape = tape_of(system)
         scale = np.append(metric.scale[: tape.size], interval[1] - interval[0])
-        lower, upper = self.box or _default_box(system, metric, tape.size, known or KnownBranches())
-        if not {np.size(lower), np.size(upper)} <= {1, tape.size}:
+        ends = self.box or _default_box(system, metric, tape.size, known or KnownBranches())
+        if not {np.size(end) for end in ends} <= {1, tape.size}:
             raise InvalidInputError(f"box must broadcast to {tape.size} unknowns, got {self.box}")
-        ends = [np.broadcast_to(end, (tape.size,)) for end in (lower, upper)]
-        box = Interval(*(np.append(*each) for each in zip(ends, interval, strict=True)))
+        whole = [np.broadcast_to(end, (tape.size,)) for end in ends]
+        box = Interval(*(np.append(*each) for each in zip(whole, interval, strict=True)))
         key = [each.tobytes() for each in (box.lo, box.hi, scale)], tape.steps, tape.outputs
         last = self.proved(system, interval)
         if last is not None and self._last["key"] == key:
@@ -131,25 +131,21 @@ class Everywhere(Search):
         with np.errstate(all="ignore"):
             found = covered(tape, box, scale, self.seconds, most)
             proof = counted_proof(tape, box, scale, found, is_whole=most is not None)
-        formula = formula_of(system) or system
-        self._last.update(formula=formula, interval=interval, key=key, proof=proof)
+        self._last.update(asked=(formula_of(system) or system, interval), key=key, proof=proof)
         return proof
 
     prove_again = prove
 
     def proved(self, system: PiecewiseSystem, interval: Range) -> BoxProof | None:
         """Return the proof of the last run, if the run was of this formula and interval."""
-        last, formula = self._last, formula_of(system) or system
-        is_last = last.get("formula") is formula and last.get("interval") == interval
-        return last["proof"] if is_last else None
+        formula, of = self._last.get("asked", (None, None))
+        is_last = formula is (formula_of(system) or system) and of == interval
+        return self._last["proof"] if is_last else None
 
     def searched(self, system: PiecewiseSystem) -> SearchScope:
         """Promise nothing here: what is proved, the graph says by its proof."""
-        box = (
-            "bounds, or 1000 times as far as H becomes nonlinear"
-            if self.box is None
-            else f"{self.box}"
-        )
+        box = "bounds, or 1000 times as far as H becomes nonlinear"
+        box = box if self.box is None else f"{self.box}"
         what = f"all solutions proved in a box of the unknowns ({box})"
         what += f", if within {self.seconds:g} s; where something is open, the default search"
         return SearchScope(what, Guarantee.NOTHING)
@@ -210,9 +206,7 @@ def _are_known(proof: BoxProof, alpha: float, solutions: list[Array], known: Kno
 class AlsoProved(Search):
     """What another search finds, then the proved solutions, if all are proved quickly.
 
-    A search that asks whether all branches are proved need not look any further. Nothing is proved
-    in a run with limits. If anything stays open, the answer is that of the other search, and
-    mentions no proof.
+    If anything stays open, and in a run with limits, the answer is that of the other search.
     """
 
     search: Search
@@ -247,10 +241,9 @@ class AlsoProved(Search):
 
     def searched(self, system: PiecewiseSystem) -> SearchScope:
         """Return the scope of the search."""
-        scope = scope_of(self.search, system)
-        words = "; between the ends only if not all branches were proved before"
-        is_tried = shown_size(system) <= MANY_UNKNOWNS
-        return SearchScope(scope.what + words, scope.promise) if is_tried else scope
+        scope, words = scope_of(self.search, system), "; between the ends only if not all branches "
+        words = f"{words}were proved before" if shown_size(system) <= MANY_UNKNOWNS else ""
+        return SearchScope(scope.what + words, scope.promise)
 
     def proved(self, system: PiecewiseSystem, interval: Range) -> BoxProof | None:
         """Return what the last run proved if everything is proved, else nothing."""

@@ -15,9 +15,8 @@ from pwscont.basics.arrays import Array, generic
 from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidInputError
 from pwscont.notation.curved import SwitchedSystem
-from pwscont.proof.enclosures import evaluated
 from pwscont.proof.interval import Interval
-from pwscont.proof.tape import NotTracedError, Tape, as_array
+from pwscont.proof.tape import NotTracedError, Tape, as_array, evaluated
 from pwscont.system.system import PiecewiseSystem, SlicewiseLinearSystem
 
 #: At how many points the tape is compared with the formula, and how much they may differ, relative
@@ -162,8 +161,7 @@ def _value(system: Any, z: Array, alpha: float) -> Array:
     try:
         if isinstance(system, SwitchedSystem):
             return system.formula_at(z, alpha)
-        value: Array = np.asarray(system.residual(z, alpha, system.character(z, alpha)))
-        return value
+        return np.array(system.residual(z, alpha, system.character(z, alpha)), dtype=float)
     except Exception as error:
         raise InvalidInputError(f"the formula fails at {np.append(z, alpha)}: {error}") from error
 
@@ -172,21 +170,16 @@ def _check_interface(tape: Tape, places: tuple[int, ...], box: Interval) -> None
     """Refuse a class whose selections differ where a test vanishes, on many segments at once."""
     a, b = _points(box, LOOKS), _points(box, LOOKS, LOOKS)
     select = replace(tape, outputs=[*places])
-
-    def test(x: Array) -> Array:
-        return evaluated(select, Interval(x))[0].middle()
-
-    first = test(a)
-    crossed = first * test(b) < 0.0
-    a, b, first = a[:, crossed], b[:, crossed], first[crossed]
+    first, last = (evaluated(select, Interval(x))[0].middle() for x in (a, b))
     for _ in range(BISECTIONS):
         middle = 0.5 * (a + b)
-        same = test(middle) * first > 0.0
+        same = evaluated(select, Interval(middle))[0].middle() * first > 0.0
         a, b = np.where(same, middle, a), np.where(same, b, middle)
     known = evaluated(select, Interval(np.minimum(a, b), np.maximum(a, b)))
     one, other = known[1], known[2]
     slack = ALIKE * (1.0 + one.reach()) + ROUNDINGS * (one.width() + other.width())
-    if (np.abs(one.middle() - other.middle()) > slack).any():
+    differ = np.abs(one.middle() - other.middle()) > slack
+    if (differ & (first * last < 0.0)).any():
         raise InvalidInputError(
             "two selections of the class differ where a test vanishes, so that nothing can be "
             "proved; check_system says where"

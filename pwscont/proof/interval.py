@@ -1,18 +1,14 @@
-"""Intervals of real numbers, thousands at a time, with outward rounding.
+"""Intervals of real numbers, thousands at a time, with outward rounding, and operations of tapes.
 
-An end that is not a number says nothing: every comparison with such an end is false, so that no
-rule excludes, contracts or proves anything by the end (NaN is everything).
-
-The bounds on rounding are those of docs/theory, F21: IEEE arithmetic to nearest errs by at most
-half a unit in the last place. Elementary functions are assumed to err by at most FUNCTION_ULPS
-units.
+An end that is not a number says nothing: every comparison with such an end is false (NaN is
+everything). The bounds on rounding are those of docs/theory, F21.
 """
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Callable
 from functools import reduce
-from operator import add
 from typing import Any, final
 
 import numpy as np
@@ -182,7 +178,7 @@ class Interval:
     def total(self, axis: int = 0) -> Interval:
         """Return the sums along an axis."""
         parts = self.arranged(lambda end: np.moveaxis(end, axis, 0))
-        return reduce(add, (parts[i] for i in range(len(parts.lo))))
+        return reduce(operator.add, (parts[i] for i in range(len(parts.lo))))
 
     def arranged(self, arrange: Callable[[Array], Array]) -> Interval:
         """Return the same intervals in another shape or order."""
@@ -212,6 +208,12 @@ def together(function: Callable[[list[Array]], Array], *parts: Interval) -> Inte
     return Interval(function([x.lo for x in parts]), function([x.hi for x in parts]))
 
 
+def times(matrix: Array, right: Interval) -> Interval:
+    """Return matrices of numbers (m, n, B) times intervals (n, ..., B)."""
+    shape = (*matrix.shape[:2], *(1,) * (right.lo.ndim - 2), matrix.shape[-1])
+    return (Interval(matrix.reshape(shape)) * right).total(axis=1)
+
+
 def inverses(matrices: Array) -> Array:
     """Return the inverses of matrices (B, n, n) to rounding, nan for singular matrices."""
     regular = np.linalg.slogdet(matrices)[0][:, np.newaxis, np.newaxis] != 0.0
@@ -238,3 +240,107 @@ def solved(matrix: Interval, right: Interval) -> Interval:
     image = upper(start + off @ radius, n + 1)
     holds: Signs = np.all(image < radius, axis=(-2, -1), keepdims=True)
     return Interval.rounded(x - image, x + image).where(holds)
+
+
+#: Arguments of sine and cosine from here on say nothing but [-1, 1].
+FAR = 1e6
+#: By how much of a period the place of a crest may be misjudged; rounding of arguments below FAR
+#: makes errors smaller by a factor of a thousand.
+BLUR = 1e-6
+Map = Callable[[Interval], Interval]
+
+
+def _increasing(name: str, least: float, most: float, first: float, last: float) -> Map:
+    """Return the rule of an increasing function, any number where arguments leave the domain."""
+    function, ulps = getattr(np, name), 1.0 if name == "sqrt" else FUNCTION_ULPS
+
+    def values(x: Interval) -> Interval:
+        y = Interval.rounded(function(x.lo), function(x.hi), ulps)
+        y = Interval(np.maximum(y.lo, least), np.minimum(y.hi, most))
+        return y.where((x.lo >= first) & (x.hi <= last))
+
+    return values
+
+
+def _has_crest(x: Interval, place: float) -> Signs:
+    """Tell where a number place + 2 pi k may lie in the interval."""
+    first, last = (x.lo - place) / (2.0 * np.pi), (x.hi - place) / (2.0 * np.pi)
+    crest: Signs = np.floor(last + BLUR) >= np.ceil(first - BLUR)
+    return crest
+
+
+def _wave(function: Callable[[Array], Array], top: float) -> Map:
+    """Return sine or cosine, whose crests are at top + 2 pi k."""
+
+    def values(x: Interval) -> Interval:
+        a, b = function(x.lo), function(x.hi)
+        found = Interval.rounded(np.minimum(a, b), np.maximum(a, b), FUNCTION_ULPS)
+        is_far = ~(x.reach() < FAR)
+        lo = np.where(_has_crest(x, top + np.pi) | is_far, -1.0, np.maximum(found.lo, -1.0))
+        hi = np.where(_has_crest(x, top) | is_far, 1.0, np.minimum(found.hi, 1.0))
+        return Interval(lo, hi).where(x.lo <= x.hi)
+
+    return values
+
+
+#: Increasing functions by the names of numpy: the least and largest value and argument.
+INCREASING = {
+    **dict.fromkeys(["arctan", "sinh", "arcsinh"], (-INF, INF, -INF, INF)),
+    "sqrt": (0.0, INF, 0.0, INF),
+    "exp": (0.0, INF, -INF, INF),
+    "expm1": (-1.0, INF, -INF, INF),
+    "log": (-INF, INF, 0.0, INF),
+    "log1p": (-INF, INF, -1.0, INF),
+    "arcsin": (-INF, INF, -1.0, 1.0),
+    "tanh": (-1.0, 1.0, -INF, INF),
+    "arctanh": (-INF, INF, -1.0, 1.0),
+}
+RISING_COSH = _increasing("cosh", 1.0, INF, 0.0, INF)
+
+
+def branch(test: Interval, a: Interval, b: Interval, either: Interval | None = None) -> Interval:
+    """Return the branch of a switch in its mode; ``either``, or the hull, if it is not certain."""
+    return chosen(test.lo >= 0.0, a, chosen(test.hi < 0.0, b, either or a.hull(b)))
+
+
+#: Smooth functions of one argument, by the names of numpy.
+ELEMENTARY: dict[str, Map] = {
+    **{name: _increasing(name, *ends) for name, ends in INCREASING.items()},
+    "sin": _wave(np.sin, 0.5 * np.pi),
+    "cos": _wave(np.cos, 0.0),
+    "cosh": lambda x: RISING_COSH(abs(x)),
+}
+#: Intervals of results from intervals of arguments; a power takes its exponent last. "slope" and
+#: "jump" are the derivatives of switches: of continuous ones, and of ``where``, across whose kinks
+#: nothing is known, for f may jump.
+OPERATIONS: dict[str, Callable[..., Interval]] = {
+    "constant": lambda number: Interval(np.full(1, number)),
+    "negative": operator.neg,
+    "add": operator.add,
+    "subtract": operator.sub,
+    "multiply": operator.mul,
+    "divide": operator.truediv,
+    "power": operator.pow,
+    "abs": operator.abs,
+    "max": Interval.maximum,
+    "min": Interval.minimum,
+    **dict.fromkeys(["where", "select", "slope"], branch),
+    "jump": lambda test, a, b: branch(test, a, b, Interval(np.nan)),
+    **ELEMENTARY,
+}
+#: Operations with kinks: the test, which is linear, and the derivatives of the branches where the
+#: test is not negative, and elsewhere.
+SWITCHES: dict[str, tuple[Callable[..., Any], Callable[..., tuple[Any, Any]]]] = {
+    "abs": (lambda x: x, lambda dx: (dx, -dx)),
+    "max": (lambda a, b: a - b, lambda da, db: (da, db)),
+    "min": (lambda a, b: b - a, lambda da, db: (da, db)),
+    **dict.fromkeys(
+        ["where", "select", "slope", "jump"], (lambda s, a, b: s, lambda ds, da, db: (da, db))
+    ),
+}
+#: The rules with which an undecided switch has the derivatives of both branches, or of one.
+MODES = [
+    OPERATIONS,
+    {**OPERATIONS, "slope": lambda test, a, b: branch(test, a, b, a)},
+    {**OPERATIONS, "slope": lambda test, a, b: branch(test, a, b, b)},
+]

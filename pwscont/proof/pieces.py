@@ -1,15 +1,12 @@
-"""The pieces and transitions of a graph of linear pieces, each with a certificate.
+"""Counts at one alpha, and pieces and transitions of graphs, of systems of linear pieces: proved.
 
-A piece is proved if it is the range of alpha in which all inequalities of its cell hold. Two pieces
-end in one point if the rows that vanish there have the same span. What doubles do not decide,
-corners and vertical pieces among it, is decided in rational numbers, as long as unknowns are few.
-If the system has few cells, all other cells are proved to hold no solutions off the pieces but
-rays without end where the graph has infinitely many solutions: then nothing is missing.
+What doubles do not decide goes to rational numbers. The theorems stand on the page "Proofs".
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from functools import cache
 from math import inf
 from typing import Any, final
@@ -17,15 +14,17 @@ from typing import Any, final
 import numpy as np
 
 from pwscont.basics.arrays import Array, Indices
+from pwscont.basics.errors import InvalidInputError
 from pwscont.basics.printing import counted
 from pwscont.enumeration.echelon import independent
 from pwscont.graph.branch_graph import BranchGraph
-from pwscont.graph.records import Piece
+from pwscont.graph.proved import are_matched, with_slack
+from pwscont.graph.records import Piece, Solution
 from pwscont.proof.cells import MOST_CELLS, Choice, ExactCells, Point, Ranges, segment_of, value
-from pwscont.proof.certificate import ASSUMED, Certificate
 from pwscont.proof.interval import Interval
-from pwscont.system.abilities import ExactMode, completed_point
+from pwscont.system.abilities import ExactMode, completed_point, shown_size
 
+ASSUMED = "assumed: arithmetic of IEEE 754 to nearest; {} count as the doubles that they are"
 #: An end of a cell is the end of a piece within this part of the typical magnitudes.
 NEAR = 2.0**-20
 #: An equation holds, to tell modes apart, within this part of the sizes of the terms.
@@ -34,6 +33,90 @@ HOLDS = 1e-7
 DUST = 1e-6
 #: Most unknowns of a piece that is looked at in rational numbers.
 MOST_RATIONAL = 80
+
+
+@final
+@dataclass(frozen=True, slots=True, repr=False)
+class Certificate:
+    """What :func:`pwscont.prove` has proved.
+
+    Attributes
+    ----------
+    holds : bool
+        Whether all that was given is proved: solutions and their number at one alpha, all pieces
+        and transitions of a graph, or that there is exactly one evolution.
+    statements : tuple of str
+        A sentence for what is proved, and a sentence for the data of the proof.
+    open : sequence
+        What is not decided: at one alpha, cells (for every part of the system, the number of a
+        mode); of a graph, pieces, special points and cells in words; of an evolution, what stands
+        in the way.
+    count : int or None
+        The proved number of solutions at one alpha; None where a cell is not decided.
+    is_complete : bool
+        Whether a graph is proved to have all solutions on its interval.
+    """
+
+    holds: bool
+    statements: tuple[str, str]
+    open: Sequence[Any]
+    count: int | None = None
+    is_complete: bool = False
+
+    def __repr__(self) -> str:
+        return f"Certificate({self.statements[0]})"
+
+
+def certified_count(
+    system: Any, alpha: float, known: Sequence[Solution], number: float
+) -> Certificate:
+    """Return what is proved of all solutions at alpha, and of the known ones, ``number`` in all."""
+    cells, size = ExactCells(*system.exact_rows(alpha)), shown_size(system)
+    if cells.number > MOST_CELLS:
+        raise InvalidInputError(
+            f"{cells.number} cells are too many: at most {MOST_CELLS} are proved"
+        )
+    boxes, points, undecided = proved_solutions(cells, alpha)
+    centres = [each.middle()[:size] for each in boxes.values()]
+    centres += [np.array(point[:size], dtype=float) for point in points]
+    count = None if undecided else len(centres)
+    found = [with_slack(each, np.abs(each.z).max(initial=0.0)) for each in known]
+    holds = count == number and are_matched([(x, x) for x in centres], found)
+    words = f"exactly {counted(len(centres), 'solution')} at alpha = {alpha:.8g}, proved"
+    if not holds:
+        given = "infinitely many" if number == inf else number
+        words += f"; the {given} given are not these"
+    if undecided:
+        words = f"not proved: {counted(len(undecided), 'cell')} undecided at alpha = {alpha:.8g}"
+    return Certificate(holds, (words, ASSUMED.format("the data")), undecided, count)
+
+
+@np.errstate(all="ignore")
+def proved_solutions(
+    cells: ExactCells, alpha: float
+) -> tuple[dict[Choice, Interval], set[Point], list[Choice]]:
+    """Return enclosures of solutions by cells, all other solutions, and cells that are undecided.
+
+    A cell off all its inequalities has one solution in floating point. Rational numbers decide all
+    other cells that may have solutions, and cells whose solution may be that of another cell.
+    """
+    at = np.array([alpha])
+    found = [
+        (choice, cells.unknowns(line, at)[:, 0], is_decided)
+        for choice, line, is_decided in cells.left((alpha, alpha))
+    ]
+    lo, hi = (np.array([getattr(box, end) for _, box, _ in found]) for end in ("lo", "hi"))
+    boxes, points, undecided = dict[Choice, Interval](), set[Point](), list[Choice]()
+    for choice, box, is_decided in found:
+        if is_decided and ((lo > box.hi) | (hi < box.lo)).any(axis=1).sum() == len(found) - 1:
+            boxes[choice] = box
+            continue
+        ends = segment_of(*cells.of(choice), (alpha, alpha))
+        if ends is not None and len(ends) == 2 and ends[0] == ends[1]:
+            points.add(ends[0][:-1])
+        elif ends is not None:
+            undecided.append(choice)
+    return boxes, points, undecided
 
 
 def certified_pieces(
@@ -120,14 +203,12 @@ class _Pieces:
         sizes = np.abs(rows[:, :-1]) @ self._magnitudes + np.abs(rows[:, -1])
         off = np.abs(values) <= HOLDS * sizes[:, np.newaxis]
         room = values / (sizes + (sizes == 0.0))[:, np.newaxis]
-        # the mode whose equations hold; of several, the mode with the most room
-        marks = [
-            [
-                2.0 * off[own].all(axis=0) + room[sides].min(axis=0, initial=1.0)
-                for own, sides in modes
-            ]
-            for modes in self.cells.modes
-        ]
+
+        def mark(own: Indices, sides: Indices) -> Array:  # of several that hold, the most room
+            best: Array = 2.0 * off[own].all(axis=0) + room[sides].min(axis=0, initial=1.0)
+            return best
+
+        marks = [[mark(*mode) for mode in modes] for modes in self.cells.modes]
         return np.array([np.argmax(each, axis=0) for each in marks]).T
 
     def left_pieces(self) -> list[int]:
@@ -147,10 +228,9 @@ class _Pieces:
     def _is_range(self, k: int, line: Interval, ranges: Ranges, i: int) -> bool:
         """Tell whether a piece is the range of its cell, and note what vanishes at the ends."""
         points, piece = self._points[k], self._graph.pieces[k]
-        alphas = points[:, -1]
-        order = np.argsort(alphas, kind="stable")
-        ends = np.array([ranges.first.middle()[i], ranges.last.middle()[i]])
-        found = np.vstack([self.cells.unknowns(line, alphas).middle(), ends[order]]).T
+        order = np.argsort(points[:, -1], kind="stable")
+        ends = np.array([ranges.first.middle()[i], ranges.last.middle()[i]])[order]
+        found = np.vstack([self.cells.unknowns(line, points[:, -1]).middle(), ends]).T
         if not (np.abs(found - points) <= self._near).all():
             return False
         for end, node in zip(order, (piece.start, piece.end), strict=True):
@@ -200,11 +280,9 @@ class _Pieces:
     def left_cells(self) -> Iterator[Choice]:
         """Yield the cells that may hold solutions that are on no piece, and on no ray."""
         proved = set(map(tuple, self._choices.tolist()))
-        for choices in self.cells.choices():
-            empty = Ranges.of(self.cells.lines(choices), self._graph.interval).empty
-            for choice in map(tuple, choices[~empty].tolist()):
-                if choice not in proved and not self._is_on_pieces(choice):
-                    yield choice
+        for choice, *_ in self.cells.left(self._graph.interval):
+            if choice not in proved and not self._is_on_pieces(choice):
+                yield choice
 
     def _is_on_pieces(self, choice: Choice) -> bool:
         """Tell in rational numbers whether a cell is empty, or has solutions on pieces only.

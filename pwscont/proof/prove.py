@@ -1,25 +1,23 @@
-"""The door to proofs from exact data, and the number of solutions at one alpha."""
+"""The door to proofs from exact data, and proofs that evolutions are the only ones."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from math import inf
+from itertools import product
 from typing import Any
 
 import numpy as np
 
-from pwscont.basics.arrays import finite_array
+from pwscont.basics.arrays import Array, finite_array
 from pwscont.basics.errors import InvalidInputError
 from pwscont.basics.printing import counted
 from pwscont.graph.branch_graph import BranchGraph
-from pwscont.graph.proved import are_matched, with_slack
-from pwscont.graph.records import Solution
-from pwscont.proof.cells import MOST_CELLS, Choice, ExactCells, Point, Ranges, segment_of
-from pwscont.proof.certificate import ASSUMED, Certificate, certified_rates
-from pwscont.proof.interval import Interval
-from pwscont.proof.pieces import certified_pieces
+from pwscont.proof.interval import Interval, upper
+from pwscont.proof.pieces import ASSUMED, Certificate, certified_count, certified_pieces
 from pwscont.search.enumeration import Solutions
-from pwscont.system.abilities import ExactData, ExactRates, shown_size
+from pwscont.system.abilities import ExactData, ExactRates
+
+#: Most nodes with friction, whose signs are all tried.
+MOST_NODES = 10
 
 
 def prove(given: Any, alpha: float | None = None) -> Certificate:
@@ -74,10 +72,10 @@ def prove(given: Any, alpha: float | None = None) -> Certificate:
             "formulas with linear=True; formulas of curved systems are proved by Everywhere"
         )
     if not is_graph:
-        return _certified_count(system, given.alpha, given, len(given))
+        return certified_count(system, given.alpha, given, len(given))
     if alpha is not None:
         alpha = float(finite_array("alpha", alpha, ()))
-        return _certified_count(system, alpha, given.solutions(alpha), given.count(alpha))
+        return certified_count(system, alpha, given.solutions(alpha), given.count(alpha))
     rows = system.exact_lines()
     if rows is None:
         raise InvalidInputError(
@@ -87,55 +85,49 @@ def prove(given: Any, alpha: float | None = None) -> Certificate:
     return certified_pieces(given, rows)
 
 
-def _certified_count(
-    system: Any, alpha: float, known: Sequence[Solution], number: float
-) -> Certificate:
-    """Return what is proved of all solutions at alpha, and of the known ones, ``number`` in all."""
-    cells, size = ExactCells(*system.exact_rows(alpha)), shown_size(system)
-    if cells.number > MOST_CELLS:
-        raise InvalidInputError(
-            f"{cells.number} cells are too many: at most {MOST_CELLS} are proved"
-        )
-    boxes, points, undecided = proved_solutions(cells, alpha)
-    centres = [each.middle()[:size] for each in boxes.values()]
-    centres += [np.array(point[:size], dtype=float) for point in points]
-    count = None if undecided else len(centres)
-    found = [with_slack(each, np.abs(each.z).max(initial=0.0)) for each in known]
-    holds = count == number and are_matched([(x, x) for x in centres], found)
-    words = f"exactly {counted(len(centres), 'solution')} at alpha = {alpha:.8g}, proved"
-    if not holds:
-        given = "infinitely many" if number == inf else number
-        words += f"; the {given} given are not these"
-    if undecided:
-        words = f"not proved: {counted(len(undecided), 'cell')} undecided at alpha = {alpha:.8g}"
-    return Certificate(holds, (words, ASSUMED.format("the data")), undecided, count)
+def certified_rates(evolution: Any) -> Certificate:
+    """Return whether exactly one evolution with finitely many events is proved to exist."""
+    doubts = _doubts(evolution)
+    words = "exactly one evolution with finitely many events, proved: rates are unique at every "
+    words = f"not proved: {'; '.join(doubts)}" if doubts else words + "state"
+    return Certificate(not doubts, (words, ASSUMED.format("A, N, T and F")), doubts)
+
+
+def _doubts(evolution: Any) -> list[str]:
+    paths, losses = len(evolution.paths()), len(evolution.losses())
+    if paths != 1 or losses or not evolution.is_complete:
+        return [f"{counted(paths, 'evolution')} found: {evolution.guarantee}"]
+    A, N, T, F = evolution.system.exact_rates()
+    rubs = np.flatnonzero(F > 0.0)
+    rows = np.vstack([N, T[rubs]])
+    is_unit = (np.abs(rows).sum(axis=1) == 1.0) & ((rows != 0.0).sum(axis=1) == 1)
+    if not is_unit.all() or (np.abs(rows).sum(axis=0) > 1.0).any():
+        return ["the rows of N and T are no unit vectors of unknowns of their own"]
+    if len(rubs) > MOST_NODES:
+        return [f"{len(rubs)} nodes with friction are more than {MOST_NODES}"]
+    frictions = (np.array(signs) * F[rubs] for signs in product((-1.0, 1.0), repeat=len(rubs)))
+    if all(is_unique(A, N[rubs], T[rubs], friction) for friction in frictions):
+        return []
+    return ["rates may not be unique at some state: a form is not positive definite"]
+
+
+def is_unique(A: Array, N: Array, T: Array, friction: Array) -> bool:
+    """Tell whether the form of some signs, with friction times signs, is positive definite."""
+    work = Interval(friction[:, np.newaxis]) * (Interval(N) @ Interval(A))
+    return is_positive_definite(Interval(A) - Interval(T.T) @ work)
 
 
 @np.errstate(all="ignore")
-def proved_solutions(
-    cells: ExactCells, alpha: float
-) -> tuple[dict[Choice, Interval], set[Point], list[Choice]]:
-    """Return enclosures of solutions by cells, all other solutions, and cells that are undecided.
+def is_positive_definite(form: Interval) -> bool:
+    """Tell whether the symmetric parts of all matrices K between two are positive definite.
 
-    A cell off all its inequalities has one solution in floating point. Rational numbers decide all
-    other cells that may have solutions, and cells whose solution may be that of another cell.
+    With any numbers R, best the inverse of a Cholesky factor, they are if R (K + K') R' is, whose
+    eigenvalues differ from 2 by less than 2 if the rows of R (K + K') R' - 2 I do (Gershgorin).
     """
-    found: list[tuple[Choice, Interval, bool]] = []
-    for choices in cells.choices():
-        x, sides = cells.lines(choices)
-        ranges = Ranges.of((x, sides), (alpha, alpha))
-        for i in np.flatnonzero(~ranges.empty):
-            box = cells.unknowns(x[i], np.array([alpha]))[:, 0]
-            found.append((tuple(choices[i].tolist()), box, bool(ranges.decided[i])))
-    lo, hi = (np.array([getattr(box, end) for _, box, _ in found]) for end in ("lo", "hi"))
-    boxes, points, undecided = dict[Choice, Interval](), set[Point](), list[Choice]()
-    for choice, box, is_decided in found:
-        if is_decided and ((lo > box.hi) | (hi < box.lo)).any(axis=1).sum() == len(found) - 1:
-            boxes[choice] = box
-            continue
-        ends = segment_of(*cells.of(choice), (alpha, alpha))
-        if ends is not None and len(ends) == 2 and ends[0] == ends[1]:
-            points.add(ends[0][:-1])
-        elif ends is not None:
-            undecided.append(choice)
-    return boxes, points, undecided
+    both = form + form.arranged(np.transpose)
+    try:
+        R = np.linalg.inv(np.linalg.cholesky(0.5 * both.middle()))
+    except np.linalg.LinAlgError:
+        return False
+    off = (Interval(R) @ both @ Interval(R.T) - 2.0 * np.eye(len(R))).reach()
+    return bool((upper(off.sum(axis=1), len(R)) < 2.0).all())

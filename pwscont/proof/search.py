@@ -1,10 +1,7 @@
 """Boxes of (z, alpha), excluded, contracted, proved as tubes or halved, generation by generation.
 
-A tube is the set of all (z, alpha) with alpha in [first, last] and z within ``radius`` of the line
-centre + slope (alpha - middle). Krawczyk's operator, for the equations at fixed alpha, maps the
-tube at every alpha into the inside of the tube: so H(., alpha) has exactly one zero there, and the
-zero lies in the image (Krawczyk 1969; Neumaier 1990, theorem 5.1.8), across kinks as well
-(docs/theory, F20). A box that touches the boundary of the whole box is not accepted.
+The theorem stands on the page "Proofs" of the manual: Krawczyk's operator proves that a tube has
+exactly one zero at every alpha. A box that touches the boundary of the whole box is not accepted.
 """
 
 from __future__ import annotations
@@ -14,11 +11,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Indices, Signs
+from pwscont.basics.arrays import Array, Signs
 from pwscont.basics.budget import check_budget
-from pwscont.proof.enclosures import evaluated, lines_of, times, with_slopes
-from pwscont.proof.interval import ULP, Interval, above, inverses, together
-from pwscont.proof.tape import Tape
+from pwscont.proof.interval import ULP, Interval, above, inverses, times, together
+from pwscont.proof.tape import Tape, evaluated, with_slopes
 
 #: No coordinate is halved below this part of its magnitude; the magnitude of alpha is the interval.
 FINEST = 2.0**-24
@@ -29,7 +25,7 @@ FINEST_ALPHA, THIN = 2.0**-40, 2.0**-12
 TOGETHER = 2048
 #: Most boxes in all for up to three unknowns; for n unknowns (n - 2)**2 times as many.
 MOST_BOXES = 300_000
-#: A tube is tried where the rests of lines, as unknowns, are narrower than this part of the box.
+#: A tube is tried where the mean value form, as unknowns, is narrower than this part of the box.
 TRIED = 2.0
 #: The widest coordinate is halved, in magnitudes, among those that change preconditioned rows at
 #: least this part as much as another one does.
@@ -40,6 +36,8 @@ WIDER = 1.25
 LEAST = 2.0**-44
 #: How much wider than necessary a tube is: a few roundings, relative to the tube's centre.
 SLACK = 64.0 * ULP
+#: By how many times the residual of the centre, as unknowns, a tube is wider.
+ROOM = 2.0
 #: Newton steps that improve the centre of a tube.
 POLISHED = 2
 
@@ -104,71 +102,66 @@ def covered(
                 left.append(some)
                 continue
             boxes += some.lo.shape[1]
-            found, rest, finished = _looked_at(tape, some, whole, scale)
+            found, rest, finished = _looked_at(tape, some, whole, scale[:, np.newaxis])
             tubes += found
             left.append(finished)
             following += rest
         waiting = together(np.hstack, *following)
-    joined = (np.concatenate(each, axis=-1) for each in zip(*tubes, strict=True))
-    return Tubes(*joined), together(np.hstack, *left), boxes
+    joined = Tubes(*(np.concatenate(each, axis=-1) for each in zip(*tubes, strict=True)))
+    return joined, together(np.hstack, *left), boxes
 
 
 def _looked_at(
-    tape: Tape, boxes: Interval, whole: Interval, scale: Array
+    tape: Tape, boxes: Interval, whole: Interval, size: Array
 ) -> tuple[list[Tubes], list[Interval], Interval]:
     """Return the tubes of boxes that are proved, the halves of others, and boxes left open."""
     boxes = boxes[:, ~evaluated(tape, boxes).excludes_zero().any(axis=0)]
-    slopes, rest = lines_of(tape, boxes)
-    blur = np.einsum("ijb,jb->ib", np.abs(inverse_of(slopes[:, :-1])), rest.width())
-    size, width = scale[:, np.newaxis], boxes.width()
+    start, slopes = evaluated(tape, Interval(boxes.middle())), with_slopes(tape.slopes, boxes)[1]
+    width, about = boxes.width(), slopes.middle()
+    blur = 0.5 * (slopes.width() * width).sum(axis=1) + start.width()
+    blur = np.einsum("ijb,jb->ib", np.abs(inverse_of(about[:, :-1])), blur)
     is_sharp = (blur < TRIED * width[:-1] + LEAST * size[:-1]).all(axis=0)
-    boxes, empty = contracted(boxes, slopes, rest)
+    matrix = preconditioner(about, width)
+    rows = times(matrix, slopes)
+    boxes, empty = contracted(boxes, rows, times(matrix, start))
     tried = is_sharp & ~empty & boxes[:-1].is_within(whole[:-1]).all(axis=0)
     left, found = ~tried & ~empty, list[Tubes]()
     if tried.any():
-        tubes, is_proved = _around(tape, boxes[:, tried], slopes[..., tried], size[:-1])
+        tubes, is_proved = around(tape, boxes[:, tried], about[..., tried], size[:-1])
         left[tried], found = ~is_proved, [tubes.only(is_proved)]
-    boxes = boxes[:, left]
     *unknowns, alpha = boxes.width() / size
     widest = np.max(unknowns, axis=0)
     is_small = (np.maximum(widest, alpha) <= FINEST) | (widest <= THIN) & (alpha <= FINEST_ALPHA)
-    return found, _halved(tape, boxes[:, ~is_small], size), boxes[:, is_small]
+    halved = left & ~is_small
+    return found, _halved(boxes[:, halved], rows[..., halved], size), boxes[:, left & is_small]
 
 
-def contracted(box: Interval, slopes: Array, start: Interval) -> tuple[Interval, Signs]:
+def contracted(box: Interval, rows: Interval, rest: Interval) -> tuple[Interval, Signs]:
     """Return boxes contracted by one sweep of interval Newton, and which boxes are empty.
 
-    On the boxes, H(x) lies in slopes (x - middle) + start, shapes (n, n + 1, B) and (n, B).
+    Solutions x solve rows (x - middle) + rest = 0, every row for an unknown of its own.
     """
-    middle, each = box.middle(), np.arange(box.lo.shape[1])
-    matrix, columns = preconditioned(slopes, box.width())
-    rows, rest = times(matrix, Interval(slopes)), times(matrix, start)
-    lo, hi = box.lo.copy(), box.hi.copy()
-    empty = np.zeros(len(each), dtype=bool)
-    for i, own in enumerate(columns):
-        terms = rows[i] * (Interval(lo, hi) - middle)
+    middle, found = box.middle(), Interval(box.lo.copy(), box.hi.copy())
+    empty = np.zeros(box.lo.shape[1], dtype=bool)
+    for i, row in enumerate(rows[i] for i in range(len(middle))):
+        terms = row * (found - middle)
         empty |= (rest[i] + terms.total()).excludes_zero()
-        terms.lo[own, each] = terms.hi[own, each] = 0.0
-        away = (rest[i] + terms.total()) / rows[i][own, each]
-        found = middle[own, each] - away
-        lo[own, each] = np.fmax(lo[own, each], found.lo)
-        hi[own, each] = np.fmin(hi[own, each], found.hi)
-    return Interval(lo, hi), empty | (lo > hi).any(axis=0)
+        terms.lo[i] = terms.hi[i] = 0.0
+        new = found[i].meet(middle[i] - (rest[i] + terms.total()) / row[i])
+        found.lo[i], found.hi[i] = new.lo, new.hi
+    return found, empty | (found.lo > found.hi).any(axis=0)
 
 
-def preconditioned(middle: Array, width: Array) -> tuple[Array, Indices]:
-    """Return finite matrices that turn n of n + 1 columns into unit columns, and the columns.
+def preconditioner(middle: Array, width: Array) -> Array:
+    """Return finite matrices (n + 1, n, B) that project derivatives on what they determine.
 
-    ``middle`` (n, n + 1, B) is about the derivatives; the columns are those with the largest
-    determinant, times ``width`` (n + 1, B). No rule needs exact results, shapes (n, n, B), (n, B).
+    ``middle`` (n, n + 1, B) is about the derivatives; with coordinates in units of ``width``, the
+    matrix times the derivatives is about I - t t', t the unit tangent. Any numbers will do.
     """
-    rows = np.where(np.isfinite(middle), middle, 0.0).transpose(2, 0, 1)
-    each = range(len(width))
-    choices = np.array([[k for k in each if k != left_out] for left_out in each])
-    sizes = [np.abs(np.linalg.det(rows[..., own])) * width[own].prod(axis=0) for own in choices]
-    columns = choices[np.argmax(sizes, axis=0)]
-    inverse = inverses(np.take_along_axis(rows, columns[:, np.newaxis], axis=2))
-    return np.where(np.isfinite(inverse), inverse, 0.0).transpose(1, 2, 0), columns.T
+    rows = np.where(np.isfinite(middle), middle, 0.0) * width
+    square = inverse_of(np.einsum("ikb,jkb->ijb", rows, rows))
+    matrix: Array = np.einsum("jkb,jib->kib", rows, np.where(np.isfinite(square), square, 0.0))
+    return matrix
 
 
 def inverse_of(middle: Array) -> Array:
@@ -176,20 +169,18 @@ def inverse_of(middle: Array) -> Array:
     return inverses(middle.transpose(2, 0, 1)).transpose(1, 2, 0)
 
 
-def _halved(tape: Tape, boxes: Interval, scale: Array) -> list[Interval]:
+def _halved(boxes: Interval, rows: Interval, size: Array) -> list[Interval]:
     """Return both halves of boxes, along the widest coordinate that matters."""
-    slopes, width = with_slopes(tape.slopes, boxes)[1], boxes.width()
-    effect = times(preconditioned(slopes.middle(), width)[0], slopes).reach() * width
-    effect = (effect / effect.sum(axis=1, keepdims=True)).sum(axis=0)
-    effect = np.where(width > FINEST * scale, effect, 0.0)
-    relative = np.where(effect < MATTERS * effect.max(axis=0), 0.0, width / scale)
+    width = boxes.width()
+    effect = np.where(width > FINEST * size, (rows.reach() * width).sum(axis=0), 0.0)
+    relative = np.where(effect < MATTERS * effect.max(axis=0), 0.0, width / size)
     split = relative.argmax(axis=0), np.arange(boxes.lo.shape[1])
     lower, upper = boxes.hi.copy(), boxes.lo.copy()
     lower[split] = upper[split] = boxes.middle()[split]
     return [Interval(boxes.lo, lower), Interval(upper, boxes.hi)]
 
 
-def _around(tape: Tape, box: Interval, slopes: Array, scale: Array) -> tuple[Tubes, Signs]:
+def around(tape: Tape, box: Interval, slopes: Array, size: Any) -> tuple[Tubes, Signs]:
     """Return tubes that hold boxes (n + 1, B), and which of the tubes are proved.
 
     ``slopes`` are about the derivatives.
@@ -198,7 +189,7 @@ def _around(tape: Tape, box: Interval, slopes: Array, scale: Array) -> tuple[Tub
     slope = -np.einsum("ijb,jb->ib", matrix, slopes[:, -1])
     centre = polished(tape, middle[:-1], middle[-1], matrix)
     tubes = Tubes(alpha.lo, middle[-1], alpha.hi, centre, slope, centre, centre)
-    radius = WIDER * tubes.far(box[:-1], alpha) + SLACK * np.abs(centre) + LEAST * scale
+    radius = WIDER * tubes.far(box[:-1], alpha) + SLACK * np.abs(centre) + LEAST * size
     tubes, is_proved = proved(tape, tubes, radius, matrix)
     return tubes, is_proved & tubes.hold(box[:-1], alpha)
 
@@ -213,14 +204,15 @@ def polished(tape: Tape, z: Array, alpha: Array, matrix: Array) -> Array:
 
 
 def proved(tape: Tape, tubes: Tubes, radius: Array, matrix: Array) -> tuple[Tubes, Signs]:
-    """Return tubes of a radius with the radius of their images, and which tubes are proved."""
+    """Return tubes of a radius, or a little more, and of their images, and which are proved."""
+    start = times(matrix, evaluated(tape, Interval(np.vstack([tubes.centre, tubes.middle]))))
+    radius = radius + ROOM * start.reach()
     alpha = Interval(tubes.first, tubes.last)
     box = together(np.vstack, tubes.at(alpha, radius), alpha)
     slopes = times(matrix, with_slopes(tape.slopes, box)[1])
-    start = evaluated(tape, Interval(np.vstack([tubes.centre, tubes.middle])))
     along = (slopes[:, :-1] * Interval(tubes.slope)).total(axis=1)
     away = (slopes[:, -1] + along) * (alpha - Interval(tubes.middle))
-    residual = (times(matrix, start) + away).reach()
+    residual = (start + away).reach()
     off = (np.eye(tape.size)[:, :, np.newaxis] - slopes[:, :-1]).reach()
     image = above(residual + (Interval(off) * Interval(radius)).total(axis=1).hi)
     is_proved: Signs = np.all((image < radius) & np.isfinite(radius), axis=0)

@@ -1,9 +1,7 @@
 """The tape of a formula: the elementary operations of f(z, alpha, sw), written down once.
 
-numpy hands every operation on an array of :class:`Traced` objects to the nodes, and every node
-writes the operation on the tape. A formula that decides by a value (a comparison, ``np.floor``,
-``float(alpha)``), or calls what no node knows (a table, a solver, complex numbers), is refused in
-words. Derivatives are tapes too.
+numpy hands operations on arrays of :class:`Traced` to the entries, which write the operations down;
+a formula that decides by a value is refused in words. Derivatives are tapes too.
 """
 
 from __future__ import annotations
@@ -20,10 +18,11 @@ import numpy as np
 from numpy.lib.mixins import NDArrayOperatorsMixin
 
 from pwscont.notation.arithmetic import KINKED, OF_TWO, SMOOTH, refuse_kink
-from pwscont.proof.operations import ELEMENTARY, SWITCHES
+from pwscont.proof.interval import ELEMENTARY, OPERATIONS, SWITCHES, Interval
 
 #: Largest whole number that is taken as a power by repeated multiplication.
 LARGEST_POWER = 64
+Rules = Mapping[str, Callable[..., Interval]]
 
 
 class NotTracedError(TypeError):
@@ -265,3 +264,31 @@ DERIVED: dict[str, Callable[..., Any]] = {
     "float_power": lambda x, y: x**y,
     "tan": lambda x: x.sin() / x.cos(),
 }
+
+
+def evaluated(tape: Tape, box: Interval, rules: Rules = OPERATIONS) -> Interval:
+    """Return the outputs of a tape on boxes (n + 1, B), shape (outputs, B)."""
+    values: list[Interval] = []
+    for step in tape.steps:
+        if step.name == "variable":
+            values.append(box[step.numbers[0]])
+        else:
+            values.append(rules[step.name](*(values[arg] for arg in step.args), *step.numbers))
+    shape = (len(tape.outputs), *box.lo.shape[1:])
+    found = Interval(np.empty(shape), np.empty(shape))
+    for k, place in enumerate(tape.outputs):
+        found.lo[k], found.hi[k] = values[place].lo, values[place].hi
+    return found
+
+
+def with_slopes(tape: Tape, box: Interval, rules: Rules = OPERATIONS) -> tuple[Interval, Interval]:
+    """Return m outputs and their derivatives by (z, alpha), shapes (m, B) and (m, n + 1, B).
+
+    The tape is ``slopes`` or ``tests`` of another tape. Where a switch may be in either mode, a
+    derivative is the hull of the derivatives of both branches, so that the mean value form holds
+    across kinks (docs/theory, F20).
+    """
+    found, by = evaluated(tape, box, rules), tape.size + 1
+    count = len(tape.outputs) // (by + 1)
+    shape = (count, by, *box.lo.shape[1:])
+    return found[:count], found[count:].arranged(lambda end: end.reshape(shape))
