@@ -59,14 +59,14 @@ BUDGET = {
     "system": (10, 2184),
     "linear": (11, 1466),
     "notation": (13, 2862),
-    "curve": (14, 2874),
+    "curve": (14, 2887),
     "enumeration": (11, 2603),
     "transitions": (12, 3575),
     "graph": (10, 2632),
-    "search": (7, 1640),
-    "continuation": (8, 2784),
-    "kit": (4, 940),
-    "proof": (13, 2455),
+    "search": (7, 1665),
+    "continuation": (8, 2722),
+    "kit": (4, 939),
+    "proof": (13, 2453),
     "scenes": (14, 2650),
     "view": (6, 940),
     "evolution": (14, 3000),
@@ -76,7 +76,7 @@ BUDGET = {
     "commands": (10, 1150),
 }
 #: Most files and classes that the README's arch meets; a change that needs more says why.
-MOST_FILES_MET, MOST_CLASSES_MET = 50, 58
+MOST_FILES_MET, MOST_CLASSES_MET = 50, 56
 
 
 def module_of(path):

@@ -39,7 +39,6 @@ from pwscont.continuation.assembly import assemble, check_unique, divide, mark
 from pwscont.continuation.discovery import CROSSED, Discovery
 from pwscont.continuation.follow import PieceFollower, alone, default_detectors
 from pwscont.continuation.journal import Journal
-from pwscont.continuation.known import FollowedBranches
 from pwscont.curve.curve import Curve
 from pwscont.curve.error_samples import Found, has_digits, is_inside
 from pwscont.curve.looks import gap_of
@@ -56,7 +55,7 @@ from pwscont.graph.structure import NOT_SEARCHED
 from pwscont.linear.threads import MOST_FACTORISED, MOST_MULTIPLIED, few_threads
 from pwscont.search import Search
 from pwscont.search.default_search import default_search
-from pwscont.search.search import scope_of
+from pwscont.search.search import KnownBranches, scope_of
 from pwscont.system.abilities import Reducible, Reduction, formula_of, shown_size
 from pwscont.system.box import Box
 from pwscont.system.contract import check_attributes
@@ -132,7 +131,7 @@ class Plan:
     report: Report = silent
     journal: Journal | None = None
     gauge: Gauge | None = None  # judges the typical magnitudes by the path
-    branches: FollowedBranches = field(default_factory=FollowedBranches)  # for searches
+    branches: KnownBranches = field(default_factory=KnownBranches)  # for searches
 
     @classmethod
     def of(
@@ -177,7 +176,7 @@ class Plan:
         if (sizes == self.metric.scale[:-1]).all():
             return self
         system = self.system.within(*self.interval, sizes)
-        return replace(self, system=system, branches=FollowedBranches())
+        return replace(self, system=system, branches=KnownBranches())
 
     @property
     def detectors(self) -> tuple[TransitionDetector, ...]:
@@ -288,7 +287,7 @@ def follow_starts(plan: Plan, starts: Iterable[Found], searched: SearchScope) ->
         _check(journal, plan)
         follow, starts = journal.recording(follower.follow, gauge), journal.starts(starts)
     discovery = Discovery(follower, plan.report, budget, follow)
-    plan.branches.edges = discovery.edges
+    plan.branches.pieces = lambda: (edge.points for edge in discovery.edges)
     if searched.promise == Guarantee.NOTHING and searched != NOT_SEARCHED:
         starts = chain(starts, _reentries(discovery, plan))
     without_digits: list[Array] = []

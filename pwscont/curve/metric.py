@@ -28,6 +28,8 @@ ROUNDING_OF_ALPHA = GUARD * EPS / CONVERGED
 #: direction.
 WHOLE, PROJECTIONS = 64, 16
 EVERYWHERE = (-math.inf, math.inf)
+#: Smallest square of the length of a chord that is divided by.
+TINY = 1e-300
 _NONE = np.zeros(0, dtype=np.intp)
 
 
@@ -198,3 +200,14 @@ def stretch(metric: Metric, known: Sequence[Array], x: Array, step: Array) -> fl
         inner = float(metric.covector(metric.difference(x, other)).dot(step))
         slope += -2.0 * inner / distance**2 / (1.0 + 1.0 / distance)
     return 1.0 / (1.0 - slope) if slope != 1.0 else 1.0
+
+
+def nearest_on_chords(points: Array, x: Array, metric: Metric) -> tuple[float, Array]:
+    """Return the nearest point of a polygon, and its distance as a part of the chord's length."""
+    starts, chords = points[:-1] / metric.scale, np.diff(points, axis=0) / metric.scale
+    away = metric.difference(x, points[:-1]) / metric.scale
+    lengths = np.maximum((chords**2).sum(axis=1), TINY)
+    parts = np.clip((away * chords).sum(axis=1) / lengths, 0.0, 1.0)
+    distances = np.linalg.norm(away - parts[:, np.newaxis] * chords, axis=1) / np.sqrt(lengths)
+    i = int(np.argmin(distances))
+    return float(distances[i]), (starts[i] + parts[i] * chords[i]) * metric.scale

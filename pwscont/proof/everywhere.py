@@ -6,7 +6,6 @@ from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import partial
-from types import SimpleNamespace
 from typing import Any, final
 
 import numpy as np
@@ -227,9 +226,8 @@ class AlsoProved(Search):
     ) -> Iterator[Found]:
         """Yield what the search finds, then what is proved."""
         prove = partial(self.prove_again, system, metric, interval, known)
-        asked = {name: getattr(known, name) for name in ("at", "near", "extremes", "leave_off")}
-        beside: Any = SimpleNamespace(**asked, are_all=lambda: prove() is not None)
-        yield from starts_of(self.search, system, metric, interval, beside)
+        known.are_all = lambda: prove() is not None
+        yield from starts_of(self.search, system, metric, interval, known)
         if proof := prove():
             yield from _proved_starts(proof, system, metric, known)
 
