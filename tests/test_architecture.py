@@ -59,12 +59,12 @@ BUDGET = {
     "system": (10, 2184),
     "linear": (11, 1466),
     "notation": (13, 2862),
-    "curve": (14, 2887),
+    "curve": (14, 2904),
     "enumeration": (11, 2603),
-    "transitions": (12, 3575),
+    "transitions": (12, 3562),
     "graph": (10, 2632),
     "search": (7, 1665),
-    "continuation": (8, 2722),
+    "continuation": (8, 2713),
     "kit": (4, 939),
     "proof": (13, 2453),
     "scenes": (14, 2650),
@@ -76,7 +76,7 @@ BUDGET = {
     "commands": (10, 1150),
 }
 #: Most files and classes that the README's arch meets; a change that needs more says why.
-MOST_FILES_MET, MOST_CLASSES_MET = 50, 56
+MOST_FILES_MET, MOST_CLASSES_MET = 50, 55
 
 
 def module_of(path):

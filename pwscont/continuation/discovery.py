@@ -30,7 +30,6 @@ from pwscont.continuation.known import (
     Node,
     accumulating,
     match,
-    name_of,
     repeats,
 )
 from pwscont.curve.error_samples import magnitude
@@ -375,8 +374,7 @@ class Discovery:
 
     def _is_known(self, ray: Ray) -> bool:
         """Tell whether a ray starts on a piece that has been followed."""
-        names, state = tuple(map(name_of, ray.cells)), ray.state
-        beside = (edge for edge in self.edges if edge.is_in(names))
+        state, beside = ray.state, (edge for edge in self.edges if edge.is_in(ray.cells))
         return any(edge.passes(ray.curve, state.x, state.size) for edge in beside)
 
     def _is_twin(self, start: Corner) -> bool:

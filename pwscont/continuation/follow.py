@@ -24,7 +24,7 @@ from pwscont.basics.outcome import Failure, FailureReason, Kind
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.magnitudes import Gauge
 from pwscont.curve.step_size import StepSize, step_size_of
-from pwscont.curve.stepper import CurvedSegment, ExactLinear, Segment, Stepper
+from pwscont.curve.stepper import CurvedSegment, Segment, Stepper, StraightSegment
 from pwscont.system.contract import refuse_wrong_jacobian
 from pwscont.system.differences import FINEST_PART, REFINEMENT, STEP
 from pwscont.transitions.bounding import BoundingTests
@@ -51,7 +51,7 @@ def default_detectors(
     Branch points come before folds, for alpha may turn at a branch point.
     """
     ends = IntervalEnds(*interval)
-    if isinstance(stepper, ExactLinear):
+    if stepper.takes_rays:
         return ends, StraightTests()
     return ends, BoundingTests(), SmoothBranchPoints(), SmoothFolds()
 
@@ -236,11 +236,12 @@ class PieceFollower:
             stepper = stepper.stretched(factor) if factor > 1.0 else stepper
         interval, before = self.interval, self._step_before
         step = stepper.step(self._curve, interval, self._state, before, longest)
-        if isinstance(step, CurvedSegment):
+        if isinstance(step, CurvedSegment) and not stepper.takes_rays:
             largest = (step_size_of(stepper) or StepSize()).largest
             self._tiny = self._tiny + 1 if step.length < TINY_PART * largest else 0
-        elif not isinstance(step, Segment | Failure):
-            raise self._broken("step", "a Segment or a Failure", step)
+        elif not isinstance(step, Failure | (StraightSegment if stepper.takes_rays else Segment)):
+            kind = "StraightSegment" if stepper.takes_rays else "Segment"
+            raise self._broken("step", f"a {kind} or a Failure", step)
         return step
 
     def _aimed(self, longest: float, reading: Reading) -> tuple[CurvedSegment, Event] | None:

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from hashlib import blake2b
 from typing import NamedTuple, final
 
 import numpy as np
@@ -28,17 +27,9 @@ from pwscont.system.system import PiecewiseSystem
 from pwscont.transitions.detector import Said, worded
 from pwscont.transitions.rays import Ray
 
-#: A name of a cell with more bytes than the first number is replaced by a digest, with the second
-#: number of bytes.
-LONG, DIGEST = 64, 20
 #: Places closer than this times the size of the place are the same, if the rays there agree.
 #: Far above the accuracy of a located point, far below what separates equal transitions.
 JOIN = EPS**0.5
-
-
-def name_of(cell: bytes) -> bytes:
-    """Return the short name of a cell."""
-    return cell if len(cell) <= LONG else blake2b(cell, digest_size=DIGEST).digest()
 
 
 @final
@@ -56,7 +47,7 @@ class KnownRay:
     def of(cls, ray: Ray, place: Place) -> KnownRay:
         """Return what to remember of a ray that leaves a place."""
         sketch = ray.curve.metric.sketch(ray.state.tangent)
-        return cls(place, tuple(map(name_of, ray.cells)), sketch, ray)
+        return cls(place, ray.cells, sketch, ray)
 
     def is_at(self, metric: Metric, x: Array, size: Array) -> bool:
         """Tell whether a point with an error of this size is where the ray starts."""

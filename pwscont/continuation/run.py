@@ -46,7 +46,7 @@ from pwscont.curve.magnitudes import Gauge, MisjudgedError, rounded_to_one
 from pwscont.curve.metric import Metric
 from pwscont.curve.pseudo_arclength import CURVED, STRAIGHT
 from pwscont.curve.step_size import step_size_of
-from pwscont.curve.stepper import ExactLinear, Stepper
+from pwscont.curve.stepper import Stepper
 from pwscont.enumeration.continua import find_continua
 from pwscont.graph import BranchGraph
 from pwscont.graph.queries import joined
@@ -107,11 +107,12 @@ def checked_interval(system: PiecewiseSystem, interval: tuple[float, float]) -> 
 
 
 def check_stepper_fits(system: PiecewiseSystem, stepper: Any) -> None:
-    """Refuse what is no stepper, and the exact stepper where pieces are curved."""
+    """Refuse what is no stepper, and a stepper that takes rays where pieces are curved."""
     checked_kind("stepper", stepper, Stepper)
-    if isinstance(stepper, ExactLinear) and not isinstance(system, PiecewiseLinearSystem):
-        words = f"{type(system).__name__} is none; use PseudoArclength"
-        raise InvalidInputError(f"ExactLinear needs a PiecewiseLinearSystem, and {words}")
+    if stepper is None or not stepper.takes_rays or isinstance(system, PiecewiseLinearSystem):
+        return
+    words = f"{type(stepper).__name__} needs a PiecewiseLinearSystem, and {type(system).__name__}"
+    raise InvalidInputError(f"{words} is none; use PseudoArclength")
 
 
 @final
@@ -194,7 +195,7 @@ class Plan:
 
     def few_threads(self) -> AbstractContextManager[Any]:
         """Let BLAS use as few threads as are fast for the steps of the stepper."""
-        if isinstance(self.stepper, ExactLinear):
+        if self.stepper.takes_rays:
             return few_threads(self.reduced_system.size, MOST_MULTIPLIED)
         return few_threads(self.reduced_system.size, MOST_FACTORISED, few=0)
 
