@@ -23,6 +23,7 @@ from pwscont.basics.errors import InvalidInputError
 from pwscont.basics.outcome import Failure, FailureReason, Kind
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.magnitudes import Gauge
+from pwscont.curve.metric import Range
 from pwscont.curve.step_size import StepSize, step_size_of
 from pwscont.curve.stepper import CurvedSegment, Segment, Stepper, StraightSegment
 from pwscont.system.contract import refuse_wrong_jacobian
@@ -43,9 +44,7 @@ from pwscont.transitions.straight import StraightTests
 from pwscont.transitions.watch import Event, Watch, first_on_curve, first_on_ray
 
 
-def default_detectors(
-    stepper: Stepper, interval: tuple[float, float]
-) -> tuple[TransitionDetector, ...]:
+def default_detectors(stepper: Stepper, interval: Range) -> tuple[TransitionDetector, ...]:
     """Return the detectors of every run: straight pieces neither fold nor branch in a cell.
 
     Branch points come before folds, for alpha may turn at a branch point.
@@ -147,7 +146,7 @@ class PieceFollower:
         self,
         stepper: Stepper,
         watch: Watch,
-        interval: tuple[float, float],
+        interval: Range,
         bounds: Bounds | None = None,
         straight: StraightTests | None = None,
         gauge: Gauge | None = None,

@@ -43,7 +43,7 @@ from pwscont.curve.curve import Curve
 from pwscont.curve.error_samples import Found, has_digits, is_inside
 from pwscont.curve.looks import gap_of
 from pwscont.curve.magnitudes import Gauge, MisjudgedError, rounded_to_one
-from pwscont.curve.metric import Metric
+from pwscont.curve.metric import Metric, Range
 from pwscont.curve.pseudo_arclength import CURVED, STRAIGHT
 from pwscont.curve.step_size import step_size_of
 from pwscont.curve.stepper import Stepper
@@ -121,7 +121,7 @@ class Plan:
     """The parts of a run."""
 
     system: PiecewiseSystem  # fitted to the interval, as by PiecewiseSystem.within
-    interval: tuple[float, float]
+    interval: Range
     reduction: Reduction | None  # where parts of the system provably stay in one mode
     stepper: Stepper
     foreign: tuple[TransitionDetector, ...]  # detectors that a user gave
@@ -138,7 +138,7 @@ class Plan:
     def of(
         cls,
         system: PiecewiseSystem,
-        interval: tuple[float, float],
+        interval: Range,
         stepper: Stepper | None,
         watched: Watched,
         budget: Budget,
@@ -266,7 +266,6 @@ def default_search_of(plan: Plan, around: Sequence[Array] = ()) -> Search:
     return AlsoProved(search)
 
 
-Interval = tuple[float, float]
 #: How far beyond an end of the interval a path is followed, as a part of the interval.
 PART_BEYOND = 0.25
 #: Fewest pieces over which a path is followed beyond the interval, and most paths.
@@ -420,7 +419,7 @@ def _reentries(discovery: Discovery, plan: Plan) -> Iterator[Found]:
             yield from found
 
 
-def _coming_back(plan: Plan, ray: Ray, end: float, beyond: Interval, limits: Limits) -> list[Found]:
+def _coming_back(plan: Plan, ray: Ray, end: float, beyond: Range, limits: Limits) -> list[Found]:
     """Return where the path of a ray comes back from an interval to the same end."""
     scale, selection = plan.metric.scale, ray.curve.selection
     system = plan.reduced_system.within(*beyond, scale[:-1])

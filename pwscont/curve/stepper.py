@@ -13,6 +13,7 @@ from pwscont.basics.printing import at, named
 from pwscont.basics.rounding import CONFIDENCE, CONVERGED
 from pwscont.curve.corrector import BorderedNewton
 from pwscont.curve.curve import Curve, State
+from pwscont.curve.metric import Range
 from pwscont.curve.newton import Border, by_chords
 from pwscont.linear.factor import Factor
 from pwscont.linear.vectors import dot, plus, times
@@ -203,12 +204,7 @@ class Stepper(ABC):
 
     @abstractmethod
     def step(
-        self,
-        curve: Curve,
-        interval: tuple[float, float],
-        state: State,
-        before: Segment | None,
-        longest: float,
+        self, curve: Curve, interval: Range, state: State, before: Segment | None, longest: float
     ) -> Segment | Failure:
         """Return the next segment from ``state``.
 
@@ -279,12 +275,7 @@ class ExactLinear(Stepper):
     takes_rays = True
 
     def step(
-        self,
-        curve: Curve,
-        interval: tuple[float, float],
-        state: State,
-        before: Segment | None,
-        longest: float,
+        self, curve: Curve, interval: Range, state: State, before: Segment | None, longest: float
     ) -> Segment | Failure:
         """Return the ray from ``state``."""
         return StraightSegment(curve, state)

@@ -20,7 +20,8 @@ import numpy as np
 from scipy.sparse.csgraph import connected_components
 
 from pwscont.basics.arrays import Array, Signs
-from pwscont.graph.proved import BoxProof, Corners, CountedStretch, Range
+from pwscont.curve.metric import Range
+from pwscont.graph.proved import BoxProof, Corners, CountedStretch
 from pwscont.proof.enclosures import evaluated, with_slopes
 from pwscont.proof.interval import FUNCTION_ULPS, Interval, chosen, solved, together
 from pwscont.proof.operations import OPERATIONS, branch

@@ -16,8 +16,8 @@ from pwscont.basics.errors import InvalidInputError
 from pwscont.basics.outcome import Guarantee, SearchScope
 from pwscont.curve.error_samples import Found
 from pwscont.curve.magnitudes import nonlinear_reach
-from pwscont.curve.metric import Metric
-from pwscont.graph.proved import BoxProof, Range
+from pwscont.curve.metric import Metric, Range
+from pwscont.graph.proved import BoxProof
 from pwscont.proof.counts import counted_proof
 from pwscont.proof.formulas import check_tape, tape_of
 from pwscont.proof.interval import Interval

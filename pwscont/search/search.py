@@ -15,7 +15,7 @@ from pwscont.basics.outcome import Guarantee, SearchScope
 from pwscont.basics.printing import at, short
 from pwscont.basics.rounding import SAME_ALPHA
 from pwscont.curve.error_samples import Found
-from pwscont.curve.metric import Metric, nearest_on_chords
+from pwscont.curve.metric import Metric, Range, nearest_on_chords
 from pwscont.graph.proved import Proof
 from pwscont.system.selection import unexplained
 from pwscont.system.system import PiecewiseSystem, SlicewiseLinearSystem
@@ -91,17 +91,11 @@ class Search(ABC):
     """
 
     @abstractmethod
-    def starts(
-        self, system: PiecewiseSystem, metric: Metric, interval: tuple[float, float]
-    ) -> Iterator[Found]:
+    def starts(self, system: PiecewiseSystem, metric: Metric, interval: Range) -> Iterator[Found]:
         """Yield solutions (z, alpha) with errors; a component may be hit repeatedly."""
 
     def starts_beside(
-        self,
-        system: PiecewiseSystem,
-        metric: Metric,
-        interval: tuple[float, float],
-        known: KnownBranches,
+        self, system: PiecewiseSystem, metric: Metric, interval: Range, known: KnownBranches
     ) -> Iterator[Found]:
         """Yield starts as :meth:`starts` does; starts on known branches may be left out.
 
@@ -117,16 +111,12 @@ class Search(ABC):
         """
         return SearchScope(type(self).__name__, Guarantee.NOTHING)
 
-    def proved(self, system: PiecewiseSystem, interval: tuple[float, float]) -> Proof | None:
+    def proved(self, system: PiecewiseSystem, interval: Range) -> Proof | None:
         """Return what the last run of the search proved of a system; default nothing."""
         return None
 
     def prove_again(
-        self,
-        system: PiecewiseSystem,
-        metric: Metric,
-        interval: tuple[float, float],
-        known: KnownBranches,
+        self, system: PiecewiseSystem, metric: Metric, interval: Range, known: KnownBranches
     ) -> Proof | None:
         """Return what a run would prove whose search a journal does not repeat; default nothing."""
         return None
@@ -148,34 +138,24 @@ class CombinedSearch(Search):
     first: Search
     second: Search
 
-    def starts(
-        self, system: PiecewiseSystem, metric: Metric, interval: tuple[float, float]
-    ) -> Iterator[Found]:
+    def starts(self, system: PiecewiseSystem, metric: Metric, interval: Range) -> Iterator[Found]:
         """Yield what the first finds, then what the second finds."""
         return self.starts_beside(system, metric, interval, KnownBranches())
 
     def starts_beside(
-        self,
-        system: PiecewiseSystem,
-        metric: Metric,
-        interval: tuple[float, float],
-        known: KnownBranches,
+        self, system: PiecewiseSystem, metric: Metric, interval: Range, known: KnownBranches
     ) -> Iterator[Found]:
         """Yield what the first finds, then what the second finds."""
         yield from starts_of(self.first, system, metric, interval, known)
         yield from starts_of(self.second, system, metric, interval, known)
 
-    def proved(self, system: PiecewiseSystem, interval: tuple[float, float]) -> Proof | None:
+    def proved(self, system: PiecewiseSystem, interval: Range) -> Proof | None:
         """Return what either search proved."""
         first = self.first.proved(system, interval)
         return first if first is not None else self.second.proved(system, interval)
 
     def prove_again(
-        self,
-        system: PiecewiseSystem,
-        metric: Metric,
-        interval: tuple[float, float],
-        known: KnownBranches,
+        self, system: PiecewiseSystem, metric: Metric, interval: Range, known: KnownBranches
     ) -> Proof | None:
         """Return what either search proves."""
         first = self.first.prove_again(system, metric, interval, known)
@@ -199,11 +179,7 @@ def scope_of(search: Search, system: PiecewiseSystem) -> SearchScope:
 
 
 def starts_of(
-    search: Search,
-    system: PiecewiseSystem,
-    metric: Metric,
-    interval: tuple[float, float],
-    known: KnownBranches,
+    search: Search, system: PiecewiseSystem, metric: Metric, interval: Range, known: KnownBranches
 ) -> Iterator[Found]:
     """Yield what a search finds beside known branches, or refuse what is no start, by name."""
     what = f"{type(search).__name__}.starts"
@@ -217,7 +193,7 @@ def starts_of(
         yield x, error
 
 
-def _checked(what: str, start: Any, size: int, interval: tuple[float, float]) -> Found:
+def _checked(what: str, start: Any, size: int, interval: Range) -> Found:
     """Return a pair (x, error) of arrays with x in the interval; refuse any other start."""
     if isinstance(start, np.ndarray) and start.shape == (size + 1,):
         raise InvalidInputError(f"{what} yields x, {short(repr(start))}: {WANTED}")
