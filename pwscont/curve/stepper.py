@@ -204,7 +204,12 @@ class Stepper(ABC):
 
     @abstractmethod
     def step(
-        self, curve: Curve, interval: Range, state: State, before: Segment | None, longest: float
+        self,
+        curve: Curve,
+        interval: tuple[float, float],
+        state: State,
+        before: Segment | None,
+        longest: float,
     ) -> Segment | Failure:
         """Return the next segment from ``state``.
 
