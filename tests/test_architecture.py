@@ -56,16 +56,16 @@ LONGEST_FILE = 500
 #: becomes smaller, its budget becomes smaller.
 BUDGET = {
     "basics": (10, 1172),
-    "system": (10, 2184),
+    "system": (10, 2183),
     "linear": (11, 1466),
-    "notation": (13, 2862),
-    "curve": (14, 2874),
+    "notation": (13, 2864),
+    "curve": (14, 2893),
     "enumeration": (11, 2603),
-    "transitions": (12, 3575),
+    "transitions": (12, 3563),
     "graph": (10, 2613),
-    "search": (7, 1640),
-    "continuation": (8, 2784),
-    "kit": (4, 940),
+    "search": (7, 1627),
+    "continuation": (8, 2711),
+    "kit": (4, 939),
     "proof": (10, 2192),
     "scenes": (14, 2650),
     "view": (6, 940),
@@ -76,7 +76,7 @@ BUDGET = {
     "commands": (10, 1150),
 }
 #: Most files and classes that the README's arch meets; a change that needs more says why.
-MOST_FILES_MET, MOST_CLASSES_MET = 50, 58
+MOST_FILES_MET, MOST_CLASSES_MET = 50, 55
 
 
 def module_of(path):

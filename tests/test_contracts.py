@@ -7,6 +7,7 @@ import pytest
 from readings import At
 
 from pwscont import (
+    LCP,
     EndPoints,
     InvalidInputError,
     MoorePenrose,
@@ -431,6 +432,20 @@ def returning(value):
 def test_a_stepper_that_returns_no_segment_is_named(value):
     with pytest.raises(InvalidInputError, match="must return a Segment or a Failure"):
         explore(Smooth(), (-1.0, 1.0), stepper=returning(value))
+
+
+def test_a_stepper_that_promises_rays_takes_rays():
+    class Broken(Stepper):
+        takes_rays = True
+
+        def step(self, *asked):
+            return PseudoArclength().step(*asked)
+
+    problem = LCP([[2, 1], [1, 2]], q=[-1, -1], d=[1, 0])
+    with pytest.raises(InvalidInputError, match="must return a StraightSegment or a Failure"):
+        explore(problem, (-1.0, 2.0), stepper=Broken())
+    with pytest.raises(InvalidInputError, match="Broken needs a PiecewiseLinearSystem"):
+        explore(Smooth(), (-1.0, 1.0), stepper=Broken())
 
 
 def test_a_failure_may_have_words_of_its_own():

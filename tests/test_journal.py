@@ -139,13 +139,10 @@ def test_a_walk_reads_as_it_was_written(run, monkeypatch):
     run()
     assert any(ray.interface_cells for ray, _ in walks) == (run is along_a_boundary)
     for ray, found in walks:
-        read = piece_of(written(found), ray)
-        np.testing.assert_array_equal(read.points, found.points)
-        assert (read.arrival.kind, read.arrival.message) == (
-            found.arrival.kind,
-            found.arrival.message,
-        )
-        for a, b in zip(read.arrival.rays, found.arrival.rays, strict=True):
+        (read, there), (points, arrival) = piece_of(written(found), ray), found
+        np.testing.assert_array_equal(read, points)
+        assert (there.kind, there.message) == (arrival.kind, arrival.message)
+        for a, b in zip(there.rays, arrival.rays, strict=True):
             assert a.cells == b.cells
             assert a.curve.selection.bounding.tolist() == b.curve.selection.bounding.tolist()
             assert (a.index, a.state.orientation) == (b.index, b.state.orientation)

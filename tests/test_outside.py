@@ -30,7 +30,7 @@ def followed(angle, way, sign):
     ray = Ray(curve, State(x, tangent, np.full((1, 2), 1e-16), orientation))
     bounds = Bounds(Box.of(system), ())
     watch = Watch(default_detectors(stepper, INTERVAL))
-    return PieceFollower(stepper, watch, INTERVAL, bounds).follow(ray).arrival
+    return PieceFollower(stepper, watch, INTERVAL, bounds).follow(ray)[1]
 
 
 @pytest.mark.parametrize("angle", [0.5, 0.3, 0.1, -0.4])

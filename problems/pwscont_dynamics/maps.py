@@ -8,7 +8,7 @@ from typing import Any, Self, final
 import numpy as np
 
 from pwscont import Block, Character, InvalidInputError, PiecewiseLinearSystem, PiecewiseSystem
-from pwscont.extending import EPS, Array, BringsSearches, Search, dense, finite_array
+from pwscont.extending import EPS, Array, BringsSearches, Indices, Search, dense, finite_array
 from pwscont_dynamics.called import Called, Function, affine, first_coordinate, positive_whole
 from pwscont_dynamics.shorter import ShorterPeriods, largest_divisors
 
@@ -52,9 +52,9 @@ class Orbits(PiecewiseSystem, BringsSearches):
     def _points(self, z: Array) -> Array:
         return z.reshape(self.period, self.n)
 
-    def _places(self) -> Array:
+    def _places(self) -> Indices:
         """Return the places of the coordinates of each point in the unknowns, shape (k, n)."""
-        places: Array = np.arange(self.size).reshape(self.period, self.n)
+        places: Indices = np.arange(self.size).reshape(self.period, self.n)
         return places
 
     # -- searches ----------------------------------------------------------------------------

@@ -8,7 +8,8 @@ from __future__ import annotations
 
 from collections import defaultdict, deque
 from collections.abc import Callable, Iterable, Sequence
-from functools import reduce
+from dataclasses import replace
+from functools import partial, reduce
 from typing import final
 
 import numpy as np
@@ -17,7 +18,7 @@ from pwscont.basics.arrays import Array
 from pwscont.basics.budget import Budget
 from pwscont.basics.outcome import ON_BOUND, Kind
 from pwscont.basics.rounding import SAME_ALPHA
-from pwscont.continuation.follow import ENDLESS, LONG_CHANGE, FollowedPiece, PieceFollower
+from pwscont.continuation.follow import ENDLESS, LONG_CHANGE, Followed, PieceFollower, is_cut
 from pwscont.continuation.known import (
     EVERY,
     JOIN,
@@ -29,7 +30,6 @@ from pwscont.continuation.known import (
     Node,
     accumulating,
     match,
-    name_of,
     repeats,
 )
 from pwscont.curve.error_samples import magnitude
@@ -49,6 +49,18 @@ def place_of_arrival(arrival: SpecialPointFound) -> Place:
         return Place(x, magnitude(x, np.zeros((1, len(x)))))
     first, *others = [ray.state.size for ray in arrival.rays]
     return Place(x, reduce(np.maximum, [size for size in others if size is not first], first))
+
+
+def _sharing(arrival: SpecialPointFound, ray: Ray) -> SpecialPointFound:
+    """Return an arrival whose ray back shares the interface and the index of the piece's ray.
+
+    Beyond an event the ray that goes on along the interface gets both, too.
+    """
+    if not ray.interface_cells:
+        return arrival
+    along = len(arrival.rays) if arrival.kind == Kind.EVENT else 1
+    share = partial(replace, interface_cells=ray.interface_cells, index=ray.index)
+    return arrival.leading((*map(share, arrival.rays[:along]), *arrival.rays[along:]))
 
 
 #: Along a path to infinity other unknowns may oscillate, so that the distance of the path from zero
@@ -88,7 +100,7 @@ class Discovery:
         follower: PieceFollower,
         report: Callable[[int, float], None],
         budget: Budget,
-        follow: Callable[[Ray], FollowedPiece] | None = None,
+        follow: Callable[[Ray], Followed] | None = None,
     ) -> None:
         self._follower, self._report, self._budget = follower, report, budget
         self._piece_from = follow or follower.follow
@@ -177,21 +189,21 @@ class Discovery:
             left.ray, self._repeats = None, True
             here.stop(REPEATS)
             return
-        piece = self._piece_from(ray).sharing(ray)
-        piece.arrival = self._inside(piece.arrival, back=1)
-        if piece.is_cut and len(piece.points) == 1:
+        points, arrival = self._piece_from(ray)
+        arrival = self._inside(_sharing(arrival, ray), back=1)
+        if len(points) == 1 and is_cut(arrival, self._budget):
             return
         left.ray = None
-        if len(piece.points) == 1:  # not a single step could be taken
-            here.stop(piece.arrival.message)
+        if len(points) == 1:  # not a single step could be taken
+            here.stop(arrival.message)
             return
-        if piece.arrival.kind == Kind.END:
-            self.leaving.append(piece.arrival.rays[0].reversed())
-        if piece.arrival.said == ENDLESS:
-            self._endless.append(piece.arrival.rays[0])
-        end = place_of_arrival(piece.arrival)
-        reached = self._reach(piece, end, left)
-        edge = Edge.of(ray, left, piece.inner, reached, end)
+        if arrival.kind == Kind.END:
+            self.leaving.append(arrival.rays[0].reversed())
+        if arrival.said == ENDLESS:
+            self._endless.append(arrival.rays[0])
+        end = place_of_arrival(arrival)
+        reached = self._reach(points, arrival, end, left)
+        edge = Edge.of(ray, left, points, reached, end)
         for place in self._starts:
             if _passes_place(edge, ray, place):
                 self._starts.remove(place)
@@ -201,7 +213,7 @@ class Discovery:
         self.nodes[reached].before = self.nodes[reached].before or (left.node, left.names)
         if not ray.curve.selection.is_straight:  # straight pieces pass over nothing
             self._keep_shorter(self.edges[-1], left, ray)
-        self._report(len(self.edges), float(piece.points[-1][-1]))
+        self._report(len(self.edges), float(points[-1][-1]))
 
     def _inside(self, arrival: SpecialPointFound, back: int) -> SpecialPointFound:
         """Return a special point without the rays that leave interval or bounds at once.
@@ -227,25 +239,27 @@ class Discovery:
         said = f"{worded(arrival.said)}; {ON_BOUND}: {why}"
         return SpecialPointFound(arrival.kind, arrival.x, said, rays)
 
-    def _reach(self, piece: FollowedPiece, place: Place, begun: KnownRay) -> int:
+    def _reach(
+        self, points: Sequence[Array], arrival: SpecialPointFound, place: Place, begun: KnownRay
+    ) -> int:
         """Return the node at which a piece arrived, and remove the node's ray that leads back.
 
         A piece that stops so close to its beginning that both ends seem one node is no loop: the
         end may be another node close by.
         """
-        rays = [KnownRay.of(ray, place) for ray in piece.arrival.rays]
-        left, node = None, self._node_of(piece.arrival, rays)
-        back = piece.arrival.rays[0]
+        rays = [KnownRay.of(ray, place) for ray in arrival.rays]
+        left, node = None, self._node_of(arrival, rays)
+        back = arrival.rays[0]
         metric, size = back.curve.metric, back.state.size
-        if node is not None and all(begun.is_at(metric, x, size) for x in piece.points[::-1]):
-            left, node = begun, self._node_of(piece.arrival, rays, left=begun)
+        if node is not None and all(begun.is_at(metric, x, size) for x in points[::-1]):
+            left, node = begun, self._node_of(arrival, rays, left=begun)
         if node is None:
-            node = self._new(piece.arrival, place, rays, first=1)
+            node = self._new(arrival, place, rays, first=1)
             self._remember(rays)
             return node
-        self._absorb(node, piece.arrival, rays, left if node == begun.node else None)
-        if node == begun.node and piece.arrival.kind == Kind.STOPPED:
-            self.nodes[node].stop(piece.arrival.message)
+        self._absorb(node, arrival, rays, left if node == begun.node else None)
+        if node == begun.node and arrival.kind == Kind.STOPPED:
+            self.nodes[node].stop(arrival.message)
         if known := match(self._known_rays, rays[0], left):
             known.ray = None
         return node
@@ -360,8 +374,7 @@ class Discovery:
 
     def _is_known(self, ray: Ray) -> bool:
         """Tell whether a ray starts on a piece that has been followed."""
-        names, state = tuple(map(name_of, ray.cells)), ray.state
-        beside = (edge for edge in self.edges if edge.is_in(names))
+        state, beside = ray.state, (edge for edge in self.edges if edge.is_in(ray.cells))
         return any(edge.passes(ray.curve, state.x, state.size) for edge in beside)
 
     def _is_twin(self, start: Corner) -> bool:

@@ -13,19 +13,19 @@ Failure modes and answers
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import final
+from typing import TypeAlias, final
 
 import numpy as np
 
 from pwscont.basics.arrays import Array, are_finite, generic
-from pwscont.basics.budget import check_budget, current_budget
+from pwscont.basics.budget import Budget, check_budget, current_budget
 from pwscont.basics.errors import InvalidInputError
 from pwscont.basics.outcome import Failure, FailureReason, Kind
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.magnitudes import Gauge
+from pwscont.curve.metric import Range
 from pwscont.curve.step_size import StepSize, step_size_of
-from pwscont.curve.stepper import CurvedSegment, ExactLinear, Segment, Stepper
+from pwscont.curve.stepper import CurvedSegment, Segment, Stepper, StraightSegment
 from pwscont.system.contract import refuse_wrong_jacobian
 from pwscont.system.differences import FINEST_PART, REFINEMENT, STEP
 from pwscont.transitions.bounding import BoundingTests
@@ -44,15 +44,13 @@ from pwscont.transitions.straight import StraightTests
 from pwscont.transitions.watch import Event, Watch, first_on_curve, first_on_ray
 
 
-def default_detectors(
-    stepper: Stepper, interval: tuple[float, float]
-) -> tuple[TransitionDetector, ...]:
+def default_detectors(stepper: Stepper, interval: Range) -> tuple[TransitionDetector, ...]:
     """Return the detectors of every run: straight pieces neither fold nor branch in a cell.
 
     Branch points come before folds, for alpha may turn at a branch point.
     """
     ends = IntervalEnds(*interval)
-    if isinstance(stepper, ExactLinear):
+    if stepper.takes_rays:
         return ends, StraightTests()
     return ends, BoundingTests(), SmoothBranchPoints(), SmoothFolds()
 
@@ -126,38 +124,13 @@ NEARLY_STILL = 1e-6
 SHORTENED = 0.75
 
 
-@final
-@dataclass(slots=True, eq=False)
-class FollowedPiece:
-    """A piece: its points, each of shape (n + 1,), and where it arrived.
+#: A piece: its points, each of shape (n + 1,), and where it arrived.
+Followed: TypeAlias = tuple[Sequence[Array], SpecialPointFound]
 
-    The piece is cut where the budget of the run was spent before the end of the piece.
-    """
 
-    points: Sequence[Array]
-    arrival: SpecialPointFound
-    is_cut: bool = False
-
-    @property
-    def inner(self) -> Array:
-        """The points between both ends, shape (k - 2, n + 1)."""
-        between = self.points[1:-1]
-        return np.array(between) if len(between) else np.empty((0, len(self.points[0])))
-
-    def sharing(self, ray: Ray) -> FollowedPiece:
-        """Return the piece with the interface and the index of a ray on the ray back.
-
-        Beyond an event the ray that goes on along the interface gets both, too.
-        """
-        if not ray.interface_cells:
-            return self
-        along = len(self.arrival.rays) if self.arrival.kind == Kind.EVENT else 1
-        rays = [
-            replace(r, interface_cells=ray.interface_cells, index=ray.index)
-            for r in self.arrival.rays[:along]
-        ]
-        rays += self.arrival.rays[along:]
-        return replace(self, arrival=self.arrival.leading(tuple(rays)))
+def is_cut(arrival: SpecialPointFound, budget: Budget) -> bool:
+    """Tell whether a piece stops before its end because the budget of the run is spent."""
+    return bool(budget.spent) and arrival.kind == Kind.STOPPED
 
 
 @final
@@ -173,7 +146,7 @@ class PieceFollower:
         self,
         stepper: Stepper,
         watch: Watch,
-        interval: tuple[float, float],
+        interval: Range,
         bounds: Bounds | None = None,
         straight: StraightTests | None = None,
         gauge: Gauge | None = None,
@@ -182,19 +155,19 @@ class PieceFollower:
         self._stepper, self._watch, self.interval, self.bounds = stepper, watch, interval, bounds
         self._straight, self._gauge, self._events = straight, gauge, events
 
-    def follow(self, ray: Ray) -> FollowedPiece:
+    def follow(self, ray: Ray) -> Followed:
         """Return the piece that ``ray`` begins, as far as the budget of the run allows."""
         self._begin(ray)
         try:
             check_budget()
             if arrival := self._straight and self._straight.next(ray, self.interval):
-                return FollowedPiece((ray.state.x, arrival.x), arrival)
+                return (ray.state.x, arrival.x), arrival
             self._state, selection = leaning(ray).state, ray.curve.selection
             if not selection.is_straight:
                 refuse_wrong_jacobian(selection.system, selection.character, ray.state.x)
             return self._to_the_end()
         except KeyboardInterrupt as why:
-            return replace(self._stopped(current_budget().end(why)), is_cut=True)
+            return self._stopped(current_budget().end(why))
 
     def _begin(self, ray: Ray) -> None:
         """Forget the last piece, and begin a piece with a ray."""
@@ -205,7 +178,7 @@ class PieceFollower:
         self._part = part_of(ray.curve)
         self._stops: EventsAlong | None = None
 
-    def _to_the_end(self) -> FollowedPiece:
+    def _to_the_end(self) -> Followed:
         """Return the piece, step after step."""
         watch, curve, events = self._watch, self._curve, self._events
         self._stops = events and events.stops_along(curve, self._state)
@@ -262,11 +235,12 @@ class PieceFollower:
             stepper = stepper.stretched(factor) if factor > 1.0 else stepper
         interval, before = self.interval, self._step_before
         step = stepper.step(self._curve, interval, self._state, before, longest)
-        if isinstance(step, CurvedSegment):
+        if isinstance(step, CurvedSegment) and not stepper.takes_rays:
             largest = (step_size_of(stepper) or StepSize()).largest
             self._tiny = self._tiny + 1 if step.length < TINY_PART * largest else 0
-        elif not isinstance(step, Segment | Failure):
-            raise self._broken("step", "a Segment or a Failure", step)
+        elif not isinstance(step, Failure | (StraightSegment if stepper.takes_rays else Segment)):
+            kind = "StraightSegment" if stepper.takes_rays else "Segment"
+            raise self._broken("step", f"a {kind} or a Failure", step)
         return step
 
     def _aimed(self, longest: float, reading: Reading) -> tuple[CurvedSegment, Event] | None:
@@ -317,7 +291,7 @@ class PieceFollower:
 
     # -- ends ------------------------------------------------------------------------------------
 
-    def _ended(self, step: Segment, event: Event) -> FollowedPiece:
+    def _ended(self, step: Segment, event: Event) -> Followed:
         """Return the piece that an event on the last step ends, with the ways on allowed there."""
         if end := self._ended_by_user(step, event.position):
             return end
@@ -326,9 +300,9 @@ class PieceFollower:
         arrival = events.ended(arrival) if events else arrival
         final = ended_by_system(arrival)
         arrival = arrival if final is arrival else final.leading(final.rays[:1])
-        return FollowedPiece(self._points_to(step, event.position, event.state), arrival)
+        return self._points_to(step, event.position, event.state), arrival
 
-    def _ended_by_user(self, step: Segment, length: float) -> FollowedPiece | None:
+    def _ended_by_user(self, step: Segment, length: float) -> Followed | None:
         """Return the piece up to the event of a user that ends the branch on a stretch, if any."""
         events = self._events
         if not (events and self._stops and length > 0.0):
@@ -337,7 +311,7 @@ class PieceFollower:
         if not marks:
             return None
         points = self._points_to(step, marks[0].position, marks[0].state)
-        return FollowedPiece(points, events.stopped(self._curve, marks[0]))
+        return points, events.stopped(self._curve, marks[0])
 
     def _points_to(self, step: Segment, position: float, end: State) -> list[Array]:
         """Return the points of a piece that ends on a step.
@@ -375,7 +349,7 @@ class PieceFollower:
                 return True
         return False
 
-    def _stopped(self, why: str) -> FollowedPiece:
+    def _stopped(self, why: str) -> Followed:
         """Return the piece that ends here; finer differences have been of no use."""
         part = part_of(self._curve)
         self._curve.selection.system.refine_differences(self._part)
@@ -385,9 +359,9 @@ class PieceFollower:
             self._end_inside(part)
         back = Ray(self._curve, self._state).reversed()
         arrival = SpecialPointFound(Kind.STOPPED, self._state.x, why, (back,))
-        return FollowedPiece(self._points, arrival)
+        return self._points, arrival
 
-    def _up_to_crossing(self) -> FollowedPiece | None:
+    def _up_to_crossing(self) -> Followed | None:
         """Return the piece up to a crossing of curves on an end of the interval, None without one.
 
         So close to a crossing Newton may find points of either curve: such points are left out.
@@ -399,7 +373,7 @@ class PieceFollower:
         points = far or self._points[:1]
         way = metric.covector(point.x - points[-1])
         rays = sorted(point.rays, key=lambda ray: float(way.dot(ray.state.tangent)))
-        return FollowedPiece([*points, point.x], point.leading(tuple(rays)))
+        return [*points, point.x], point.leading(tuple(rays))
 
     def _end_inside(self, part: float) -> None:
         """End at the last point at which H is finite; the end of the model is a few steps farther.

@@ -27,12 +27,13 @@ from typing import Any, TypeAlias, final
 import numpy as np
 
 from pwscont.basics.arrays import Array
+from pwscont.basics.budget import current_budget
 from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidInputError
 from pwscont.basics.outcome import Kind, kind_of
 from pwscont.basics.printing import counted, named
 from pwscont.basics.rounding import EPS
-from pwscont.continuation.follow import FollowedPiece
+from pwscont.continuation.follow import Followed, is_cut
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.error_samples import Found
 from pwscont.curve.magnitudes import Gauge
@@ -43,10 +44,10 @@ from pwscont.transitions.rays import Ray
 #: What is said of a journal that does not fit.
 OTHER_RUN, OTHER_VALUES = "it is of another run", "the values of its functions have changed"
 #: Returns the piece that a ray begins.
-Follow: TypeAlias = Callable[[Ray], FollowedPiece]
+Follow: TypeAlias = Callable[[Ray], Followed]
 
 
-def written(piece: FollowedPiece) -> tuple[str, bytes]:
+def written(piece: Followed) -> tuple[str, bytes]:
     """Return a piece as a text, which is a JSON object, and different rows of n + 1 doubles."""
     numbers: dict[bytes, int] = {}  # of each row that is different from all rows before
 
@@ -66,18 +67,18 @@ def written(piece: FollowedPiece) -> tuple[str, bytes]:
             "orientation": int(state.orientation),
         }
 
-    arrival = piece.arrival
+    points, arrival = piece
     header = {
         "kind": str(arrival.kind),
         "message": arrival.message,
-        "points": add(piece.points),
+        "points": add(points),
         "x": add(arrival.x[np.newaxis]),
         "rays": [told(ray) for ray in arrival.rays],
     }
     return json.dumps(header), b"".join(numbers)
 
 
-def piece_of(record: tuple[str, bytes], ray: Ray) -> FollowedPiece:
+def piece_of(record: tuple[str, bytes], ray: Ray) -> Followed:
     """Return the piece that was written; the first ray, ``ray``, has the system and the metric."""
     header = json.loads(record[0])
     rows = np.frombuffer(record[1]).reshape(-1, len(ray.state.x)).copy()
@@ -92,7 +93,7 @@ def piece_of(record: tuple[str, bytes], ray: Ray) -> FollowedPiece:
 
     rays, x = tuple(map(read, header["rays"])), rows[header["x"][0]]
     arrival = SpecialPointFound(kind_of(header["kind"]), x, header["message"], rays)
-    return FollowedPiece(list(rows[header["points"]]), arrival)
+    return list(rows[header["points"]]), arrival
 
 
 #: The lock is kept from one transaction to the next, and ends with the process.
@@ -338,12 +339,12 @@ class Journal:
         """Return a function that reads the pieces of a run, or follows and records them."""
         numbers = count()
 
-        def read_or_follow(ray: Ray) -> FollowedPiece:
+        def read_or_follow(ray: Ray) -> Followed:
             number = next(numbers)
             begun, known = _place(ray), self.recorded("walk", number)
             if known is None:
                 piece = follow(ray)
-                if not piece.is_cut:
+                if not is_cut(piece[1], current_budget()):
                     text, rows = written(piece)
                     self.record("walk", begun + text, rows)
                 return piece
@@ -354,8 +355,9 @@ class Journal:
                 raise self._refusal(f"{OTHER_RUN}: {OTHER_VALUES}; {ADVICE}")
             if gauge and not ray.curve.selection.is_straight:
                 # the step that a special point ended was not seen in the first run
-                is_whole = piece.arrival.kind == Kind.STOPPED
-                for step in pairwise(piece.points if is_whole else piece.points[:-1]):
+                points, arrival = piece
+                is_whole = arrival.kind == Kind.STOPPED
+                for step in pairwise(points if is_whole else points[:-1]):
                     gauge.see(*step)
             return piece
 
@@ -367,11 +369,11 @@ class Journal:
             self.record("finished")
 
 
-def _is_of_other_values(ray: Ray, piece: FollowedPiece) -> bool:
+def _is_of_other_values(ray: Ray, piece: Followed) -> bool:
     """Tell whether H does not vanish inside of a piece; at the ends a change may not be seen."""
-    selection, points, metric = ray.curve.selection, piece.points, ray.curve.metric
+    (points, arrival), selection, metric = piece, ray.curve.selection, ray.curve.metric
     x = points[len(points) // 2] if len(points) > 2 else 0.5 * (points[0] + points[-1])
-    error = np.vstack([ray.state.error, *(r.state.error for r in piece.arrival.rays[:1])])
+    error = np.vstack([ray.state.error, *(r.state.error for r in arrival.rays[:1])])
     return bool(unexplained(selection.system, selection.character, x, metric.scale, error))
 
 

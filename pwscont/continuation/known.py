@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from hashlib import blake2b
 from typing import NamedTuple, final
 
 import numpy as np
@@ -19,26 +18,18 @@ from pwscont.basics.character import Character
 from pwscont.basics.outcome import ACCUMULATE, Kind
 from pwscont.basics.rounding import CONFIDENCE, EPS
 from pwscont.curve.curve import Curve
-from pwscont.curve.metric import Metric
+from pwscont.curve.metric import Metric, nearest_on_chords
 from pwscont.graph.queries import solve_between
 from pwscont.graph.records import Place
-from pwscont.search.search import KnownBranches
+from pwscont.search.search import NEAR
 from pwscont.system.selection import Selection
 from pwscont.system.system import PiecewiseSystem
 from pwscont.transitions.detector import Said, worded
 from pwscont.transitions.rays import Ray
 
-#: A name of a cell with more bytes than the first number is replaced by a digest, with the second
-#: number of bytes.
-LONG, DIGEST = 64, 20
 #: Places closer than this times the size of the place are the same, if the rays there agree.
 #: Far above the accuracy of a located point, far below what separates equal transitions.
 JOIN = EPS**0.5
-
-
-def name_of(cell: bytes) -> bytes:
-    """Return the short name of a cell."""
-    return cell if len(cell) <= LONG else blake2b(cell, digest_size=DIGEST).digest()
 
 
 @final
@@ -56,7 +47,7 @@ class KnownRay:
     def of(cls, ray: Ray, place: Place) -> KnownRay:
         """Return what to remember of a ray that leaves a place."""
         sketch = ray.curve.metric.sketch(ray.state.tangent)
-        return cls(place, tuple(map(name_of, ray.cells)), sketch, ray)
+        return cls(place, ray.cells, sketch, ray)
 
     def is_at(self, metric: Metric, x: Array, size: Array) -> bool:
         """Tell whether a point with an error of this size is where the ray starts."""
@@ -158,12 +149,13 @@ class Edge(NamedTuple):
     begun_at: Place | None = None  # the point inside where tracing began, if not at a node
 
     @classmethod
-    def of(cls, ray: Ray, left: KnownRay, inner: Array, end: int, last: Place) -> Edge:
-        """Return the piece that a known ray began."""
+    def of(cls, ray: Ray, left: KnownRay, points: Sequence[Array], end: int, last: Place) -> Edge:
+        """Return the piece that a known ray began, from its points."""
         orientation = ray.state.orientation
         det_sign = int(np.sign(ray.curve.slope(ray.state))) * orientation
         det_sign = ray.index if ray.interface_cells else det_sign
         cells = (ray.curve.selection.character, *ray.interface_cells)
+        inner = np.array(points[1:-1]).reshape(-1, len(points[0]))
         track = left.place, inner, last
         return cls(left.node, end, cells, left.names, orientation, det_sign, *track)
 
@@ -204,7 +196,7 @@ class Edge(NamedTuple):
         metric, alpha, points = here.metric, float(x[-1]), self.points
         if not points[:, -1].min() <= alpha <= points[:, -1].max():
             return False
-        part, nearest = _nearest(points, x, metric)
+        part, nearest = nearest_on_chords(points, x, metric)
         if len(points) > 2:
             if part > OFF_THE_PIECE:
                 return False
@@ -217,61 +209,8 @@ class Edge(NamedTuple):
         return bool((np.abs(apart) <= CONFIDENCE * both).all())
 
 
-#: A curve strays from the chord between two stored points by less than this part of its length.
-NEAR = 0.2
 #: A point farther from each chord than this part of the chord's length is not on the piece.
 OFF_THE_PIECE = 5.0 * NEAR
-TINY = 1e-300
-
-
-@final
-class FollowedBranches(KnownBranches):
-    """The pieces of a discovery; none before the discovery begins."""
-
-    def __init__(self) -> None:
-        self.edges: Sequence[Edge] = ()
-        self.is_left_off = False  # whether a search was given up because of so many solutions
-
-    def at(self, alpha: float) -> list[Array]:
-        """Return a point for each known solution, by straight lines between stored points."""
-        found = []
-        for points in (edge.points for edge in self.edges):
-            sides = np.sign(points[:, -1] - alpha)
-            found += [points[i] for i in np.flatnonzero(sides == 0.0)]
-            for i in np.flatnonzero(sides[1:] * sides[:-1] < 0.0):
-                a, b = points[i], points[i + 1]
-                found.append(a + (alpha - a[-1]) / (b[-1] - a[-1]) * (b - a))
-        return found
-
-    def near(self, x: Array, metric: Metric) -> Array | None:
-        """Return the nearest point on the straight lines between stored points, if it is near."""
-        near = [_nearest(edge.points, x, metric) for edge in self.edges]
-        part, point = min(near, key=lambda each: each[0], default=(np.inf, x))
-        return point if part <= NEAR else None
-
-    def extremes(self) -> list[Array]:
-        """Return the points of pieces at which alpha or an unknown is extremal, each once."""
-        found = []
-        for points in (edge.points for edge in self.edges):
-            numbers = {*points.argmin(axis=0).tolist(), *points.argmax(axis=0).tolist()}
-            found += [points[i] for i in sorted(numbers)]
-        return found
-
-    def leave_off(self) -> None:
-        """Note that a search is given up."""
-        self.is_left_off = True
-
-
-def _nearest(points: Array, x: Array, metric: Metric) -> tuple[float, Array]:
-    """Return the nearest point of a polygon, and its distance as a part of the chord's length."""
-    starts, chords = points[:-1] / metric.scale, np.diff(points, axis=0) / metric.scale
-    away = metric.difference(x, points[:-1]) / metric.scale
-    lengths = np.maximum((chords**2).sum(axis=1), TINY)
-    parts = np.clip((away * chords).sum(axis=1) / lengths, 0.0, 1.0)
-    distances = np.linalg.norm(away - parts[:, np.newaxis] * chords, axis=1) / np.sqrt(lengths)
-    i = int(np.argmin(distances))
-    return float(distances[i]), (starts[i] + parts[i] * chords[i]) * metric.scale
-
 
 #: What a user reads at an end of a path that repeats itself.
 REPEATS = "the path repeats itself without end: set limits=Limits(pieces=...) to follow it further"

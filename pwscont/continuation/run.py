@@ -39,15 +39,14 @@ from pwscont.continuation.assembly import assemble, check_unique, divide, mark
 from pwscont.continuation.discovery import CROSSED, Discovery
 from pwscont.continuation.follow import PieceFollower, alone, default_detectors
 from pwscont.continuation.journal import Journal
-from pwscont.continuation.known import FollowedBranches
 from pwscont.curve.curve import Curve
 from pwscont.curve.error_samples import Found, has_digits, is_inside
 from pwscont.curve.looks import gap_of
 from pwscont.curve.magnitudes import Gauge, MisjudgedError, rounded_to_one
-from pwscont.curve.metric import Metric
+from pwscont.curve.metric import Metric, Range
 from pwscont.curve.pseudo_arclength import CURVED, STRAIGHT
 from pwscont.curve.step_size import step_size_of
-from pwscont.curve.stepper import ExactLinear, Stepper
+from pwscont.curve.stepper import Stepper
 from pwscont.enumeration.continua import find_continua
 from pwscont.graph import BranchGraph
 from pwscont.graph.queries import joined
@@ -56,7 +55,7 @@ from pwscont.graph.structure import NOT_SEARCHED
 from pwscont.linear.threads import MOST_FACTORISED, MOST_MULTIPLIED, few_threads
 from pwscont.search import Search
 from pwscont.search.default_search import default_search
-from pwscont.search.search import scope_of
+from pwscont.search.search import KnownBranches, scope_of
 from pwscont.system.abilities import Reducible, Reduction, formula_of, shown_size
 from pwscont.system.box import Box
 from pwscont.system.contract import check_attributes
@@ -108,11 +107,12 @@ def checked_interval(system: PiecewiseSystem, interval: tuple[float, float]) -> 
 
 
 def check_stepper_fits(system: PiecewiseSystem, stepper: Any) -> None:
-    """Refuse what is no stepper, and the exact stepper where pieces are curved."""
+    """Refuse what is no stepper, and a stepper that takes rays where pieces are curved."""
     checked_kind("stepper", stepper, Stepper)
-    if isinstance(stepper, ExactLinear) and not isinstance(system, PiecewiseLinearSystem):
-        words = f"{type(system).__name__} is none; use PseudoArclength"
-        raise InvalidInputError(f"ExactLinear needs a PiecewiseLinearSystem, and {words}")
+    if stepper is None or not stepper.takes_rays or isinstance(system, PiecewiseLinearSystem):
+        return
+    words = f"{type(stepper).__name__} needs a PiecewiseLinearSystem, and {type(system).__name__}"
+    raise InvalidInputError(f"{words} is none; use PseudoArclength")
 
 
 @final
@@ -121,7 +121,7 @@ class Plan:
     """The parts of a run."""
 
     system: PiecewiseSystem  # fitted to the interval, as by PiecewiseSystem.within
-    interval: tuple[float, float]
+    interval: Range
     reduction: Reduction | None  # where parts of the system provably stay in one mode
     stepper: Stepper
     foreign: tuple[TransitionDetector, ...]  # detectors that a user gave
@@ -132,13 +132,13 @@ class Plan:
     report: Report = silent
     journal: Journal | None = None
     gauge: Gauge | None = None  # judges the typical magnitudes by the path
-    branches: FollowedBranches = field(default_factory=FollowedBranches)  # for searches
+    branches: KnownBranches = field(default_factory=KnownBranches)  # for searches
 
     @classmethod
     def of(
         cls,
         system: PiecewiseSystem,
-        interval: tuple[float, float],
+        interval: Range,
         stepper: Stepper | None,
         watched: Watched,
         budget: Budget,
@@ -177,7 +177,7 @@ class Plan:
         if (sizes == self.metric.scale[:-1]).all():
             return self
         system = self.system.within(*self.interval, sizes)
-        return replace(self, system=system, branches=FollowedBranches())
+        return replace(self, system=system, branches=KnownBranches())
 
     @property
     def detectors(self) -> tuple[TransitionDetector, ...]:
@@ -195,7 +195,7 @@ class Plan:
 
     def few_threads(self) -> AbstractContextManager[Any]:
         """Let BLAS use as few threads as are fast for the steps of the stepper."""
-        if isinstance(self.stepper, ExactLinear):
+        if self.stepper.takes_rays:
             return few_threads(self.reduced_system.size, MOST_MULTIPLIED)
         return few_threads(self.reduced_system.size, MOST_FACTORISED, few=0)
 
@@ -266,7 +266,6 @@ def default_search_of(plan: Plan, around: Sequence[Array] = ()) -> Search:
     return AlsoProved(search)
 
 
-Interval = tuple[float, float]
 #: How far beyond an end of the interval a path is followed, as a part of the interval.
 PART_BEYOND = 0.25
 #: Fewest pieces over which a path is followed beyond the interval, and most paths.
@@ -288,7 +287,7 @@ def follow_starts(plan: Plan, starts: Iterable[Found], searched: SearchScope) ->
         _check(journal, plan)
         follow, starts = journal.recording(follower.follow, gauge), journal.starts(starts)
     discovery = Discovery(follower, plan.report, budget, follow)
-    plan.branches.edges = discovery.edges
+    plan.branches.pieces = lambda: (edge.points for edge in discovery.edges)
     if searched.promise == Guarantee.NOTHING and searched != NOT_SEARCHED:
         starts = chain(starts, _reentries(discovery, plan))
     without_digits: list[Array] = []
@@ -420,7 +419,7 @@ def _reentries(discovery: Discovery, plan: Plan) -> Iterator[Found]:
             yield from found
 
 
-def _coming_back(plan: Plan, ray: Ray, end: float, beyond: Interval, limits: Limits) -> list[Found]:
+def _coming_back(plan: Plan, ray: Ray, end: float, beyond: Range, limits: Limits) -> list[Found]:
     """Return where the path of a ray comes back from an interval to the same end."""
     scale, selection = plan.metric.scale, ray.curve.selection
     system = plan.reduced_system.within(*beyond, scale[:-1])

@@ -35,7 +35,7 @@ from pwscont.basics.budget import check_budget
 from pwscont.basics.character import Character
 from pwscont.basics.rounding import CONFIDENCE, EPS
 from pwscont.curve.error_samples import Found, magnitude
-from pwscont.curve.metric import SHORTEST, Metric
+from pwscont.curve.metric import SHORTEST, Metric, Range
 from pwscont.linear.balance import balanced
 from pwscont.linear.factorise import balanced_columns, bordered, last_unit
 from pwscont.system.box import Box
@@ -178,7 +178,7 @@ def are_alike(sizes: Array, others: Array) -> bool:
 
 
 @np.errstate(all="ignore")  # trial points may lie where H cannot be computed
-def rough_magnitudes(system: PiecewiseSystem, interval: tuple[float, float], z: Array) -> Array:
+def rough_magnitudes(system: PiecewiseSystem, interval: Range, z: Array) -> Array:
     """Return magnitudes from the terms of H around a point, shape (n,), one where H says nothing.
 
     ``system`` is fitted to the interval.
@@ -293,7 +293,7 @@ def _finite(sizes: Array) -> Array:
     return np.where(np.isfinite(sizes), sizes, 0.0)
 
 
-def _by_coefficients(system: PiecewiseLinearSystem, interval: tuple[float, float]) -> Array:
+def _by_coefficients(system: PiecewiseLinearSystem, interval: Range) -> Array:
     """Return the magnitudes that balance the rows of the cells of all positive and negative tests.
 
     Another unit of an unknown or of an equation changes nothing else.
@@ -302,7 +302,7 @@ def _by_coefficients(system: PiecewiseLinearSystem, interval: tuple[float, float
     return balanced(terms, system.size)[0]
 
 
-def _terms(system: PiecewiseLinearSystem, interval: tuple[float, float], sign: bool) -> Array:
+def _terms(system: PiecewiseLinearSystem, interval: Range, sign: bool) -> Array:
     """Return coefficients of z and values at z = 0 of a cell, shape (n, n + 2), sizes only."""
     zero = np.zeros(system.size)
     count = len(system.test_functions(zero, interval[0]))
@@ -312,7 +312,7 @@ def _terms(system: PiecewiseLinearSystem, interval: tuple[float, float], sign: b
     return _finite(np.abs(np.column_stack([jacobian, *values])))
 
 
-def _by_newton(system: PiecewiseSystem, interval: tuple[float, float], z: Array) -> Array:
+def _by_newton(system: PiecewiseSystem, interval: Range, z: Array) -> Array:
     """Return the sizes of the Newton steps at both ends, the largest for unknowns that stay."""
     steps = np.zeros(system.size)
     for alpha in interval:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from functools import cached_property
-from typing import final
+from typing import TypeAlias, final
 
 import numpy as np
 
@@ -27,7 +27,11 @@ ROUNDING_OF_ALPHA = GUARD * EPS / CONVERGED
 #: Most unknowns of a direction that is sketched whole, and the number of projections of a longer
 #: direction.
 WHOLE, PROJECTIONS = 64, 16
-EVERYWHERE = (-math.inf, math.inf)
+#: The least and the largest alpha, as of the interval of a run.
+Range: TypeAlias = tuple[float, float]
+EVERYWHERE: Range = (-math.inf, math.inf)
+#: Smallest square of the length of a chord that is divided by.
+TINY = 1e-300
 _NONE = np.zeros(0, dtype=np.intp)
 
 
@@ -53,7 +57,7 @@ class Metric:
     """
 
     def __init__(
-        self, scale: Array, interval: tuple[float, float] = EVERYWHERE, period: Array | None = None
+        self, scale: Array, interval: Range = EVERYWHERE, period: Array | None = None
     ) -> None:
         self.scale, self.interval, self.width = scale, interval, float(scale[-1])
         self._turning = np.flatnonzero(np.isfinite(period)) if period is not None else _NONE
@@ -66,7 +70,7 @@ class Metric:
         return named(self, f"{len(self.scale)} magnitudes", f"alpha in [{lo:.6g}, {hi:.6g}]")
 
     @classmethod
-    def of(cls, system: PiecewiseSystem, interval: tuple[float, float]) -> Metric:
+    def of(cls, system: PiecewiseSystem, interval: Range) -> Metric:
         """Return the metric of a system on an interval, in which the interval has length 1."""
         lo, hi = interval
         return cls._checked(system, system.scale(lo, hi), hi - lo, interval)
@@ -79,7 +83,7 @@ class Metric:
 
     @classmethod
     def _checked(
-        cls, system: PiecewiseSystem, magnitudes: Array, width: float, interval: tuple[float, float]
+        cls, system: PiecewiseSystem, magnitudes: Array, width: float, interval: Range
     ) -> Metric:
         everything = joined(checked_scale(system, magnitudes), width)
         least, most = smallest(everything), largest(everything)
@@ -198,3 +202,14 @@ def stretch(metric: Metric, known: Sequence[Array], x: Array, step: Array) -> fl
         inner = float(metric.covector(metric.difference(x, other)).dot(step))
         slope += -2.0 * inner / distance**2 / (1.0 + 1.0 / distance)
     return 1.0 / (1.0 - slope) if slope != 1.0 else 1.0
+
+
+def nearest_on_chords(points: Array, x: Array, metric: Metric) -> tuple[float, Array]:
+    """Return the nearest point of a polygon, and its distance as a part of the chord's length."""
+    starts, chords = points[:-1] / metric.scale, np.diff(points, axis=0) / metric.scale
+    away = metric.difference(x, points[:-1]) / metric.scale
+    lengths = np.maximum((chords**2).sum(axis=1), TINY)
+    parts = np.clip((away * chords).sum(axis=1) / lengths, 0.0, 1.0)
+    distances = np.linalg.norm(away - parts[:, np.newaxis] * chords, axis=1) / np.sqrt(lengths)
+    i = int(np.argmin(distances))
+    return float(distances[i]), (starts[i] + parts[i] * chords[i]) * metric.scale

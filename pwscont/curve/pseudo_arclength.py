@@ -30,6 +30,7 @@ from pwscont.curve.corrector import BorderedNewton, Corrected, Corrector, zero
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.error_samples import magnitude
 from pwscont.curve.looks import CLOSER_PLACES, farthest_off, gap_of
+from pwscont.curve.metric import Range
 from pwscont.curve.newton import Border, Root, uncertainty
 from pwscont.curve.predictor import Hermite, Predictor
 from pwscont.curve.step_size import StepSize
@@ -100,12 +101,7 @@ class PseudoArclength(Stepper):
         checked_kind("step_size of PseudoArclength", self.step_size, StepSize, is_needed=True)
 
     def step(
-        self,
-        curve: Curve,
-        interval: tuple[float, float],
-        state: State,
-        before: Segment | None,
-        longest: float,
+        self, curve: Curve, interval: Range, state: State, before: Segment | None, longest: float
     ) -> Segment | Failure:
         """Return a true step of the proposed length, of half of that length, and so on."""
         previous, length = self._proposed(before)
@@ -136,7 +132,7 @@ class PseudoArclength(Stepper):
     def _try(
         self,
         curve: Curve,
-        interval: tuple[float, float],
+        interval: Range,
         previous: State | None,
         state: State,
         length: float,
@@ -270,7 +266,7 @@ def _noise(curve: Curve, corrected: Corrected) -> float:
 
 def land_on_end(
     curve: Curve,
-    interval: tuple[float, float],
+    interval: Range,
     state: State,
     direction: Array,
     length: float,
@@ -346,12 +342,7 @@ class NaturalParameter(Stepper):
         checked_kind("step_size of NaturalParameter", self.step_size, StepSize, is_needed=True)
 
     def step(
-        self,
-        curve: Curve,
-        interval: tuple[float, float],
-        state: State,
-        before: Segment | None,
-        longest: float,
+        self, curve: Curve, interval: Range, state: State, before: Segment | None, longest: float
     ) -> Segment | Failure:
         """Halve the increment of alpha until the corrector converges."""
         length = before.suggestion if isinstance(before, CurvedSegment) else self.step_size.first

@@ -13,6 +13,7 @@ from pwscont.basics.printing import at, named
 from pwscont.basics.rounding import CONFIDENCE, CONVERGED
 from pwscont.curve.corrector import BorderedNewton
 from pwscont.curve.curve import Curve, State
+from pwscont.curve.metric import Range
 from pwscont.curve.newton import Border, by_chords
 from pwscont.linear.factor import Factor
 from pwscont.linear.vectors import dot, plus, times
@@ -46,6 +47,11 @@ class Segment(ABC):
     @abstractmethod
     def position(self, x: Array) -> float:
         """Return the distance s of a point of the curve."""
+
+    def at(self, s: float) -> State | Failure:
+        """Return the state of the curve at distance ``s``; on a ray the point close by is exact."""
+        start = self.start
+        return State(self.near(s), start.tangent, start.error, start.orientation)
 
     def is_beside(self, state: State, s: float) -> bool:
         """Tell whether a point at distance ``s`` is near enough to belong to this stretch."""
@@ -157,6 +163,8 @@ class CurvedSegment(Segment):
 
     def at(self, s: float) -> State | Failure:
         """Return the state of the curve in the hyperplane normal to the chord at ``s``."""
+        if s in (0.0, self.length):
+            return self.end if s else self.start
         found = BorderedNewton().correct(self.curve, self.near(s), self.chord)
         if isinstance(found, Failure):
             return found
@@ -176,6 +184,12 @@ def _along(tangent: Array, chord: Array, along: float) -> tuple[Array, float]:
 class Stepper(ABC):
     """Owns a step along the curve of a frozen selection; the loop decides what follows.
 
+    Attributes
+    ----------
+    takes_rays : bool
+        A promise that each step is a :class:`~pwscont.extending.StraightSegment`, for a
+        :class:`~pwscont.PiecewiseLinearSystem` only; default False.
+
     Examples
     --------
     >>> from pwscont import LCP, NaturalParameter, Stepper, explore
@@ -185,6 +199,8 @@ class Stepper(ABC):
     >>> len(explore(problem, (-1.0, 2.0), stepper=NaturalParameter()).pieces)
     2
     """
+
+    takes_rays: bool = False
 
     @abstractmethod
     def step(
@@ -261,13 +277,10 @@ class ExactLinear(Stepper):
     2
     """
 
+    takes_rays = True
+
     def step(
-        self,
-        curve: Curve,
-        interval: tuple[float, float],
-        state: State,
-        before: Segment | None,
-        longest: float,
+        self, curve: Curve, interval: Range, state: State, before: Segment | None, longest: float
     ) -> Segment | Failure:
         """Return the ray from ``state``."""
         return StraightSegment(curve, state)

@@ -18,6 +18,7 @@ from pwscont.basics.arrays import Array, finite_array
 from pwscont.basics.errors import InvalidInputError, SystemNeededError
 from pwscont.basics.printing import counted
 from pwscont.basics.rounding import CONFIDENCE
+from pwscont.curve.metric import Range
 from pwscont.graph.queries import solutions_at
 from pwscont.graph.records import Solution
 from pwscont.graph.structure import ConnectedPieces
@@ -26,7 +27,6 @@ from pwscont.system.box import Box
 #: A solution of the graph is a proved solution if closer than this part of a typical magnitude, or
 #: of the largest unknown, or closer than the errors.
 NEAR_A_PROVED_SOLUTION = 1e-6
-Range = tuple[float, float]
 Corners = tuple[Array, Array]
 
 

@@ -17,7 +17,7 @@ from pwscont.basics.errors import InvalidInputError, SystemNeededError
 from pwscont.basics.outcome import Failure, FailureReason
 from pwscont.curve.corrector import MOST_NEWTON, BorderedNewton
 from pwscont.curve.curve import Curve, State
-from pwscont.curve.metric import Metric
+from pwscont.curve.metric import Metric, Range
 from pwscont.curve.newton import Border, newton
 from pwscont.curve.pseudo_arclength import SLOWEST
 from pwscont.curve.stepper import CurvedSegment
@@ -49,11 +49,7 @@ def _refined(graph: ConnectedPieces, piece: Piece, alpha: float) -> Solution:
 
 
 def solve_between(
-    system: PiecewiseSystem,
-    character: Character,
-    points: Array,
-    alpha: float,
-    interval: tuple[float, float],
+    system: PiecewiseSystem, character: Character, points: Array, alpha: float, interval: Range
 ) -> tuple[Array, Array]:
     """Return the point with this alpha between points of a piece, shape (k, n + 1), and its error.
 

@@ -22,6 +22,7 @@ from pwscont.basics.errors import GraphFileError, InvalidInputError, InvalidSyst
 from pwscont.basics.outcome import Guarantee, SearchScope, kind_of
 from pwscont.basics.quantities import Kept, Quantities
 from pwscont.basics.rounding import SAME_ALPHA
+from pwscont.curve.metric import Range
 from pwscont.graph.archive import (
     DamagedError,
     Fields,
@@ -158,9 +159,7 @@ def _check_references(
             raise DamagedError(f"a start lies on piece {start.piece}, which is not there")
 
 
-def _check_places(
-    points: Sequence[SpecialPoint], pieces: Sequence[Piece], interval: tuple[float, float]
-) -> None:
+def _check_places(points: Sequence[SpecialPoint], pieces: Sequence[Piece], interval: Range) -> None:
     """Refuse points outside the interval, and characters of different lengths."""
     slack = SAME_ALPHA * max(*map(abs, interval), interval[1] - interval[0])
     lo, hi = interval[0] - slack, interval[1] + slack
@@ -289,7 +288,7 @@ def _searched(header: Fields) -> SearchScope:
 IS_CLOSED = [False, False, True, True]
 
 
-def _stretches(header: Fields, interval: tuple[float, float]) -> Iterator[Stretch]:
+def _stretches(header: Fields, interval: Range) -> Iterator[Stretch]:
     """Yield the stretches with infinitely many solutions, which old files lack."""
     for row in header.items("infinite") if header.has("infinite") else ():
         if not isinstance(row, list) or [type(one) is bool for one in row] != IS_CLOSED:
@@ -332,7 +331,7 @@ def _check_numbers(
 
 
 def _fitted(
-    system: PiecewiseSystem, interval: tuple[float, float], points: Sequence[SpecialPoint]
+    system: PiecewiseSystem, interval: Range, points: Sequence[SpecialPoint]
 ) -> PiecewiseSystem:
     """Return a system fitted to an interval; a system without a scale, also to the solutions."""
     states = [completed(system, point.z, point.alpha) for point in points]
@@ -343,7 +342,7 @@ def _fitted(
 
 
 def _check_solution(
-    path: str | Path, system: PiecewiseSystem, piece: Piece, interval: tuple[float, float]
+    path: str | Path, system: PiecewiseSystem, piece: Piece, interval: Range
 ) -> None:
     """Refuse a system whose equations do not hold inside of a piece.
 

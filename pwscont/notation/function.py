@@ -292,9 +292,8 @@ def taken(modes: Any, branches: Sequence[Any]) -> Any:
     return found
 
 
-#: The smallest normal number stands for y = 0, at which a slope may be infinite. Derivatives take
-#: what is rounding of the largest unknown: a larger slope than that makes all of H look like
-#: rounding.
+#: The smallest normal number stands for y = 0, at which a slope may be infinite; for derivatives,
+#: rounding of the largest unknown: with larger slopes, all of H would look like rounding.
 ZERO = sys.float_info.min
 
 
@@ -327,26 +326,21 @@ class LiftedFunction:
         if x.dtype == object:
             raise UntraceableError("columns, at some points of which a call is not finite")
         zero = ZERO + EPS * np.abs(x.value).max() if isinstance(x, Dual) else ZERO
+        picks = (self._beyond(pick, sign, zero) for sign in (0.0, -1.0))
         at_zero, mirrored = (
-            self.function.outcome(
-                x[: self.size], alpha, self.layout, self._beyond(pick, sign, zero)
-            )
-            for sign in (0.0, -1.0)
+            self.function.outcome(x[: self.size], alpha, self.layout, each) for each in picks
         )
         pairs = zip(_parts(at_zero), _parts(mirrored), strict=True)
         return Outcome(*(2.0 * a - b for a, b in pairs))
 
     def _beyond(self, pick: Pick, sign: float, zero: float) -> Pick:
-        """Return a ``Pick`` that replaces magnitudes y <= 0 by 0 (sign 0) or -y (sign -1).
-
-        ``zero`` stands for 0.
-        """
+        """Return a ``Pick`` that replaces magnitudes y <= 0 by ``zero`` (sign 0) or by -y."""
 
         def beyond(number: int, tests: Sequence[Any], branches: Sequence[Any]) -> Any:
             y = pick(number, tests, branches)
             if not self._is_magnitude[number]:
                 return y
-            other = sign * y + zero if sign else np.full(np.shape(value_of(y)), zero)
+            other = zero - y if sign else np.full(np.shape(value_of(y)), zero)
             return where(value_of(y) <= 0.0, other, y)
 
         return beyond

@@ -14,7 +14,8 @@ import numpy as np
 from scipy.sparse.csgraph import connected_components
 
 from pwscont.basics.arrays import Array, Signs
-from pwscont.graph.proved import BoxProof, Corners, CountedStretch, Range
+from pwscont.curve.metric import Range
+from pwscont.graph.proved import BoxProof, Corners, CountedStretch
 from pwscont.proof.interval import FUNCTION_ULPS, MODES, Interval, chosen, solved, together
 from pwscont.proof.search import FINEST_ALPHA, Covered, Tubes, around, inverse_of, polished
 from pwscont.proof.tape import Tape, evaluated, with_slopes

@@ -6,7 +6,6 @@ from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import partial
-from types import SimpleNamespace
 from typing import Any, final
 
 import numpy as np
@@ -17,8 +16,8 @@ from pwscont.basics.errors import InvalidInputError
 from pwscont.basics.outcome import Guarantee, SearchScope
 from pwscont.curve.error_samples import Found
 from pwscont.curve.magnitudes import nonlinear_reach
-from pwscont.curve.metric import Metric
-from pwscont.graph.proved import BoxProof, Range
+from pwscont.curve.metric import Metric, Range
+from pwscont.graph.proved import BoxProof
 from pwscont.proof.counts import counted_proof
 from pwscont.proof.formulas import check_tape, tape_of
 from pwscont.proof.interval import Interval
@@ -221,9 +220,8 @@ class AlsoProved(Search):
     ) -> Iterator[Found]:
         """Yield what the search finds, then what is proved."""
         prove = partial(self.prove_again, system, metric, interval, known)
-        asked = {name: getattr(known, name) for name in ("at", "near", "extremes", "leave_off")}
-        beside: Any = SimpleNamespace(**asked, are_all=lambda: prove() is not None)
-        yield from starts_of(self.search, system, metric, interval, beside)
+        known.are_all = lambda: prove() is not None
+        yield from starts_of(self.search, system, metric, interval, known)
         if proof := prove():
             yield from _proved_starts(proof, system, metric, known)
 

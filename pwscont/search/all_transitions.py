@@ -24,7 +24,7 @@ from pwscont.basics.errors import InvalidInputError
 from pwscont.basics.outcome import Guarantee, SearchScope
 from pwscont.basics.rounding import CONFIDENCE, EPS, GUARD
 from pwscont.curve.error_samples import Found, has_digits, is_same, magnitude
-from pwscont.curve.metric import Metric
+from pwscont.curve.metric import Metric, Range
 from pwscont.enumeration.choices import SLACK, Choices, inequalities_of
 from pwscont.enumeration.options import Problem, problem_with_alpha
 from pwscont.enumeration.polyhedron import Face, face_of
@@ -62,9 +62,7 @@ class AllTransitions(Search):
     'complete'
     """
 
-    def starts(
-        self, system: PiecewiseSystem, metric: Metric, interval: tuple[float, float]
-    ) -> Iterator[Found]:
+    def starts(self, system: PiecewiseSystem, metric: Metric, interval: Range) -> Iterator[Found]:
         """Yield the solutions at lo, then the points where each test function vanishes."""
         if not isinstance(system, PiecewiseLinearSystem):
             raise InvalidInputError(
@@ -119,7 +117,7 @@ def _has_free_unknowns(system: PiecewiseSystem) -> bool:
     return bool(np.linalg.matrix_rank(scaled) < system.size)
 
 
-def _is_within(interval: tuple[float, float], x: Array, error: Array) -> bool:
+def _is_within(interval: Range, x: Array, error: Array) -> bool:
     """Tell whether a point lies in the interval; rounding beyond an end is moved to the end."""
     nearest = min(max(float(x[-1]), interval[0]), interval[1])
     if abs(float(x[-1]) - nearest) > CONFIDENCE * float(magnitude(x, error)[-1]):
@@ -132,9 +130,7 @@ def _is_within(interval: tuple[float, float], x: Array, error: Array) -> bool:
 class Lines:
     """The lines of all cells of a system, and where the lines end."""
 
-    def __init__(
-        self, system: PiecewiseLinearSystem, metric: Metric, interval: tuple[float, float]
-    ) -> None:
+    def __init__(self, system: PiecewiseLinearSystem, metric: Metric, interval: Range) -> None:
         checked_necessary(system, interval[0])  # refused if wrong, not needed if right
         self._system, self._metric, self._lo = system, Metric(metric.scale), interval[0]
         self._K = own_dense(system.test_jacobian(np.zeros(system.size), interval[0]))

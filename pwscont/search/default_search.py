@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from itertools import islice
 
 from pwscont.basics.arrays import Array
-from pwscont.curve.metric import Metric
+from pwscont.curve.metric import Metric, Range
 from pwscont.enumeration.slices import cells_to_try
 from pwscont.search.all_transitions import AllTransitions
 from pwscont.search.enumeration import EndPoints, Slices
@@ -37,7 +37,7 @@ FEW_SLICES, MANY_SLICES, MANY_CELLS_BETWEEN = 2, 8, 100_000
 
 
 def default_search(
-    system: PiecewiseSystem, interval: tuple[float, float], around: Sequence[Array] = ()
+    system: PiecewiseSystem, interval: Range, around: Sequence[Array] = ()
 ) -> Search:
     """Return the most complete search that takes seconds; Newton starts ``around`` states, too."""
     states = tuple(tuple(z.tolist()) for z in around)
@@ -46,9 +46,7 @@ def default_search(
     return MultiStart(around=states) + search if system.unique and is_costly else search
 
 
-def _most_complete(
-    system: PiecewiseSystem, interval: tuple[float, float], around: States
-) -> Search:
+def _most_complete(system: PiecewiseSystem, interval: Range, around: States) -> Search:
     if not isinstance(system, SlicewiseLinearSystem):
         return _added_up(_for_curves(system, around), system)
     if type(system).blocks is SlicewiseLinearSystem.blocks and has_too_many_tests(system):

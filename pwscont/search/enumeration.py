@@ -29,7 +29,7 @@ from pwscont.curve.error_samples import (
     magnitude,
     slack_of_values,
 )
-from pwscont.curve.metric import Metric
+from pwscont.curve.metric import Metric, Range
 from pwscont.enumeration.exact import solve_exactly
 from pwscont.enumeration.options import measured_at
 from pwscont.enumeration.polyhedron import Point, Slice
@@ -302,9 +302,7 @@ class EndPoints(Search):
     'complete but for closed loops'
     """
 
-    def starts(
-        self, system: PiecewiseSystem, metric: Metric, interval: tuple[float, float]
-    ) -> Iterator[Found]:
+    def starts(self, system: PiecewiseSystem, metric: Metric, interval: Range) -> Iterator[Found]:
         """Yield the solutions at lo, then the solutions at hi."""
         for alpha in interval:
             yield from starts_at(system, metric, alpha)
@@ -348,14 +346,12 @@ class Slices(Search):
             )
 
     @classmethod
-    def spread(cls, count: int, interval: tuple[float, float]) -> Slices:
+    def spread(cls, count: int, interval: Range) -> Slices:
         """Return slices at even distances that avoid the middle and other special values."""
         lo, hi = interval
         return cls(tuple((lo + (hi - lo) * (np.arange(count) + OFFSET) / count).tolist()))
 
-    def starts(
-        self, system: PiecewiseSystem, metric: Metric, interval: tuple[float, float]
-    ) -> Iterator[Found]:
+    def starts(self, system: PiecewiseSystem, metric: Metric, interval: Range) -> Iterator[Found]:
         """Yield the solutions slice by slice.
 
         Raises

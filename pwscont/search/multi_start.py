@@ -20,7 +20,7 @@ from pwscont.basics.arrays import Array, finite_array
 from pwscont.basics.errors import InvalidInputError
 from pwscont.basics.outcome import Guarantee, SearchScope
 from pwscont.curve.error_samples import Found
-from pwscont.curve.metric import Metric
+from pwscont.curve.metric import Metric, Range
 from pwscont.search.enumeration import starts_at
 from pwscont.search.pursuit import MOST_FOUND, Pursuit, is_new, solution_from
 from pwscont.search.search import KnownBranches, Search
@@ -94,9 +94,7 @@ class MultiStart(Search):
         if not np.iterable(self.around):
             raise InvalidInputError(f"around must be states, got {self.around!r}")
 
-    def starts(
-        self, system: PiecewiseSystem, metric: Metric, interval: tuple[float, float]
-    ) -> Iterator[Found]:
+    def starts(self, system: PiecewiseSystem, metric: Metric, interval: Range) -> Iterator[Found]:
         """Yield the solutions found at lo, then the solutions found at hi.
 
         A successful start is tried again, with the known solutions deflated away.
@@ -165,18 +163,12 @@ class Throughout(Search):
         slices = int(min(max(starts**0.5, 3), 9))
         return cls(around, at_ends, slices, max(starts // slices, 1), in_cells)
 
-    def starts(
-        self, system: PiecewiseSystem, metric: Metric, interval: tuple[float, float]
-    ) -> Iterator[Found]:
+    def starts(self, system: PiecewiseSystem, metric: Metric, interval: Range) -> Iterator[Found]:
         """Yield solutions at the ends of the interval and inside."""
         return self.starts_beside(system, metric, interval, KnownBranches())
 
     def starts_beside(
-        self,
-        system: PiecewiseSystem,
-        metric: Metric,
-        interval: tuple[float, float],
-        known: KnownBranches,
+        self, system: PiecewiseSystem, metric: Metric, interval: Range, known: KnownBranches
     ) -> Iterator[Found]:
         """Yield solutions that are not on known branches."""
         for alpha in interval if self.in_cells else ():
@@ -199,9 +191,7 @@ class Throughout(Search):
             if count == before and (turn or known.extremes()):
                 return
 
-    def _between(
-        self, pursuit: Pursuit, interval: tuple[float, float], turn: int
-    ) -> Iterator[Found]:
+    def _between(self, pursuit: Pursuit, interval: Range, turn: int) -> Iterator[Found]:
         """Yield solutions from starts inside the interval, at other alphas and states each turn."""
         (lo, hi), count = interval, self.count
         for alpha in interval if turn else ():

@@ -32,7 +32,7 @@ from pwscont.basics.rounding import CONVERGED, EPS
 from pwscont.curve.curve import LEAN, Curve
 from pwscont.curve.error_samples import Found, has_digits, is_inside
 from pwscont.curve.magnitudes import nonlinear_reach
-from pwscont.curve.metric import Metric, deflation, stretch
+from pwscont.curve.metric import Metric, Range, deflation, stretch
 from pwscont.curve.newton import is_solved, newton
 from pwscont.curve.semismooth import semismooth_newton
 from pwscont.enumeration.continua import equations_in_magnitudes, is_one_of_many, underflows
@@ -108,11 +108,7 @@ class Pursuit:
     """Pursuits of the solutions of a system in a single run, beside known branches."""
 
     def __init__(
-        self,
-        system: PiecewiseSystem,
-        metric: Metric,
-        interval: tuple[float, float],
-        known: KnownBranches,
+        self, system: PiecewiseSystem, metric: Metric, interval: Range, known: KnownBranches
     ) -> None:
         self._system, self._metric, self._scale = system, metric, metric.scale
         self._interval, self._known = interval, known

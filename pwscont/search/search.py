@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any, final
 
@@ -15,33 +15,58 @@ from pwscont.basics.outcome import Guarantee, SearchScope
 from pwscont.basics.printing import at, short
 from pwscont.basics.rounding import SAME_ALPHA
 from pwscont.curve.error_samples import Found
-from pwscont.curve.metric import Metric
+from pwscont.curve.metric import Metric, Range, nearest_on_chords
 from pwscont.graph.proved import Proof
 from pwscont.system.selection import unexplained
 from pwscont.system.system import PiecewiseSystem, SlicewiseLinearSystem
 
+#: A curve strays from the chord between two stored points by less than this part of its length.
+NEAR = 0.2
 
+
+@final
 class KnownBranches:
-    """The branches of a run so far, which a search need not find again; default none."""
+    """The branches of a run so far, which a search need not find again; none at first.
+
+    Between the stored points of a piece a branch is taken for a straight line.
+    """
+
+    def __init__(self) -> None:
+        #: Returns the points (z, alpha) of every piece, each of shape (k, n + 1).
+        self.pieces: Callable[[], Iterable[Array]] = tuple
+        #: Tells whether it is proved that there are no others, so that no search is needed.
+        self.are_all: Callable[[], bool] = bool
+        #: Whether a search was given up because of the number of solutions.
+        self.is_left_off = False
 
     def at(self, alpha: float) -> list[Array]:
-        """Return a point (z, alpha) for each known solution, interpolated between stored points."""
-        return []
+        """Return a point (z, alpha) for each known solution."""
+        found = []
+        for points in self.pieces():
+            sides = np.sign(points[:, -1] - alpha)
+            found += [points[i] for i in np.flatnonzero(sides == 0.0)]
+            for i in np.flatnonzero(sides[1:] * sides[:-1] < 0.0):
+                a, b = points[i], points[i + 1]
+                found.append(a + (alpha - a[-1]) / (b[-1] - a[-1]) * (b - a))
+        return found
 
     def near(self, x: Array, metric: Metric) -> Array | None:
-        """Return the nearest point between stored points, None if x can be on no known branch."""
-        return None
+        """Return the nearest known point, None if x can be on no known branch."""
+        near = [nearest_on_chords(points, x, metric) for points in self.pieces()]
+        part, point = min(near, key=lambda each: each[0], default=(np.inf, x))
+        return point if part <= NEAR else None
 
     def extremes(self) -> list[Array]:
-        """Return the points (z, alpha) of pieces at which alpha or an unknown is extremal."""
-        return []
-
-    def are_all(self) -> bool:
-        """Tell whether it is proved that there are no others, so that no search is needed."""
-        return False
+        """Return the points of pieces at which alpha or an unknown is extremal, each once."""
+        found = []
+        for points in self.pieces():
+            numbers = {*points.argmin(axis=0).tolist(), *points.argmax(axis=0).tolist()}
+            found += [points[i] for i in sorted(numbers)]
+        return found
 
     def leave_off(self) -> None:
         """Note that a search is given up because of the number of solutions."""
+        self.is_left_off = True
 
 
 #: The values that a search should yield, in words, for errors about values that are nearly right.
@@ -123,34 +148,24 @@ class CombinedSearch(Search):
     first: Search
     second: Search
 
-    def starts(
-        self, system: PiecewiseSystem, metric: Metric, interval: tuple[float, float]
-    ) -> Iterator[Found]:
+    def starts(self, system: PiecewiseSystem, metric: Metric, interval: Range) -> Iterator[Found]:
         """Yield what the first finds, then what the second finds."""
         return self.starts_beside(system, metric, interval, KnownBranches())
 
     def starts_beside(
-        self,
-        system: PiecewiseSystem,
-        metric: Metric,
-        interval: tuple[float, float],
-        known: KnownBranches,
+        self, system: PiecewiseSystem, metric: Metric, interval: Range, known: KnownBranches
     ) -> Iterator[Found]:
         """Yield what the first finds, then what the second finds."""
         yield from starts_of(self.first, system, metric, interval, known)
         yield from starts_of(self.second, system, metric, interval, known)
 
-    def proved(self, system: PiecewiseSystem, interval: tuple[float, float]) -> Proof | None:
+    def proved(self, system: PiecewiseSystem, interval: Range) -> Proof | None:
         """Return what either search proved."""
         first = self.first.proved(system, interval)
         return first if first is not None else self.second.proved(system, interval)
 
     def prove_again(
-        self,
-        system: PiecewiseSystem,
-        metric: Metric,
-        interval: tuple[float, float],
-        known: KnownBranches,
+        self, system: PiecewiseSystem, metric: Metric, interval: Range, known: KnownBranches
     ) -> Proof | None:
         """Return what either search proves."""
         first = self.first.prove_again(system, metric, interval, known)
@@ -174,11 +189,7 @@ def scope_of(search: Search, system: PiecewiseSystem) -> SearchScope:
 
 
 def starts_of(
-    search: Search,
-    system: PiecewiseSystem,
-    metric: Metric,
-    interval: tuple[float, float],
-    known: KnownBranches,
+    search: Search, system: PiecewiseSystem, metric: Metric, interval: Range, known: KnownBranches
 ) -> Iterator[Found]:
     """Yield what a search finds beside known branches, or refuse what is no start, by name."""
     what = f"{type(search).__name__}.starts"
@@ -192,7 +203,7 @@ def starts_of(
         yield x, error
 
 
-def _checked(what: str, start: Any, size: int, interval: tuple[float, float]) -> Found:
+def _checked(what: str, start: Any, size: int, interval: Range) -> Found:
     """Return a pair (x, error) of arrays with x in the interval; refuse any other start."""
     if isinstance(start, np.ndarray) and start.shape == (size + 1,):
         raise InvalidInputError(f"{what} yields x, {short(repr(start))}: {WANTED}")

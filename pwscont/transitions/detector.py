@@ -269,22 +269,9 @@ class TransitionDetector(ABC):
 
 def values_on(detector: TransitionDetector, ray: Segment, s: float) -> Array:
     """Return the values of the watched functions on a straight segment, at distance s."""
-    return np.asarray(detector.read(ray.curve, _state_on(ray, s)).values)
-
-
-def _state_on(ray: Segment, s: float) -> State:
-    """Return the state of a straight segment at a distance: the prediction is exact."""
-    start = ray.start
-    return State(ray.near(s), start.tangent, start.error, start.orientation)
-
-
-def state_at(segment: Segment, s: float) -> State | Failure:
-    """Return the state of a segment at a distance from its beginning."""
-    if not isinstance(segment, CurvedSegment):
-        return _state_on(segment, s)
-    if s in (0.0, segment.length):
-        return segment.end if s else segment.start
-    return segment.at(s)
+    state = ray.at(s)
+    assert isinstance(state, State)  # of a ray, the prediction is exact
+    return np.asarray(detector.read(ray.curve, state).values)
 
 
 def kinds_at(
@@ -389,7 +376,7 @@ def locate_sign_change(
 
     @cache
     def state(s: float) -> State:
-        found = state_at(segment, s)
+        found = segment.at(s)
         if isinstance(found, Failure):
             raise _OffCurveError(found)
         return found

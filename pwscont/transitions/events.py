@@ -33,7 +33,7 @@ from pwscont.basics.rounding import CONVERGED, EPS
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.metric import Metric
 from pwscont.curve.stepper import BESIDE, CurvedSegment, Segment
-from pwscont.transitions.detector import SpecialPointFound, locate_sign_change, state_at
+from pwscont.transitions.detector import SpecialPointFound, locate_sign_change
 from pwscont.transitions.rays import Ray
 from pwscont.transitions.user_event import Stop, UserEvent
 
@@ -185,7 +185,7 @@ class _Stretch:
         if ahead(sign, self._exact(lo)[0]) <= 0.0:
             hi = lo  # g is rounding there already
         found = locate_sign_change(segment, lambda state: ahead(sign, state.x), (lo, hi), EPS)
-        found = state_at(segment, hi) if isinstance(found, Failure) else found
+        found = segment.at(hi) if isinstance(found, Failure) else found
         if isinstance(found, State):
             return segment.position(found.x), found
         start, ends, s = segment.start, (segment.near(lo), segment.near(hi)), 0.5 * (lo + hi)
@@ -222,7 +222,7 @@ class _Stretch:
 
     def _exact(self, s: float) -> tuple[Array, Array]:
         """Return a point of the curve, and the size of the point's error."""
-        found = state_at(self._segment, s) if self._is_curved else None
+        found = self._segment.at(s) if self._is_curved else None
         if isinstance(found, State):
             return found.x, found.size
         return self._segment.near(s), np.zeros_like(self._segment.start.x)

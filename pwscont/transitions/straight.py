@@ -37,6 +37,7 @@ from pwscont.basics.outcome import Failure
 from pwscont.basics.rounding import CONFIDENCE, CONVERGED, EPS, GUARD
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.error_samples import magnitude, samples
+from pwscont.curve.metric import Range
 from pwscont.curve.stepper import Segment
 from pwscont.linear.bordered import GROWTH
 from pwscont.linear.factorise import column, inner, kink_by_columns, last_unit
@@ -95,7 +96,7 @@ class StraightTests(TransitionDetector):
             return self._slowly.arrive(curve, state, index)
         return crossed(state.x, Ray(curve, state.reversed()), self._last.ray)
 
-    def next(self, ray: Ray, interval: tuple[float, float]) -> SpecialPointFound | None:
+    def next(self, ray: Ray, interval: Range) -> SpecialPointFound | None:
         """Return where a piece ends, if no function has to be watched but the tests and alpha.
 
         None where that is hard, or if the ray begins at an interface but is not the ray beyond the
