@@ -93,9 +93,9 @@ ON_LINE, LINE_WIDTH = 64, 1.5
 #: Number of such values still farther out, on each side, each WIDER_BY times as far as the last,
 #: and by what factor the equation must have grown there.
 FARTHER_PLACES, GROWS = 8, 2.0
-#: Accuracy of a sign change, as a part of the known magnitude, and distance below which a sign
-#: change is a known solution, measured like SAME_SOLUTION.
-ZERO_ACCURACY, NEAR_ZERO = 1e-3, 1e-2
+#: Distance from a known solution, as a part of the known magnitude plus the size of the solution,
+#: from which on a sign change is another solution.
+BESIDE_KNOWN = 1e-6
 #: Largest correction of a point that a pursuit found, as a part of 1 plus the length of the point.
 MOST_CORRECTED = 1e-3
 #: Most Newton iterations of such a correction, and most cells that are tried: a root of a selection
@@ -169,6 +169,9 @@ class Pursuit:
         near = np.concatenate([LINE_WIDTH * even, wide := WIDER_BY * _with_tails(even)])
         farther = wide[-1] * WIDER_BY ** np.arange(1, FARTHER_PLACES + 1)
         places = reach * np.concatenate([near, farther, -farther])
+        own = np.array([x[0] for x in known])  # apart from these a sign change is another solution
+        apart = BESIDE_KNOWN * (reach + np.abs(own))
+        places = np.concatenate([places, own - apart, own + apart])
         places = np.unique(np.clip(places, box.lower[0], box.upper[0]))
         values = np.array([equation(z) for z in places])
         # farther out a function that grows has few zeros, and any other function too many
@@ -178,10 +181,11 @@ class Pursuit:
         from scipy.optimize import bisect  # noqa: PLC0415  importing takes as long as all else
 
         for i in np.flatnonzero(signs[1:] * signs[:-1] < 0.0):
-            z = bisect(equation, *places[i : i + 2], xtol=ZERO_ACCURACY * reach)
-            full = completed(system, np.array([z]), alpha)
-            if is_new(self._metric, np.append(full, alpha), known, NEAR_ZERO):
-                yield full
+            low, high = places[i : i + 2]
+            if not ((low <= own) & (own <= high)).any():
+                z = bisect(equation, low, high, xtol=EPS * reach)
+                if abs(equation(z)) <= sizes[i : i + 2].max():  # no pole
+                    yield completed(system, np.array([z]), alpha)
 
     def _freely(self, y: Array, number: int) -> Found | None:
         """Return the new solution to which a free alpha leads from where a pursuit stalled."""

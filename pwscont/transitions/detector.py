@@ -326,8 +326,11 @@ def locate_zero(
     """
     lo, hi = bracket
     guess = 0.5 * (lo + hi) if guess is None else guess
-    for _ in range(MOST_BRACKET_HALVINGS):
-        corrected = zero(segment.curve, border, segment.near(guess))
+    failure = Failure(FailureReason.NOT_CONVERGED)
+    for number in range(MOST_BRACKET_HALVINGS):
+        # Newton fails again and again where H is singular, and costs more than all halvings
+        is_tried = number.bit_count() < 2
+        corrected = zero(segment.curve, border, segment.near(guess)) if is_tried else failure
         found = corrected if isinstance(corrected, Failure) else corrected.state
         if not isinstance(segment, CurvedSegment):
             return found
@@ -340,7 +343,7 @@ def locate_zero(
             return middle
         lo, hi = (guess, hi) if border(middle.x)[0] > 0.0 else (lo, guess)
         guess = 0.5 * (lo + hi)
-    return Failure(FailureReason.NOT_CONVERGED)
+    return failure
 
 
 class _OffCurveError(Exception):
