@@ -66,7 +66,7 @@ BUDGET = {
     "search": (7, 1627),
     "continuation": (8, 2711),
     "kit": (4, 939),
-    "proof": (10, 2191),
+    "proof": (10, 2190),
     "scenes": (14, 2650),
     "view": (6, 940),
     "evolution": (14, 3000),
