@@ -283,3 +283,40 @@ def test_exact_derivatives_are_not_accused_where_large_terms_cancel(steepness):
 def test_powers_of_the_parameter_need_no_negative_parameter(power):
     graph = explore(Switched(1, lambda z, t, sw: z - t**power), (0.3, 10.0))
     assert graph.solutions(1.7)[0].z[0] == pytest.approx(1.7**power, rel=1e-12)
+
+
+@pytest.mark.parametrize("steepness", [3e4, 1e6])
+@pytest.mark.parametrize("unit", [1e-9, 1.0])
+def test_a_steep_flank_that_moves_with_alpha(steepness, unit):
+    """The tails of the sigmoid solve left and right of the flank; continuity tells of a third."""
+
+    def f(z, t, sw):
+        return z / unit - 2.0 * np.tanh(steepness * (z / unit - 0.3 - t)) - 0.5 * t
+
+    graph = explore(Switched(1, f), (-0.5, 0.5))
+    for t in (-0.41, 0.1, 0.33):
+        left, middle, right = sorted(float(s.z[0]) / unit for s in graph.solutions(t))
+        assert (left, right) == pytest.approx((0.5 * t - 2.0, 0.5 * t + 2.0))
+        assert middle == pytest.approx(0.3 + t, abs=2.0 / steepness)
+
+
+def test_a_pole_is_no_change_of_sign():
+    """z (z - t) = 1 has a root on either side of the pole."""
+    graph = explore(Switched(1, lambda z, t, sw: 1 / (z - t) - z + sw.relu(z - 3)), (-1.0, 1.0))
+    assert [graph.count(t) for t in (-0.7, 0.1, 0.5)] == [2, 2, 2]
+
+
+def test_solutions_alike_in_shape_beside_a_stop():
+    """Bratu's equation on ten places with a stop: four solutions, of which three are far out."""
+    n, stop = 10, 20.0 / 11.0 * (np.arange(10) == 5)
+    stiffness = 2.0 * np.eye(n) - np.eye(n, k=1) - np.eye(n, k=-1)
+
+    def f(z, t, sw):
+        return stiffness @ z - t * np.exp(z) / 121.0 + stop * sw.relu(z[5] - 1.5)
+
+    graph = explore(Switched(n, f), (0.2, 4.0))
+    found = graph.solutions(2.1449)
+    assert len(found) == 4  # as many as Newton finds from thousands of random starts
+    for solution in found:
+        terms = stiffness @ solution.z - 2.1449 * np.exp(solution.z) / 121.0
+        assert np.abs(terms + stop * max(solution.z[5] - 1.5, 0.0)).max() < 1e-10

@@ -87,6 +87,8 @@ WIDER_BY, SPREADS = 4.0, 3
 #: Largest distance from zero, in typical magnitudes, over which starts are spread at first: each
 #: branch of a periodic function would lead farther out.
 FARTHEST_START = 1e3
+#: Multiples of known solutions from which pursuits start: other solutions are often alike in shape.
+MULTIPLES = (-1.0, 4.0, 16.0)
 #: Number of values of a single unknown at which the equation is evaluated, within LINE_WIDTH times
 #: the known magnitude and again farther out.
 ON_LINE, LINE_WIDTH = 64, 1.5
@@ -122,7 +124,8 @@ class Pursuit:
         here = list[Array]()
         known = self._solutions(alpha)
         zeros = self._sign_changes(alpha, known)
-        for number, rough in enumerate(chain(zeros, guesses)):
+        multiples = [by * x[:-1] for x in known for by in MULTIPLES if self._shown > 1]
+        for number, rough in enumerate(chain(zeros, multiples, guesses)):
             if len(here) >= MOST_FOUND:
                 self._known.leave_off()
                 return

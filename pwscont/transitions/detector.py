@@ -17,6 +17,7 @@ from pwscont.basics.rounding import CONFIDENCE, CONVERGED, EPS, GUARD
 from pwscont.curve.corrector import zero
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.newton import Border
+from pwscont.curve.pseudo_arclength import NOT_CONVERGED
 from pwscont.curve.stepper import CurvedSegment, Segment
 from pwscont.transitions.rays import Ray
 
@@ -326,11 +327,10 @@ def locate_zero(
     """
     lo, hi = bracket
     guess = 0.5 * (lo + hi) if guess is None else guess
-    failure = Failure(FailureReason.NOT_CONVERGED)
     for number in range(MOST_BRACKET_HALVINGS):
         # Newton fails again and again where H is singular, and costs more than all halvings
         is_tried = number.bit_count() < 2
-        corrected = zero(segment.curve, border, segment.near(guess)) if is_tried else failure
+        corrected = zero(segment.curve, border, segment.near(guess)) if is_tried else NOT_CONVERGED
         found = corrected if isinstance(corrected, Failure) else corrected.state
         if not isinstance(segment, CurvedSegment):
             return found
@@ -343,7 +343,7 @@ def locate_zero(
             return middle
         lo, hi = (guess, hi) if border(middle.x)[0] > 0.0 else (lo, guess)
         guess = 0.5 * (lo + hi)
-    return failure
+    return NOT_CONVERGED
 
 
 class _OffCurveError(Exception):
