@@ -56,7 +56,7 @@ LONGEST_FILE = 500
 #: becomes smaller, its budget becomes smaller.
 BUDGET = {
     "basics": (10, 1172),
-    "system": (10, 2183),
+    "system": (10, 2180),
     "linear": (11, 1466),
     "notation": (13, 2864),
     "curve": (14, 2893),
@@ -64,7 +64,7 @@ BUDGET = {
     "transitions": (12, 3566),
     "graph": (10, 2613),
     "search": (7, 1634),
-    "continuation": (8, 2711),
+    "continuation": (8, 2710),
     "kit": (4, 939),
     "proof": (10, 2190),
     "scenes": (14, 2650),

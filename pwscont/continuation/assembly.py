@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections import defaultdict, deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from functools import partial
 from itertools import combinations, count, islice, pairwise
 from typing import TypeAlias
 
@@ -37,11 +38,11 @@ from pwscont.graph.records import Place, significant
 from pwscont.system.abilities import Ending, HidesUnknowns, Reduction, shown_points
 from pwscont.system.box import Box
 from pwscont.system.system import PiecewiseSystem
-from pwscont.transitions.detector import TransitionDetector, kinds_at
+from pwscont.transitions.detector import Said, TransitionDetector, kinds_at
 from pwscont.transitions.events import EventMark, Events
 
 #: Puts the unknowns that a user sees into points (..., z, alpha) of the reduced system, or errors.
-Show: TypeAlias = Callable[[Array], Array]
+Show: TypeAlias = Callable[..., Array]
 #: An edge in the direction of positive orientation, and the piece made of the edge.
 Directed: TypeAlias = tuple[Edge, Piece]
 
@@ -157,17 +158,16 @@ def assemble(
     out. Special points get the names of the events there. The metric is that of the system.
     """
 
-    def show(points: Array) -> Array:
+    def show(points: Array, **errors: bool) -> Array:
         """Return points (..., z, alpha) of the reduced system with the user's unknowns."""
-        whole = reduction.points(points, system.size) if reduction else points
+        whole = reduction.points(points, system.size, **errors) if reduction else points
         return shown_points(system, whole)
 
-    def show_errors(errors: Array) -> Array:
-        whole = reduction.points(errors, system.size, are_errors=True) if reduction else errors
-        return shown_points(system, whole)
-
-    places = _shown_places(discovery, show, show_errors)
-    edges = list(_in_order([_directed(edge, places, show) for edge in discovery.edges]))
+    edges, places = discovery.edges, {}
+    if discovery.nodes and (reduction or isinstance(system, HidesUnknowns)):
+        places = _shown_places(discovery, show)
+        edges = [_shown(edge, places, show) for edge in edges]
+    edges = list(_in_order([e if e.orientation > 0 else e.reversed() for e in edges]))
     ends = [node for edge in edges for node in (edge.start, edge.end)]
     #: A number for each node: first the nodes of the edges in order, then isolated nodes.
     numbers = {node: i for i, node in enumerate(dict.fromkeys([*ends, *discovery.nodes]))}
@@ -185,7 +185,7 @@ def assemble(
         if (place := edge.begun_at) is not None:
             digits = significant(place.error, place.x, metric.scale)
             said = f"start in {piece.label}"
-            starts.append(SpecialPoint(-1, Kind.START, place, said, said, piece.id, digits))
+            starts.append(SpecialPoint(-1, Kind.START, place, (said, said), piece.id, digits))
     points = [
         _special_point(i, discovery.nodes[n], before[n], after[n], system, places, metric, events)
         for n, i in numbers.items()
@@ -193,25 +193,22 @@ def assemble(
     return points, pieces, starts
 
 
-def _shown_places(discovery: Discovery, show: Show, show_errors: Show) -> dict[Place, Place]:
+def _shown_places(discovery: Discovery, show: Show) -> dict[Place, Place]:
     """Return each place of a discovery with the user's unknowns, by the place itself."""
     nodes, edges = discovery.nodes.values(), discovery.edges
     known = [place for edge in edges for place in (edge.first, edge.last, edge.begun_at)]
     known += [place for node in nodes for place in (node.place, *(ray.place for ray in node.rays))]
     places = list(dict.fromkeys(place for place in known if place is not None))
-    if not places or show(places[0].x) is places[0].x:  # no unknown is left out or put back
-        return {place: place for place in places}
     points = show(np.array([place.x for place in places]))
-    errors = show_errors(np.array([place.error for place in places]))
+    errors = show(np.array([place.error for place in places]), are_errors=True)
     return dict(zip(places, map(Place, points, errors), strict=True))
 
 
-def _directed(edge: Edge, places: Mapping[Place, Place], show: Show) -> Edge:
-    """Return an edge with the user's unknowns, in the direction of the positive orientation."""
+def _shown(edge: Edge, places: Mapping[Place, Place], show: Show) -> Edge:
+    """Return an edge with the user's unknowns."""
     begun = None if edge.begun_at is None else places[edge.begun_at]
     first, inner, last = places[edge.first], show(edge.inner), places[edge.last]
-    shown = edge._replace(first=first, inner=inner, last=last, begun_at=begun)
-    return shown if edge.orientation > 0 else shown.reversed()
+    return edge._replace(first=first, inner=inner, last=last, begun_at=begun)
 
 
 # -- pieces ---------------------------------------------------------------------------------------
@@ -279,20 +276,19 @@ def _special_point(
     The metric is that of the user's unknowns.
     """
     ends = [edge.last for edge, _ in before] + [edge.first for edge, _ in after]
-    place = _covering(places[node.place], [*ends, *(places[r.place] for r in node.rays)], metric)
+    here, *others = (places.get(at, at) for at in [node.place, *(ray.place for ray in node.rays)])
+    place = _covering(here, [*ends, *others], metric)
     also = list(node.also)
     if events is not None and node.kind != Kind.EVENT:
         inside = [_next_to_end(piece, -2) for _, piece in before]
         inside += [_next_to_end(piece, 1) for _, piece in after]
         also += filter(None, [events.names_at(metric, place.x, place.error, inside)])
     passed = (before[0], after[0]) if len(before) == len(after) == 1 else None
-    message, backward = _messages(system, node, passed)
     return SpecialPoint(
         id=number,
         kind=_turning(node, *passed) if passed and node.kind in CROSSED else node.kind,
         place=place,
-        message=message,
-        backward=backward,
+        said=_said(system, node, passed),
         digits=significant(place.error, place.x, metric.scale),
         lost=node.lost,
         events=", ".join(also),
@@ -328,9 +324,9 @@ def _turning(node: Node, arriving: Directed, leaving: Directed) -> Kind | str:
     return turns if signs else node.kind
 
 
-def _messages(
+def _said(
     system: PiecewiseSystem, node: Node, passed: tuple[Directed, Directed] | None
-) -> tuple[str, str]:
+) -> tuple[Said, Said]:
     """Return what changes at a node, and what else is known, in the two orientations."""
     if not passed or (node.kind == Kind.END and isinstance(system, Ending)):
         return node.message, node.message
@@ -338,10 +334,13 @@ def _messages(
     if before == after:
         return node.message, node.message
     note = f"; {node.message}" if node.kind not in CROSSED and node.message else ""
-    forward, backward = (
-        system.describe_transition(*cells) for cells in ((before, after), (after, before))
-    )
-    return forward + note, backward + note
+    change = partial(_changed, system, note)
+    return partial(change, before, after), partial(change, after, before)
+
+
+def _changed(system: PiecewiseSystem, note: str, before: Character, after: Character) -> str:
+    """Return what changes from a cell to another cell, and what else is known."""
+    return system.describe_transition(before, after) + note
 
 
 # -- the promise of uniqueness ---------------------------------------------------------------------

@@ -41,12 +41,13 @@ class Rows:
     """A copy of constant rows, such as the gradients of affine tests, for many products."""
 
     def __init__(self, matrix: Matrix) -> None:
-        self.matrix: Any = np.array(matrix, dtype=float) if isinstance(matrix, np.ndarray) else None
-        if self.matrix is None:
-            self.matrix = sp.csr_matrix(matrix, copy=True)
+        is_dense = isinstance(matrix, np.ndarray)
+        own: Callable[..., Any] = np.array if is_dense else sp.csr_matrix
+        self.matrix = own(matrix, dtype=float, copy=True)
+        if not is_dense:
             self.matrix.sum_duplicates()
-        #: The product with a vector, shape (m,).
-        self.dot: Callable[[Array], Array] = self.matrix.dot
+        #: The product with a vector, shape (m,); ``dot`` of a sparse matrix takes longer.
+        self.dot: Callable[[Array], Array] = self.matrix.dot if is_dense else self.matrix.__matmul__
 
     @cached_property
     def magnitudes(self) -> Any:
@@ -56,8 +57,7 @@ class Rows:
     def one(self, index: int) -> Array:
         """Return a row, dense, shape (k,), not to be written to."""
         if isinstance(self.matrix, np.ndarray):
-            row: Array = self.matrix[index]
-            return row
+            return np.asarray(self.matrix[index])
         row = np.zeros(self.matrix.shape[1])
         starts = self.matrix.indptr
         entries = slice(starts.item(index), starts.item(index + 1))

@@ -58,14 +58,11 @@ class Selection:
         self.bounding: Indices = tests
         #: +1 or -1 for each bounding test, the factor that makes the test positive inside.
         self.side: Array = SIDES.take(inside.view(np.uint8))
+        #: Whether the selection and the tests are affine, so that the curve is a straight line.
+        self.is_straight = isinstance(system, PiecewiseLinearSystem)
 
     def __repr__(self) -> str:
         return named(self, short(self.label), f"of {type(self.system).__name__}")
-
-    @cached_property
-    def is_straight(self) -> bool:
-        """Whether the selection and the tests are affine, so that the curve is a straight line."""
-        return isinstance(self.system, PiecewiseLinearSystem)
 
     @cached_property
     def cell(self) -> bytes:
@@ -84,7 +81,7 @@ class Selection:
 
     def is_bounded_by(self, test: int) -> bool:
         """Tell whether a test bounds the cell."""
-        return bool((self.bounding == test).any())
+        return bool(np.count_nonzero(self.bounding == test))
 
     def residual(self, x: Array) -> Array:
         """Return a copy of H_chi(x), shape (n,)."""
@@ -164,7 +161,7 @@ class Selection:
 def _bounds(system: PiecewiseSystem, character: Character) -> tuple[Indices, Signs]:
     """Return the tests that bound a cell, and the signs inside."""
     tests = indices(system.bounding_tests(character))
-    return tests, character.array[tests]
+    return tests, character.array.take(tests)
 
 
 #: Largest H that is rounding, as a part of the terms of the same equation, or as a part of the

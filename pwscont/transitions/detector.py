@@ -43,8 +43,8 @@ def ratio_test(values: Array, slopes: Array) -> Array:
     A function that is negative already falls at distance zero.
     """
     falling = slopes < 0.0
-    distances = np.full(len(falling), np.inf)
-    np.divide(np.maximum(values, 0.0), -slopes, out=distances, where=falling)
+    distances = np.where(falling, np.maximum(values, 0.0), np.inf)
+    np.divide(distances, -slopes, out=distances, where=falling)
     distances[distances > FARTHEST_ZERO] = np.inf
     return distances
 

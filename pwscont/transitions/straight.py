@@ -112,12 +112,12 @@ class StraightTests(TransitionDetector):
         end = interval[1] if slope > 0.0 else interval[0]
         room = (end - state.alpha) / slope if slope else np.inf
         # apart from the test that was crossed no test is zero: the piece runs along no interface
-        values = selection.side * last.tests[selection.bounding]
-        distances = ratio_test(values, (slope * selection.side) * last.rates[selection.bounding])
-        first = int(distances.argmin()) if len(distances) else 0
-        if not (len(distances) and distances[first] < room):
+        values = selection.side * last.tests.take(selection.bounding)
+        ahead = ratio_test(values, slope * selection.side * last.rates.take(selection.bounding))
+        first = int(ahead.argmin()) if len(ahead) else 0
+        if not (len(ahead) and ahead[first] < room):
             return self._at_end(last, room, end)
-        self._last = self._across(ray.curve, state, first, float(distances[first]))
+        self._last = self._across(ray.curve, state, first, float(ahead[first]))
         return self._last and self.arrive(ray.curve, self._last.state, first)
 
     def _begun(self, ray: Ray) -> Entered | None:
@@ -361,9 +361,10 @@ class StraightCell:
         add_multiples(error, last / slopes[0], self._lines[0])
         point = CorrectedPoint(x - dx, error, magnitude(sizes, error), along, aside)
         # a correction is no more than the rounding and the error of the corrected point
-        rounding = GUARD * EPS * largest(sizes / metric.scale) * metric.scale
-        rounding += CONFIDENCE * point.size
-        is_rounding = is_everywhere(np.abs(dx) <= rounding)
+        rounding = GUARD * EPS * largest(sizes / metric.scale)
+        is_rounding = metric.norm(dx) <= rounding or is_everywhere(  # nearly always at once
+            np.abs(dx) <= rounding * metric.scale + CONFIDENCE * point.size
+        )
         return point if is_rounding and metric.admits(point.x) else None
 
     def _has_renewed(self, jacobian: Matrix) -> bool:
@@ -374,8 +375,7 @@ class StraightCell:
         return core is not None
 
     def _jacobian_at(self, x: Array) -> Matrix:
-        known = self._jacobian
-        return self.curve.selection.jacobian(x) if known is None else known
+        return self.curve.selection.jacobian(x) if self._jacobian is None else self._jacobian
 
     def _is_tame(self) -> bool:
         """Tell whether the direction is finite, and far from vertical."""
