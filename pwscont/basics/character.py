@@ -98,7 +98,7 @@ class Character:
     def among(self, tests: Indices) -> bytes:
         """Return the signs of some tests as bytes: 1 or 2, and 0 for every other test."""
         some = np.zeros(len(self._signs), np.uint8)
-        some[tests] = self._array.take(tests) + np.uint8(1)
+        some[tests] = self._array.view(np.uint8).take(tests) + np.uint8(1)
         return some.tobytes()
 
     def __bytes__(self) -> bytes:

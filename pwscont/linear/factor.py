@@ -170,8 +170,7 @@ def _solved(lu: Array, pivots: Indices, rhs: Array, transposed: bool = False) ->
 
 def row_maxima(matrix: Array) -> Array:
     """Return the largest magnitude in each row, without an array of all magnitudes."""
-    largest: Array = np.maximum(matrix.max(axis=1), -matrix.min(axis=1))
-    return largest
+    return np.asarray(np.maximum(matrix.max(axis=1), -matrix.min(axis=1)))
 
 
 @final
@@ -219,5 +218,5 @@ class DenseLU(Factor):
 
     def turned_into_inverse(self) -> Array:
         """Return the inverse matrix in the room of the factorisation, which is lost."""
-        inverse: Array = lapack.dgetri(self.lu, self.pivots, COLUMNS_AT_ONCE * len(self.lu), 1)[0]
-        return inverse
+        room = COLUMNS_AT_ONCE * len(self.lu)
+        return np.asarray(lapack.dgetri(self.lu, self.pivots, room, 1)[0])

@@ -121,8 +121,7 @@ def kink_by_columns(before: Matrix, after: Matrix, gradient: Array, scale: Array
     c is no small difference of large numbers; ``scale`` has the typical magnitudes of the unknowns.
     """
     steepest = int(np.abs(gradient * scale).argmax())
-    jump: Array = (column(after, steepest) - column(before, steepest)) / gradient[steepest]
-    return jump
+    return np.asarray((column(after, steepest) - column(before, steepest)) / gradient[steepest])
 
 
 def balanced_columns(jacobian: Matrix) -> Array:

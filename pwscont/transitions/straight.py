@@ -20,6 +20,7 @@ import math
 from typing import NamedTuple, final
 
 import numpy as np
+from scipy.linalg import blas
 
 from pwscont.basics.arrays import (
     Array,
@@ -37,7 +38,7 @@ from pwscont.basics.outcome import Failure
 from pwscont.basics.rounding import CONFIDENCE, CONVERGED, EPS, GUARD
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.error_samples import magnitude, samples
-from pwscont.curve.metric import Range
+from pwscont.curve.metric import SHORTEST, Range
 from pwscont.curve.stepper import Segment
 from pwscont.linear.bordered import GROWTH
 from pwscont.linear.factorise import column, inner, kink_by_columns, last_unit
@@ -50,7 +51,7 @@ from pwscont.system.selection import Selection
 from pwscont.system.system import PiecewiseLinearSystem
 from pwscont.system.values import own_array
 from pwscont.transitions.bounding import BoundingTests, crossed
-from pwscont.transitions.detector import Reading, SpecialPointFound, TransitionDetector, ratio_test
+from pwscont.transitions.detector import Reading, SpecialPointFound, TransitionDetector
 from pwscont.transitions.ends import at_end
 from pwscont.transitions.rays import ASTRAY, SLANT, Ray, rounding_of_tests
 
@@ -105,19 +106,20 @@ class StraightTests(TransitionDetector):
         state = ray.state
         if self._last is None or self._last.ray.state is not state:
             self._last = self._begun(ray)
-        last = self._last
-        if last is None:
+        if (last := self._last) is None:
             return None
         slope, selection = float(state.tangent[-1]), ray.curve.selection
         end = interval[1] if slope > 0.0 else interval[0]
         room = (end - state.alpha) / slope if slope else np.inf
         # apart from the test that was crossed no test is zero: the piece runs along no interface
         values = selection.side * last.tests.take(selection.bounding)
-        ahead = ratio_test(values, slope * selection.side * last.rates.take(selection.bounding))
-        first = int(ahead.argmin()) if len(ahead) else 0
-        if not (len(ahead) and ahead[first] < room):
+        falls = -slope * selection.side * last.rates.take(selection.bounding)
+        first = int((falls / np.maximum(values, SHORTEST)).argmax()) if len(falls) else 0
+        fall = falls.item(first) if len(falls) else 0.0
+        distance = max(values.item(first), 0.0) / fall if fall > 0.0 else np.inf
+        if not distance < room:
             return self._at_end(last, room, end)
-        self._last = self._across(ray.curve, state, first, float(ahead[first]))
+        self._last = self._across(ray.curve, state, first, distance)
         return self._last and self.arrive(ray.curve, self._last.state, first)
 
     def _begun(self, ray: Ray) -> Entered | None:
@@ -159,8 +161,7 @@ class StraightTests(TransitionDetector):
         cell, tests = self._cell_of(curve, start), gradients.tests_at(x)
         beyond = Character.beyond(tests, test, bool(selection.side[index] < 0.0))
         other = Curve(Selection(selection.system, beyond), curve.metric)
-        level = SLANT * np.abs(gradient).dot(np.abs(start.tangent))
-        is_crossed = abs(gradient.dot(start.tangent)) > level
+        is_crossed = abs(gradient.dot(start.tangent)) > SLANT * blas.dasum(gradient * start.tangent)
         if cell is None or not is_crossed or not other.selection.is_bounded_by(test):
             return None
         point = cell.cross(other, x, test, gradient, float(tests[test]))
@@ -211,20 +212,18 @@ class Gradients:
         """Tell whether a state lies inside the cell of a curve, and no test is next to zero."""
         if not len(tests) or not are_finite(tests):
             return False
-        if self._near_zero(tests, state.x, state.size).any():
+        if self._near_zero(tests, largest(np.abs(state.x) / self.scale), state.size).any():
             return False
         return bool((curve.selection.side * tests[curve.selection.bounding] > 0.0).all())
 
-    def _near_zero(self, tests: Array, x: Array, size: Array) -> Signs:
+    def _near_zero(self, tests: Array, extent: float, size: Array) -> Signs:
         """Tell which tests may be zero because of the error, or of a correction, of a point."""
-        extent, error = largest(np.abs(x) / self.scale), largest(size / self.scale)
-        reach = GUARD * EPS * (1.0 + extent) + 2.0 * CONFIDENCE * error
-        near: Signs = np.abs(tests) <= reach * self._typical
-        return near
+        reach = GUARD * EPS * (1.0 + extent) + 2.0 * CONFIDENCE * largest(size / self.scale)
+        return np.asarray(np.abs(tests) <= reach * self._typical)
 
     def is_corner(self, before: Array, tests: Array, point: CorrectedPoint, but: int) -> bool:
         """Tell whether another test vanishes at a point, or has another sign than before."""
-        near = self._near_zero(tests, point.x, point.size).nonzero()[0]
+        near = self._near_zero(tests, point.extent, point.size).nonzero()[0]
         near = near[near != but]
         if not len(near):
             return False  # nearly always
@@ -261,6 +260,7 @@ class CorrectedPoint(NamedTuple):
     size: Array  # the estimate of the error of x, shape (n + 1,)
     along: float  # by how much alpha was corrected along the piece
     aside: Array | None  # by how much z was corrected as well; None if not needed
+    extent: float  # the largest component of x, in typical magnitudes
 
 
 @final
@@ -359,9 +359,10 @@ class StraightCell:
         error: Array = self._lines[1:].copy()  # and where the rounding of the test puts the point
         last = EPS * np.abs(gradient).dot(sizes) * self._samples[:, -1] - slopes[1:]
         add_multiples(error, last / slopes[0], self._lines[0])
-        point = CorrectedPoint(x - dx, error, magnitude(sizes, error), along, aside)
+        extent = largest(sizes / metric.scale)
+        point = CorrectedPoint(x - dx, error, magnitude(sizes, error), along, aside, extent)
         # a correction is no more than the rounding and the error of the corrected point
-        rounding = GUARD * EPS * largest(sizes / metric.scale)
+        rounding = GUARD * EPS * extent
         is_rounding = metric.norm(dx) <= rounding or is_everywhere(  # nearly always at once
             np.abs(dx) <= rounding * metric.scale + CONFIDENCE * point.size
         )
@@ -405,8 +406,7 @@ class StraightCell:
         along[:-1] -= solved[1]
         self._lines[1:, :-1] = solved[2:]
         self.length, self._since = metric.norm(along), 0
-        correction: Array = solved[0]
-        return correction
+        return np.asarray(solved[0])
 
 
 def _kink_by_residuals(before: Selection, after: Curve, x: Array, gradient: Array) -> Array | None:
