@@ -15,7 +15,6 @@ from __future__ import annotations
 
 from collections import defaultdict, deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from functools import partial
 from itertools import combinations, count, islice, pairwise
 from typing import TypeAlias
 
@@ -38,7 +37,7 @@ from pwscont.graph.records import Place, significant
 from pwscont.system.abilities import Ending, HidesUnknowns, Reduction, shown_points
 from pwscont.system.box import Box
 from pwscont.system.system import PiecewiseSystem
-from pwscont.transitions.detector import Said, TransitionDetector, kinds_at
+from pwscont.transitions.detector import TransitionDetector, kinds_at
 from pwscont.transitions.events import EventMark, Events
 
 #: Puts the unknowns that a user sees into points (..., z, alpha) of the reduced system, or errors.
@@ -185,7 +184,7 @@ def assemble(
         if (place := edge.begun_at) is not None:
             digits = significant(place.error, place.x, metric.scale)
             said = f"start in {piece.label}"
-            starts.append(SpecialPoint(-1, Kind.START, place, (said, said), piece.id, digits))
+            starts.append(SpecialPoint(-1, Kind.START, place, said, said, piece.id, digits))
     points = [
         _special_point(i, discovery.nodes[n], before[n], after[n], system, places, metric, events)
         for n, i in numbers.items()
@@ -284,11 +283,13 @@ def _special_point(
         inside += [_next_to_end(piece, 1) for _, piece in after]
         also += filter(None, [events.names_at(metric, place.x, place.error, inside)])
     passed = (before[0], after[0]) if len(before) == len(after) == 1 else None
+    message, backward = _messages(system, node, passed)
     return SpecialPoint(
         id=number,
         kind=_turning(node, *passed) if passed and node.kind in CROSSED else node.kind,
         place=place,
-        said=_said(system, node, passed),
+        message=message,
+        backward=backward,
         digits=significant(place.error, place.x, metric.scale),
         lost=node.lost,
         events=", ".join(also),
@@ -324,9 +325,9 @@ def _turning(node: Node, arriving: Directed, leaving: Directed) -> Kind | str:
     return turns if signs else node.kind
 
 
-def _said(
+def _messages(
     system: PiecewiseSystem, node: Node, passed: tuple[Directed, Directed] | None
-) -> tuple[Said, Said]:
+) -> tuple[str, str]:
     """Return what changes at a node, and what else is known, in the two orientations."""
     if not passed or (node.kind == Kind.END and isinstance(system, Ending)):
         return node.message, node.message
@@ -334,13 +335,10 @@ def _said(
     if before == after:
         return node.message, node.message
     note = f"; {node.message}" if node.kind not in CROSSED and node.message else ""
-    change = partial(_changed, system, note)
-    return partial(change, before, after), partial(change, after, before)
-
-
-def _changed(system: PiecewiseSystem, note: str, before: Character, after: Character) -> str:
-    """Return what changes from a cell to another cell, and what else is known."""
-    return system.describe_transition(before, after) + note
+    forward, backward = (
+        system.describe_transition(*cells) for cells in ((before, after), (after, before))
+    )
+    return forward + note, backward + note
 
 
 # -- the promise of uniqueness ---------------------------------------------------------------------

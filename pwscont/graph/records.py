@@ -20,7 +20,6 @@ from pwscont.basics.outcome import Kind
 from pwscont.basics.printing import apart, card, counted, short
 from pwscont.basics.quantities import NAMELESS, Quantities
 from pwscont.basics.rounding import SAME_ALPHA
-from pwscont.transitions.detector import Said, worded
 
 #: Number of low bits of a double that are dropped: sign, exponent and four binary digits remain.
 DROPPED_BITS = np.uint64(48)
@@ -96,8 +95,11 @@ class SpecialPoint:
         or ``"nonsmooth fold"``; or a kind of a user's own detector.
     place : Place
         The point (z, alpha) and the estimated error.
-    said : tuple
-        :attr:`message` and :attr:`backward`: two texts, or functions that return texts.
+    message : str
+        What happens at the point when passed in positive orientation, for example
+        ``"contact-slip → contact-stick"``.
+    backward : str
+        The message when passed in negative orientation.
     piece : int or None
         For a start in the middle of a piece, the id of that piece.
     digits : float
@@ -114,7 +116,8 @@ class SpecialPoint:
     id: int
     kind: str
     place: Place
-    said: tuple[Said, Said]
+    message: str
+    backward: str
     piece: int | None = None
     digits: float = ALL_DIGITS
     lost: int = 0
@@ -140,17 +143,7 @@ class SpecialPoint:
 
     def passed(self, orientation: int) -> str:
         """Return the message for an orientation, +1 or -1."""
-        return worded(self.said[orientation < 0])
-
-    @property
-    def message(self) -> str:
-        """What happens when passed in positive orientation, as ``"left contact → contact"``."""
-        return self.passed(+1)
-
-    @property
-    def backward(self) -> str:
-        """What happens at the point when passed in negative orientation."""
-        return self.passed(-1)
+        return self.message if orientation > 0 else self.backward
 
     @property
     def name(self) -> str:
