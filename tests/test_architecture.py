@@ -63,7 +63,7 @@ BUDGET = {
     "enumeration": (11, 2603),
     "transitions": (12, 3566),
     "graph": (10, 2608),
-    "search": (7, 1634),
+    "search": (7, 1636),
     "continuation": (8, 2708),
     "kit": (4, 939),
     "proof": (10, 2190),

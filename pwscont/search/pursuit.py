@@ -87,8 +87,9 @@ WIDER_BY, SPREADS = 4.0, 3
 #: Largest distance from zero, in typical magnitudes, over which starts are spread at first: each
 #: branch of a periodic function would lead farther out.
 FARTHEST_START = 1e3
-#: Multiples of known solutions from which pursuits start: other solutions are often alike in shape.
-MULTIPLES = (-1.0, 4.0, 16.0)
+#: Multiples of known solutions from which pursuits start, since other solutions are often alike in
+#: shape, and the most known solutions that are multiplied.
+MULTIPLES, MOST_SHAPES = (-1.0, 4.0, 16.0), 8
 #: Number of values of a single unknown at which the equation is evaluated, within LINE_WIDTH times
 #: the known magnitude and again farther out.
 ON_LINE, LINE_WIDTH = 64, 1.5
@@ -124,7 +125,8 @@ class Pursuit:
         here = list[Array]()
         known = self._solutions(alpha)
         zeros = self._sign_changes(alpha, known)
-        multiples = [by * x[:-1] for x in known for by in MULTIPLES if self._shown > 1]
+        shapes = known[:MOST_SHAPES] if self._shown > 1 else []
+        multiples = (self._box.inside(by * x[:-1]) for x in shapes for by in MULTIPLES)
         for number, rough in enumerate(chain(zeros, multiples, guesses)):
             if len(here) >= MOST_FOUND:
                 self._known.leave_off()
