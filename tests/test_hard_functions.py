@@ -306,6 +306,7 @@ def test_a_pole_is_no_change_of_sign():
     assert [graph.count(t) for t in (-0.7, 0.1, 0.5)] == [2, 2, 2]
 
 
+@pytest.mark.slow
 def test_solutions_alike_in_shape_beside_a_stop():
     """Bratu's equation on ten places with a stop: four solutions, of which three are far out."""
     n, stop = 10, 20.0 / 11.0 * (np.arange(10) == 5)
