@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from certificates import verdicts
-from proof_families import Mixed, PiecewisePolynomial, tubes_of
+from proof_families import Mixed, PiecewisePolynomial, tubes_of, uneven_arches
 from sweeps import swept
 
 import pwscont.proof.counts
@@ -27,16 +27,9 @@ def test_certificates_of_one_unknown_hold(seeds):
     assert (true > 100, others) == (True, [0, 0])
 
 
-def arches(z, t, sw):
-    """Two uneven arches, each after the other: up to nine solutions."""
-    k, before = np.arange(1.0, 3.0), np.concatenate([[0.0], z[:-1]])
-    rows = z**3 - 1.2 * (1.0 + 0.1 * k) * z + 5.0 * sw.relu(z - 1.0)
-    return rows - t * (1.0 - 0.05 * k) + 0.1 * before
-
-
 def test_certificates_of_two_unknowns_hold():
-    tubes = tubes_of(arches, 2, (-5.0, 5.0), (-1.0, 1.0))
-    assert verdicts(arches, tubes, len(tubes.first) // 8)[1:] == (0, 0)
+    tubes = tubes_of(uneven_arches, 2, (-5.0, 5.0), (-1.0, 1.0))
+    assert verdicts(uneven_arches, tubes, len(tubes.first) // 8)[1:] == (0, 0)
 
 
 @pytest.mark.slow

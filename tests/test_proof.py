@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from proof_families import Mixed, PiecewisePolynomial, proved
+from proof_families import Mixed, PiecewisePolynomial, proved, uneven_arches
 from sweeps import swept
 
 import pwscont.proof.counts
@@ -58,15 +58,8 @@ def test_counts_of_mixed_rows(n, seeds):
     assert unsaid <= 0.2 * total
 
 
-def arches(z, t, sw):
-    """Three uneven arches, each after the other: up to 27 solutions."""
-    k, before = np.arange(1.0, 4.0), np.concatenate([[0.0], z[:-1]])
-    rows = z**3 - 1.2 * (1.0 + 0.1 * k) * z + 5.0 * sw.relu(z - 1.0)
-    return rows - t * (1.0 - 0.05 * k) + 0.1 * before
-
-
 def test_no_coordinate_is_left_wide():
-    proof = proved(arches, 3, (-5.0, 5.0), (-1.0, 1.0))
+    proof = proved(uneven_arches, 3, (-5.0, 5.0), (-1.0, 1.0))
     assert proof.boxes < 40_000
     assert [proof.count(t) for t in (-0.9, 0.0, 0.9)] == [3, 27, 3]
 

@@ -157,9 +157,9 @@ def assemble(
     out. Special points get the names of the events there. The metric is that of the system.
     """
 
-    def show(points: Array, **errors: bool) -> Array:
+    def show(points: Array, errors: bool = False) -> Array:
         """Return points (..., z, alpha) of the reduced system with the user's unknowns."""
-        whole = reduction.points(points, system.size, **errors) if reduction else points
+        whole = reduction.points(points, system.size, are_errors=errors) if reduction else points
         return shown_points(system, whole)
 
     edges, places = discovery.edges, {}
@@ -199,7 +199,7 @@ def _shown_places(discovery: Discovery, show: Show) -> dict[Place, Place]:
     known += [place for node in nodes for place in (node.place, *(ray.place for ray in node.rays))]
     places = list(dict.fromkeys(place for place in known if place is not None))
     points = show(np.array([place.x for place in places]))
-    errors = show(np.array([place.error for place in places]), are_errors=True)
+    errors = show(np.array([place.error for place in places]), errors=True)
     return dict(zip(places, map(Place, points, errors), strict=True))
 
 

@@ -173,11 +173,10 @@ class Pursuit:
         even = np.linspace(-1.0, 1.0, ON_LINE + 2)[1:-1]
         near = np.concatenate([LINE_WIDTH * even, wide := WIDER_BY * _with_tails(even)])
         farther = wide[-1] * WIDER_BY ** np.arange(1, FARTHER_PLACES + 1)
-        places = reach * np.concatenate([near, farther, -farther])
         own = np.array([x[0] for x in known])  # apart from these a sign change is another solution
         apart = BESIDE_KNOWN * (reach + np.abs(own))
-        places = np.concatenate([places, own - apart, own + apart])
-        places = np.unique(np.clip(places, box.lower[0], box.upper[0]))
+        each = [reach * near, reach * farther, -reach * farther, own - apart, own + apart]
+        places = np.unique(np.clip(np.concatenate(each), box.lower[0], box.upper[0]))
         values = np.array([equation(z) for z in places])
         # farther out a function that grows has few zeros, and any other function too many
         is_far, sizes = np.abs(places) > reach * wide[-1], np.abs(values)
@@ -185,12 +184,13 @@ class Pursuit:
         signs = np.where(is_far & ~grows, 0.0, np.sign(values))
         from scipy.optimize import bisect  # noqa: PLC0415  importing takes as long as all else
 
-        for i in np.flatnonzero(signs[1:] * signs[:-1] < 0.0):
-            low, high = places[i : i + 2]
-            if not ((low <= own) & (own <= high)).any():
-                z = bisect(equation, low, high, xtol=EPS * reach)
-                if abs(equation(z)) <= sizes[i : i + 2].max():  # no pole
-                    yield completed(system, np.array([z]), alpha)
+        is_known = np.histogram(own, places)[0] > 0
+        for i in np.flatnonzero((signs[1:] * signs[:-1] < 0.0) & ~is_known):
+            z = bisect(equation, *places[i : i + 2], xtol=EPS * reach)
+            full = completed(system, np.array([z]), alpha)
+            is_pole = abs(equation(z)) > sizes[i : i + 2].max()
+            if not is_pole and is_new(self._metric, np.append(full, alpha), known):
+                yield full
 
     def _freely(self, y: Array, number: int) -> Found | None:
         """Return the new solution to which a free alpha leads from where a pursuit stalled."""

@@ -33,9 +33,9 @@ class KnownBranches:
 
     def __init__(self) -> None:
         #: Returns the points (z, alpha) of every piece, each of shape (k, n + 1).
-        self.pieces: Callable[[], Iterable[Array]] = tuple
+        self.pieces: Callable[[], Iterable[Array]] = lambda: ()
         #: Tells whether it is proved that there are no others, so that no search is needed.
-        self.are_all: Callable[[], bool] = bool
+        self.are_all: Callable[[], bool] = lambda: False
         #: Whether a search was given up because of the number of solutions.
         self.is_left_off = False
 

@@ -11,7 +11,7 @@ from typing import final
 import numpy as np
 
 from pwscont.basics.arrays import Array, Indices
-from pwscont.basics.outcome import Failure, FailureReason, Kind
+from pwscont.basics.outcome import Failure, Kind
 from pwscont.basics.printing import at, counted, named, short
 from pwscont.basics.rounding import CONFIDENCE, CONVERGED, EPS, GUARD
 from pwscont.curve.corrector import zero
@@ -391,7 +391,7 @@ def locate_sign_change(
     try:
         ends = sorted(map(along, bracket))
         if not ends[0] <= 0.0 <= ends[1]:  # a change that is rounding
-            return Failure(FailureReason.NOT_CONVERGED)
+            return NOT_CONVERGED
         xtol = narrow * (segment.length if isinstance(segment, CurvedSegment) else bracket[1])
         most = MOST_BRACKET_HALVINGS**2  # Brent's method takes many steps where a zero is flat
         s = brentq(along, *bracket, xtol=xtol, rtol=4.0 * EPS, maxiter=most)

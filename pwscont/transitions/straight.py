@@ -20,7 +20,6 @@ import math
 from typing import NamedTuple, final
 
 import numpy as np
-from scipy.linalg import blas
 
 from pwscont.basics.arrays import (
     Array,
@@ -38,7 +37,7 @@ from pwscont.basics.outcome import Failure
 from pwscont.basics.rounding import CONFIDENCE, CONVERGED, EPS, GUARD
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.error_samples import magnitude, samples
-from pwscont.curve.metric import SHORTEST, Range
+from pwscont.curve.metric import Range
 from pwscont.curve.stepper import Segment
 from pwscont.linear.bordered import GROWTH
 from pwscont.linear.factorise import column, inner, kink_by_columns, last_unit
@@ -51,7 +50,7 @@ from pwscont.system.selection import Selection
 from pwscont.system.system import PiecewiseLinearSystem
 from pwscont.system.values import own_array
 from pwscont.transitions.bounding import BoundingTests, crossed
-from pwscont.transitions.detector import Reading, SpecialPointFound, TransitionDetector
+from pwscont.transitions.detector import Reading, SpecialPointFound, TransitionDetector, ratio_test
 from pwscont.transitions.ends import at_end
 from pwscont.transitions.rays import ASTRAY, SLANT, Ray, rounding_of_tests
 
@@ -113,13 +112,12 @@ class StraightTests(TransitionDetector):
         room = (end - state.alpha) / slope if slope else np.inf
         # apart from the test that was crossed no test is zero: the piece runs along no interface
         values = selection.side * last.tests.take(selection.bounding)
-        falls = -slope * selection.side * last.rates.take(selection.bounding)
-        first = int((falls / np.maximum(values, SHORTEST)).argmax()) if len(falls) else 0
-        fall = falls.item(first) if len(falls) else 0.0
-        distance = max(values.item(first), 0.0) / fall if fall > 0.0 else np.inf
-        if not distance < room:
+        slopes = slope * selection.side * last.rates.take(selection.bounding)
+        distances = ratio_test(values, slopes)
+        first = int(distances.argmin()) if len(distances) else 0
+        if not (len(distances) and distances[first] < room):
             return self._at_end(last, room, end)
-        self._last = self._across(ray.curve, state, first, distance)
+        self._last = self._across(ray.curve, state, first, float(distances[first]))
         return self._last and self.arrive(ray.curve, self._last.state, first)
 
     def _begun(self, ray: Ray) -> Entered | None:
@@ -161,7 +159,8 @@ class StraightTests(TransitionDetector):
         cell, tests = self._cell_of(curve, start), gradients.tests_at(x)
         beyond = Character.beyond(tests, test, bool(selection.side[index] < 0.0))
         other = Curve(Selection(selection.system, beyond), curve.metric)
-        is_crossed = abs(gradient.dot(start.tangent)) > SLANT * blas.dasum(gradient * start.tangent)
+        level = SLANT * np.abs(gradient).dot(np.abs(start.tangent))
+        is_crossed = abs(gradient.dot(start.tangent)) > level
         if cell is None or not is_crossed or not other.selection.is_bounded_by(test):
             return None
         point = cell.cross(other, x, test, gradient, float(tests[test]))
@@ -362,10 +361,8 @@ class StraightCell:
         extent = largest(sizes / metric.scale)
         point = CorrectedPoint(x - dx, error, magnitude(sizes, error), along, aside, extent)
         # a correction is no more than the rounding and the error of the corrected point
-        rounding = GUARD * EPS * extent
-        is_rounding = metric.norm(dx) <= rounding or is_everywhere(  # nearly always at once
-            np.abs(dx) <= rounding * metric.scale + CONFIDENCE * point.size
-        )
+        rounding = GUARD * EPS * extent * metric.scale + CONFIDENCE * point.size
+        is_rounding = is_everywhere(np.abs(dx) <= rounding)
         return point if is_rounding and metric.admits(point.x) else None
 
     def _has_renewed(self, jacobian: Matrix) -> bool:

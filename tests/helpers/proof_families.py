@@ -149,3 +149,10 @@ def _roots(values):
     at = np.flatnonzero(signs[:-1] * signs[1:] < 0.0)
     part = values[at] / (values[at] - values[at + 1])
     return GRID[at] + part * (GRID[1] - GRID[0])
+
+
+def uneven_arches(z, t, sw):
+    """Uneven arches, each after the other, one for each unknown: up to 3^n solutions."""
+    k, before = np.arange(1.0, len(z) + 1.0), np.concatenate([[0.0], z[:-1]])
+    rows = z**3 - 1.2 * (1.0 + 0.1 * k) * z + 5.0 * sw.relu(z - 1.0)
+    return rows - t * (1.0 - 0.05 * k) + 0.1 * before
