@@ -63,7 +63,7 @@ BUDGET = {
     "enumeration": (11, 2603),
     "transitions": (12, 3563),
     "graph": (10, 2608),
-    "search": (7, 1636),
+    "search": (7, 1656),
     "continuation": (8, 2708),
     "kit": (4, 939),
     "proof": (10, 2190),

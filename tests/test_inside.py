@@ -129,6 +129,19 @@ def test_narrow_intervals(width, given):
     assert np.allclose(sorted(float(s.z[0]) for s in graph.solutions(middle)), exact, atol=1e-9)
 
 
+@pytest.mark.parametrize("apart", [1e-5, 1e-3])
+def test_solutions_close_together_on_both_sides_of_a_kink(apart):
+    def rows(z, t, sw):
+        return [sw.abs(z[0] - z[1] ** 2) - apart, z[1] - t + 0.2 * sw.relu(z[0])]
+
+    graph = explore(Switched(2, rows), (-1.0, 2.0))
+    for alpha in (-0.5, 0.3, 1.7):  # z0 = z1^2 +- apart > 0: a quadratic equation for z1
+        exact = [np.roots([0.2, 1.0, 0.2 * off - alpha]) for off in (apart, -apart)]
+        found = sorted(float(s.z[1]) for s in graph.solutions(alpha))
+        assert np.allclose(found, np.sort(np.concatenate(exact)), rtol=1e-9, atol=0.0)
+    assert graph.guarantee == "balanced"  # known solutions are not found again and again
+
+
 @pytest.mark.slow
 def test_a_search_that_is_given_up_says_so():
     graph = explore(Curve(lambda z, a: np.sin(z) - 0.5 * a), (-1.0, 1.0))

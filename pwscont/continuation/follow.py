@@ -329,18 +329,19 @@ class PieceFollower:
     def _is_endless(self) -> bool:
         """Tell whether a long piece leads to infinity while alpha stays inside the interval.
 
-        Parts of the way out are compared. Changes of alpha shrink where alpha approaches a limit
-        like a power of 1 / z, not like a logarithm. All changes that are still to come are next to
-        nothing together, or the piece is very long.
+        Parts of the way to the farthest point are compared. Changes of alpha shrink where alpha
+        approaches a limit like a power of 1 / z, not like a logarithm. All changes that are still
+        to come are next to nothing together, or the piece is very long.
         """
         points, width = np.array(self._points), self._curve.metric.width
         sizes = np.linalg.norm((points / self._curve.metric.scale)[:, :-1], axis=1)
         is_long = len(points) > ENDLESS_STEPS
         ways = (ENDLESS_FROM, PARTS, ENDLESS_RATIO), (0.0, LONG_PARTS, LONG_RATIO)
+        farthest, largest = int(np.argmax(sizes)), sizes.max()
         for least, parts, ratio in ways if is_long else ways[:1]:
-            if sizes[-1] < max(least, sizes.max()) or sizes[0] > parts[0] * sizes[-1]:
-                continue  # not far out, or farther out before
-            ends = [*(int(np.argmax(sizes >= part * sizes[-1])) for part in parts), -1]
+            if largest < least or sizes[-1] < parts[-1] * largest or sizes[0] > parts[0] * largest:
+                continue  # not far out, back from there, or far out from the beginning
+            ends = [*(int(np.argmax(sizes >= part * largest)) for part in parts), farthest]
             *_, before, last = changes = np.abs(np.diff(points[ends, -1])) / width
             is_near = last * last <= LONG_CHANGE * (before - last)  # last (r + r^2 + ...), evenly
             is_far = is_long and (parts is PARTS or is_near)

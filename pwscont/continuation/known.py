@@ -21,7 +21,6 @@ from pwscont.curve.curve import Curve
 from pwscont.curve.metric import Metric, nearest_on_chords
 from pwscont.graph.queries import solve_between
 from pwscont.graph.records import Place
-from pwscont.search.search import NEAR
 from pwscont.system.selection import Selection
 from pwscont.system.system import PiecewiseSystem
 from pwscont.transitions.detector import Said, worded
@@ -210,7 +209,7 @@ class Edge(NamedTuple):
 
 
 #: A point farther from each chord than this part of the chord's length is not on the piece.
-OFF_THE_PIECE = 5.0 * NEAR
+OFF_THE_PIECE = 1.0
 
 #: What a user reads at an end of a path that repeats itself.
 REPEATS = "the path repeats itself without end: set limits=Limits(pieces=...) to follow it further"

@@ -287,7 +287,7 @@ def follow_starts(plan: Plan, starts: Iterable[Found], searched: SearchScope) ->
         _check(journal, plan)
         follow, starts = journal.recording(follower.follow, gauge), journal.starts(starts)
     discovery = Discovery(follower, plan.report, budget, follow)
-    plan.branches.pieces = lambda: (edge.points for edge in discovery.edges)
+    plan.branches.followed = lambda: ((edge.cells[0], edge.points) for edge in discovery.edges)
     if searched.promise == Guarantee.NOTHING and searched != NOT_SEARCHED:
         starts = chain(starts, _reentries(discovery, plan))
     without_digits: list[Array] = []

@@ -36,6 +36,7 @@ from pwscont.curve.metric import Metric, Range, deflation, stretch
 from pwscont.curve.newton import is_solved, newton
 from pwscont.curve.semismooth import semismooth_newton
 from pwscont.enumeration.continua import equations_in_magnitudes, is_one_of_many, underflows
+from pwscont.linear.factorise import last_unit
 from pwscont.search.search import KnownBranches
 from pwscont.system.abilities import completed, shown_size
 from pwscont.system.box import Box
@@ -90,6 +91,8 @@ FARTHEST_START = 1e3
 #: Multiples of known solutions from which pursuits start, since other solutions are often alike in
 #: shape, and the most known solutions that are multiplied.
 MULTIPLES, MOST_SHAPES = (-1.0, 4.0, 16.0), 8
+#: Most interfaces of a known solution beyond which a solution is looked for.
+MOST_NEXT_DOOR = 4
 #: Number of values of a single unknown at which the equation is evaluated, within LINE_WIDTH times
 #: the known magnitude and again farther out.
 ON_LINE, LINE_WIDTH = 64, 1.5
@@ -126,8 +129,9 @@ class Pursuit:
         known = self._solutions(alpha)
         zeros = self._sign_changes(alpha, known)
         shapes = known[:MOST_SHAPES] if self._shown > 1 else []
+        beside = chain.from_iterable(self._next_door(x, alpha) for x in shapes)
         multiples = (self._box.inside(by * x[:-1]) for x in shapes for by in MULTIPLES)
-        for number, rough in enumerate(chain(zeros, multiples, guesses)):
+        for number, rough in enumerate(chain(zeros, beside, multiples, guesses)):
             if len(here) >= MOST_FOUND:
                 self._known.leave_off()
                 return
@@ -195,17 +199,13 @@ class Pursuit:
     def _freely(self, y: Array, number: int) -> Found | None:
         """Return the new solution to which a free alpha leads from where a pursuit stalled."""
         free = self._free(y, generic(len(y), float(number)))
-        (lo, hi), scale = self._interval, self._scale
+        lo, hi = self._interval
         if free is None or not lo <= free[-1] * self._metric.width <= hi:
             return None
-        near = self._known.near(free * scale, self._metric)
-        direction = None if near is None else self._direction(free)
-        if near is not None and direction is not None:
-            found = self._across(near / scale, free, direction)
-            off = np.inf if found is None else _length(self._apart(found, free))
-            if off <= self._slack(free, 10.0 * LAST_STEP):
-                return None  # the point lies on a known branch
-        return self._standing(self._along(free))
+        if (found := self._standing(self._along(free))) is None:
+            return None
+        known = self._solutions(float(found[0][-1]))
+        return found if is_new(self._metric, found[0], known) else None
 
     def _standing(self, y: Array) -> Found | None:
         """Return the exact solution near a rough solution, None for a start that ran away."""
@@ -228,13 +228,33 @@ class Pursuit:
 
     def _solutions(self, alpha: float) -> list[Array]:
         """Return the known solutions at an alpha."""
-        found, scale = [], self._scale
-        for x in self._known.at(alpha):
-            reach = np.minimum(np.abs(x[:-1]), FARTHEST_START * scale[:-1])
+        found = []
+        for character, x in self._known.in_cells_at(alpha):
+            reach = np.minimum(np.abs(x[:-1]), FARTHEST_START * self._scale[:-1])
             self.reach = np.maximum(self.reach, reach)
-            y, arrived = self._at_alpha(x / scale, ())
-            found.append(y * scale if arrived else x)
+            root = self._in_cell(character, x, alpha)
+            found.append(x if root is None else root)
         return found
+
+    def _in_cell(self, character: Character, x: Array, alpha: float) -> Array | None:
+        """Return the root of a selection at an alpha to which Newton leads, None for a failure."""
+        curve, row = Curve(Selection(self._system, character), self._metric), last_unit(len(x))
+        root = newton(curve, lambda at: (float(at[-1]) - alpha, row), x, MOST_STANDING)
+        return None if isinstance(root, Failure) else root.x
+
+    def _next_door(self, x: Array, alpha: float) -> Iterator[Array]:
+        """Yield the solutions in the cells beyond the nearest interfaces of a solution.
+
+        Two solutions on both sides of a kink may be closer together than deflation resolves.
+        """
+        own = Selection(self._system, self._system.character(x[:-1], alpha))
+        slopes = product(abs(own.test_gradients(x)), self._scale)
+        nearest = np.argsort(np.abs(own.tests(x)) / slopes)
+        for i in nearest[:MOST_NEXT_DOOR]:
+            beyond = own.character.flip(i)
+            root = self._in_cell(beyond, x, alpha)
+            if root is not None and self._system.character(root[:-1], alpha) == beyond:
+                yield root[:-1]
 
     def _distinct(self, points: list[Array]) -> list[Array]:
         """Return points, each once: a solution that is deflated away twice attracts from afar."""

@@ -10,18 +10,16 @@ from typing import Any, final
 import numpy as np
 
 from pwscont.basics.arrays import Array, finite_array
+from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidInputError
 from pwscont.basics.outcome import Guarantee, SearchScope
 from pwscont.basics.printing import at, short
 from pwscont.basics.rounding import SAME_ALPHA
 from pwscont.curve.error_samples import Found
-from pwscont.curve.metric import Metric, Range, nearest_on_chords
+from pwscont.curve.metric import Metric, Range
 from pwscont.graph.proved import Proof
 from pwscont.system.selection import unexplained
 from pwscont.system.system import PiecewiseSystem, SlicewiseLinearSystem
-
-#: A curve strays from the chord between two stored points by less than this part of its length.
-NEAR = 0.2
 
 
 @final
@@ -32,29 +30,31 @@ class KnownBranches:
     """
 
     def __init__(self) -> None:
-        #: Returns the points (z, alpha) of every piece, each of shape (k, n + 1).
-        self.pieces: Callable[[], Iterable[Array]] = lambda: ()
+        #: Returns the character and the points (z, alpha) of every piece, shape (k, n + 1).
+        self.followed: Callable[[], Iterable[tuple[Character, Array]]] = lambda: ()
         #: Tells whether it is proved that there are no others, so that no search is needed.
         self.are_all: Callable[[], bool] = lambda: False
         #: Whether a search was given up because of the number of solutions.
         self.is_left_off = False
 
+    def pieces(self) -> Iterable[Array]:
+        """Return the points (z, alpha) of every piece, each of shape (k, n + 1)."""
+        return (points for _, points in self.followed())
+
     def at(self, alpha: float) -> list[Array]:
-        """Return a point (z, alpha) for each known solution."""
+        """Return a point (z, alpha) near each known solution."""
+        return [x for _, x in self.in_cells_at(alpha)]
+
+    def in_cells_at(self, alpha: float) -> list[tuple[Character, Array]]:
+        """Return a point (z, alpha) near each known solution, after the character of the piece."""
         found = []
-        for points in self.pieces():
+        for character, points in self.followed():
             sides = np.sign(points[:, -1] - alpha)
-            found += [points[i] for i in np.flatnonzero(sides == 0.0)]
+            found += [(character, points[i]) for i in np.flatnonzero(sides == 0.0)]
             for i in np.flatnonzero(sides[1:] * sides[:-1] < 0.0):
                 a, b = points[i], points[i + 1]
-                found.append(a + (alpha - a[-1]) / (b[-1] - a[-1]) * (b - a))
+                found.append((character, a + (alpha - a[-1]) / (b[-1] - a[-1]) * (b - a)))
         return found
-
-    def near(self, x: Array, metric: Metric) -> Array | None:
-        """Return the nearest known point, None if x can be on no known branch."""
-        near = [nearest_on_chords(points, x, metric) for points in self.pieces()]
-        part, point = min(near, key=lambda each: each[0], default=(np.inf, x))
-        return point if part <= NEAR else None
 
     def extremes(self) -> list[Array]:
         """Return the points of pieces at which alpha or an unknown is extremal, each once."""
