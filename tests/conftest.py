@@ -34,12 +34,13 @@ def pytest_configure(config):
 def pytest_collection_modifyitems(items, config):
     """Mark as slow all cases of a test marked ``sweep(k)`` but the first, the (k + 1)th, ...
 
+    Cases that are slow anyway do not count: a run that leaves them out has the same quick ones.
     With ``--one-in N`` the tests are sampled by their names: every machine runs the same ones.
     """
     seen = Counter()
     for item in items:
         mark = item.get_closest_marker("sweep")
-        if mark is None:
+        if mark is None or item.get_closest_marker("slow"):
             continue
         if seen[item.function] % mark.args[0]:
             item.add_marker(pytest.mark.slow)

@@ -8,6 +8,7 @@ import subprocess
 import sys
 from abc import ABC
 from collections import Counter
+from functools import cache
 from itertools import chain
 from pathlib import Path
 
@@ -87,9 +88,22 @@ def module_of(path):
 MODULES = {module_of(path): path for path in FILES}
 
 
+@cache
+def nodes_of(path):
+    """Return the nodes of a file's syntax tree that these tests look at."""
+    kinds = (ast.Import, ast.ImportFrom, ast.ClassDef, ast.Constant)
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    return [node for node in ast.walk(tree) if isinstance(node, kinds)]
+
+
+@cache
+def lines_of(path):
+    return len(path.read_text(encoding="utf-8").splitlines())
+
+
 def imported_names(path):
     """Yield module and name of every absolute import of a file, wherever it stands."""
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    for node in nodes_of(path):
         if isinstance(node, ast.Import):
             yield from ((alias.name, "") for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
@@ -99,7 +113,7 @@ def imported_names(path):
 
 def named_modules(path):
     """Yield every module of pwscont that a file names in a text, as import_module takes it."""
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    for node in nodes_of(path):
         if (
             isinstance(node, ast.Constant)
             and str(node.value) in MODULES
@@ -126,27 +140,30 @@ def test_every_package_has_a_floor():
     assert packages == set(FLOORS)
 
 
-@pytest.mark.parametrize("path", BUILDING, ids=name)
-def test_imports_point_down(path):
-    here = path.relative_to(ROOT).parts[0]
-    for module in modules_used(path):
+def files_of(room):
+    return [path for path in BUILDING if path.relative_to(ROOT).parts[0] == room]
+
+
+@pytest.mark.parametrize("room", ROOMS)
+def test_imports_point_down(room):
+    used = [(path, module) for path in files_of(room) for module in modules_used(path)]
+    for path, module in used:
         parts = module.split(".")
-        if here in SATELLITES and module in ("pwscont", "pwscont.extending"):
+        if room in SATELLITES and module in ("pwscont", "pwscont.extending"):
             continue  # see the next test
         assert len(parts) > 1, f"{name(path)} imports the top of the package"
         there = parts[1]
         assert there in FLOORS, f"{name(path)} imports {module} from the top of the package"
-        assert FLOORS[there] <= FLOORS[here], f"{name(path)} imports {module}, which lies above"
+        assert FLOORS[there] <= FLOORS[room], f"{name(path)} imports {module}, which lies above"
 
 
-@pytest.mark.parametrize("path", BUILDING, ids=name)
-def test_public_names_that_a_satellite_imports_lie_below(path):
-    here = path.relative_to(ROOT).parts[0]
-    for module, imported in imported_names(path):
+@pytest.mark.parametrize("room", ROOMS)
+def test_public_names_that_a_satellite_imports_lie_below(room):
+    for module, imported in chain.from_iterable(map(imported_names, files_of(room))):
         if module in ("pwscont", "pwscont.extending") and not imported.startswith("__"):
             home = getattr(getattr(importlib.import_module(module), imported), "__module__", "")
             if home.startswith("pwscont."):
-                assert FLOORS[home.split(".")[1]] <= FLOORS[here], f"{imported} lies above"
+                assert FLOORS[home.split(".")[1]] <= FLOORS[room], f"{imported} lies above"
 
 
 def test_imports_by_text_are_seen():
@@ -176,18 +193,16 @@ def test_no_files_of_plug_ins_import_each_other():
     assert not circles(PLUG_INS, modules)
 
 
-@pytest.mark.parametrize("path", FILES + PLUG_INS, ids=lambda path: path.stem)
-def test_no_file_needs_a_guide(path):
-    assert len(path.read_text(encoding="utf-8").splitlines()) <= LONGEST_FILE
+def test_no_file_needs_a_guide():
+    assert not [str(path) for path in FILES + PLUG_INS if lines_of(path) > LONGEST_FILE]
 
 
 @pytest.mark.parametrize("room", ROOMS)
 def test_a_room_keeps_its_budget(room):
-    files = [path for path in BUILDING if path.relative_to(ROOT).parts[0] == room]
-    lines = sum(len(path.read_text(encoding="utf-8").splitlines()) for path in files)
+    files = files_of(room)
     most_files, most_lines = BUDGET[room]
     assert len(files) <= most_files
-    assert lines <= most_lines
+    assert sum(map(lines_of, files)) <= most_lines
 
 
 class ArchOverStop(PiecewiseSystem):
@@ -246,22 +261,23 @@ def test_one_run_meets_few_files_and_classes():
 
 
 def test_one_class_has_one_name():
-    trees = (ast.parse(path.read_text(encoding="utf-8")) for path in FILES)
-    nodes = chain.from_iterable(map(ast.walk, trees))
+    nodes = chain.from_iterable(map(nodes_of, FILES))
     names = Counter(node.name for node in nodes if isinstance(node, ast.ClassDef))
     assert not [found for found, times in names.items() if times > 1]
 
 
-@pytest.mark.parametrize("path", FILES, ids=name)
-def test_the_framework_knows_no_problem(path):
-    assert not [m for m, _ in imported_names(path) if m.split(".")[0] in PACKAGES]
+def test_the_framework_knows_no_problem():
+    used = [(name(path), module) for path in FILES for module, _ in imported_names(path)]
+    assert not [pair for pair in used if pair[1].split(".")[0] in PACKAGES]
 
 
-@pytest.mark.parametrize("path", PLUG_INS, ids=lambda path: path.stem)
-def test_a_plug_in_imports_public_names_only(path):
+@pytest.mark.parametrize("package", PACKAGES)
+def test_a_plug_in_imports_public_names_only(package):
     """So it can be a template for anyone else's."""
     public = {"pwscont": pwscont.__all__, "pwscont.extending": pwscont.extending.__all__}
-    for module, imported in imported_names(path):
+    files = [path for path in PLUG_INS if package in path.parts]
+    assert files
+    for module, imported in chain.from_iterable(map(imported_names, files)):
         if module.split(".")[0] == "pwscont":
             assert imported in public.get(module, ()), f"{module}.{imported} is not public"
 
@@ -376,6 +392,7 @@ def test_import_pwscont_is_lean():
     assert not loaded & HEAVY
 
 
+@pytest.mark.slow
 def test_straight_pieces_need_no_optimizer():
     """It takes as long to import as all the rest."""
     code = (
@@ -387,6 +404,7 @@ def test_straight_pieces_need_no_optimizer():
     assert run.stdout.split() == ["2", "False"]
 
 
+@pytest.mark.slow
 def test_static_problems_load_no_evolutions():
     code = (
         "import sys, pwscont_coulomb\n"
@@ -396,8 +414,9 @@ def test_static_problems_load_no_evolutions():
     assert not run.stdout.split()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("module", [*PACKAGES, "pwscont.extending"])
-@pytest.mark.sweep(3)
+@pytest.mark.sweep(9)
 def test_import_of_plug_ins_loads_no_plotting(module):
     loaded = loaded_by(f"import {module}")
     assert "pwscont" in loaded

@@ -137,6 +137,7 @@ def test_exact_linear_is_right_to_rounding(cases, name):
 
 @pytest.mark.parametrize("name", swept([*OWN, *SHORT], LONG))
 @pytest.mark.parametrize("largest", [0.3, 0.03])
+@pytest.mark.sweep(5)
 def test_special_points_are_exact_whatever_the_step(cases, name, largest):
     case = cases[name]
     graph = follow(case, by_steps("arc", largest))
@@ -146,6 +147,7 @@ def test_special_points_are_exact_whatever_the_step(cases, name, largest):
     assert found.points_max < 1e-12
 
 
+@pytest.mark.slow
 def test_alpha_turns_at_a_corner_too():
     """Where all orbits of the border collision meet no kind is a fold, yet alpha turns there."""
     case = case_of(border_collision())
@@ -302,6 +304,7 @@ def test_wrong_names(name, message, capsys):
     assert message in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_searching_is_not_part_of_a_measurement(cases):
     """Every component is followed from one true start; the default search finds the same."""
     case = cases["example3"]

@@ -15,6 +15,7 @@ def curve(f, size=1, bounds=(0.0, 9.0)):
 
 @pytest.mark.parametrize("rate", [0.5, 1.0, 7.0])
 @pytest.mark.parametrize("unit", [1e-3, 1.0, 1e3])
+@pytest.mark.sweep(8)
 def test_a_branch_that_leaves_its_bounds_on_another_is_named(rate, unit):
     """An epidemic: nobody is ill, or a part 1 - rate / b of all, of which b < rate makes none."""
     f = lambda z, b, sw: (b * (1.0 - z / unit) - rate) * z  # noqa: E731
@@ -30,6 +31,7 @@ def test_a_branch_that_leaves_its_bounds_on_another_is_named(rate, unit):
 
 @pytest.mark.parametrize("start", [0.0, 1e-16, -9e-17, 3e-12])
 @pytest.mark.parametrize("share", [0.025, 0.1, 1.0 / 3.0])
+@pytest.mark.sweep(5)
 def test_wash_out_of_a_reactor_is_one_branch(start, share):
     def f(z, t, sw):
         made = 10.0**t * z[0] * z[1] ** 2
@@ -52,6 +54,7 @@ def equilibria(A, r):
 
 
 @pytest.mark.parametrize("seed", range(4))
+@pytest.mark.sweep(4)
 def test_communities_of_species(seed):
     """Lotka and Volterra: species come and go where branches cross on a bound."""
     rng = np.random.default_rng(seed)

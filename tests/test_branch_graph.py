@@ -386,6 +386,7 @@ def test_loaded_straight_graph_needs_no_system(fig7, tmp_path):
 
 
 @pytest.mark.parametrize("name", list(CASES))
+@pytest.mark.sweep(4)
 def test_to_dict_is_json(name):
     case = CASES[name]
     graph = explore(case.system, case.interval, stepper=PseudoArclength())

@@ -95,8 +95,8 @@ def test_limits_that_are_not_reached_change_nothing():
 
 
 def test_a_path_that_never_ends_comes_back_after_so_many_seconds():
-    graph = helix(limits=Limits(seconds=1.0))
-    assert "the limit of 1 seconds was reached" in graph.guarantee
+    graph = helix(limits=Limits(seconds=0.3))
+    assert "the limit of 0.3 seconds was reached" in graph.guarantee
     assert len(graph.special_points("stopped")) == 2
     on_the_helix(graph)
 
@@ -304,7 +304,7 @@ def test_a_handler_of_another_language_is_left_alone(monkeypatch):
 
     monkeypatch.setattr(signal, "getsignal", lambda _: None)
     monkeypatch.setattr(signal, "signal", refuse)
-    assert helix().pieces
+    assert helix(limits=Limits(pieces=2)).pieces
 
 
 def test_in_another_thread():
@@ -315,6 +315,7 @@ def test_in_another_thread():
     assert len(found[0].pieces) == 5
 
 
+@pytest.mark.slow
 def test_interrupted_on_the_command_line_and_resumed(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(
         "pwscont.continuation.follow.PieceFollower.follow", _pressing(press_after(2))
@@ -364,6 +365,7 @@ def test_kinks_that_accumulate_are_said_to_with_the_alpha():
     assert accumulates_at(graph.guarantee) == pytest.approx(0.3, abs=1e-5)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("make", [Helix, Spiral])
 def test_a_path_that_repeats_itself_is_stopped_without_limits(make):
     start = {Helix: 0.5, Spiral: 1.3}[make]
@@ -388,6 +390,7 @@ class Teeth(PiecewiseSystem):
         return alpha - (end if character.signs[0] else np.sin(5.0 * z))
 
 
+@pytest.mark.slow
 def test_limits_let_a_path_repeat_itself_as_long_as_they_last():
     graph = trace(Teeth(), (np.zeros(1), 0.0), (-2.0, 2.0), limits=Limits(pieces=30))
     assert len(graph.pieces) == 30

@@ -61,6 +61,7 @@ def marks(graph):
 
 @pytest.mark.parametrize("kind", [Buffered, BufferedWithDifferences])
 @pytest.mark.parametrize("seed", range(12))
+@pytest.mark.sweep(5)
 def test_everything_is_found_with_buffers(kind, seed):
     parts = given(1 + seed % 3, seed)
     true, found = (explore(each(*parts), (-2.0, 2.0)) for each in (Switches, kind))
@@ -70,6 +71,7 @@ def test_everything_is_found_with_buffers(kind, seed):
 
 @pytest.mark.parametrize("kind", [Buffered, BufferedWithDifferences])
 @pytest.mark.parametrize("seed", range(3))
+@pytest.mark.sweep(5)
 def test_long_paths_with_buffers(kind, seed):
     A, _, k, a, b = given(70, seed)
     graphs = [
@@ -117,6 +119,7 @@ class BufferedTies(Ties, Buffered):
 
 
 @pytest.mark.parametrize("seed", range(30))
+@pytest.mark.sweep(10)
 def test_corners_with_buffers(seed):
     true, found = (explore(kind(seed), (-1.0, 1.0)) for kind in (Ties, BufferedTies))
     assert true.guarantee == found.guarantee

@@ -21,6 +21,7 @@ def polynomial_verdicts(seeds, every=25):
     return tuple(np.sum(found, axis=0).tolist())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seeds", swept([range(4)], [range(100, 140)]))
 def test_certificates_of_one_unknown_hold(seeds):
     true, *others = polynomial_verdicts(seeds)

@@ -54,7 +54,7 @@ def test_nothing_is_broken(system):
 
 
 @pytest.mark.parametrize("name", sorted(CASES))
-@pytest.mark.sweep(5)
+@pytest.mark.sweep(10)
 def test_no_false_alarm_on_the_papers_systems(name):
     system, (lo, hi) = CASES[name].system, CASES[name].interval
     random = np.random.default_rng(0)

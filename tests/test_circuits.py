@@ -111,6 +111,7 @@ def ladder_voltages(E, sections, rise):
 @pytest.mark.parametrize(
     ("sections", "rise"), [(1, 0.0), (5, 0.0), (20, 0.05), (50, 0.01), (50, 0.0)]
 )
+@pytest.mark.sweep(3)
 def test_the_ladder_has_one_operating_point_everywhere(sections, rise):
     scene = diode_ladder(sections=sections, rise=rise)
     graph = scene.run()
@@ -226,6 +227,7 @@ def check(case, sources=(-9.1, -4.3, -1.33, 0.37, 2.7, 5.1, 8.3)):
 
 
 @pytest.mark.parametrize("seed", range(2))
+@pytest.mark.sweep(2)
 def test_random_circuits_have_all_operating_points(seed):
     check(random_circuit(seed))
 

@@ -33,19 +33,23 @@ HISTORIES = [name for name in NAMES if isinstance(load_scene(name), EvolutionSce
 
 WRITTEN = (
     "fig7",
-    "fig5",
     "block",
+    "fig5",
     "hysteresis",
-)  # one of each kind whose files are written even if quick
+)  # one of each kind; the others, which are longer, are written by the slow tests
 
 
-OF_CONTACT = [name for name in NAMES if name in CONTACT]
+#: Scenes of contact that take seconds.
+LONG = ("cattaneo", "example1-critical-friction")
+
+
+OF_CONTACT = [name for name in NAMES if name in CONTACT and name not in LONG]
 
 
 FILED = [name for name in NAMES if name in (*CONTACT, *CURVES)]
 
 
-EVERY_SCENE = pytest.mark.parametrize("name", swept(OF_CONTACT, OTHERS), scope="module")
+EVERY_SCENE = pytest.mark.parametrize("name", swept(OF_CONTACT, [*LONG, *OTHERS]), scope="module")
 
 
 PNG = b"\x89PNG\r\n"
@@ -114,6 +118,7 @@ def test_scenes_are_listed_with_their_titles(capsys):
     assert set(PLANES) <= set(NAMES)
 
 
+@pytest.mark.slow
 def test_scenes_are_grouped_by_package(capsys):
     out = run(capsys, "scenes")[1]
     points = {point.name: point.module for point in entry_points(group="pwscont.scenes")}
@@ -135,7 +140,7 @@ def test_every_scene_is_runnable(name):
 
 @EVERY_SCENE
 @pytest.mark.usefixtures("solved_once")
-@pytest.mark.sweep(3)
+@pytest.mark.sweep(6)
 def test_every_scene_prints_a_table(capsys, name):
     status, out, _ = run(capsys, "run", name)
     assert status == 0
@@ -165,6 +170,7 @@ def test_json_follows_the_schema(capsys, name):
 
 @EVERY_SCENE
 @pytest.mark.usefixtures("solved_once")
+@pytest.mark.sweep(4)
 def test_json_nodes_and_pieces_fit_together(capsys, name):
     data = run_json(capsys, name)
     nodes = {node["id"]: node for node in data["nodes"]}
@@ -187,7 +193,7 @@ def test_json_nodes_and_pieces_fit_together(capsys, name):
 def test_output_writes_readable_files(capsys, tmp_path, monkeypatch, name):
     monkeypatch.setattr("pwscont_coulomb.elastic.scene.FRAMES", 3)
     directory = tmp_path / "not yet" / "there"
-    moving = ["--animate"] if name == "block" else []
+    moving = ["-s", "nodes=5", "--animate"] if name == "block" else []
     status, out, err = run(capsys, "run", name, "-o", str(directory), *moving)
     assert status == 0
     assert out
@@ -210,7 +216,9 @@ def test_output_writes_readable_files(capsys, tmp_path, monkeypatch, name):
     )
 
 
-@pytest.mark.parametrize("name", PLANES, scope="module")
+@pytest.mark.parametrize(
+    "name", swept([n for n in PLANES if n not in LONG], [PLANES[4]]), scope="module"
+)
 @pytest.mark.usefixtures("solved_once")
 def test_plane_scenes_tell_their_loci_and_sectors(capsys, name):
     data = run_json(capsys, name)
@@ -236,6 +244,11 @@ def test_plane_scenes_print_sectors(capsys):
     assert "slip- | no contact: fold" in out
     _, out, _ = run(capsys, "run", "fig6")
     assert "stick | slip-: transition, with infinitely many solutions on it" in out
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("solved_once")
+def test_a_plane_scene_prints_its_critical_friction(capsys):
     _, out, _ = run(capsys, "run", "example1-critical-friction")
     assert "The critical F is 2: folds begin at (alpha, F) = (-1.2941176, 2) and" in out
 
@@ -315,6 +328,7 @@ def test_a_directory_that_cannot_be_made_is_refused_before_any_work(capsys, tmp_
     assert f"cannot make the directory {directory}: " in message
 
 
+@pytest.mark.slow
 def test_a_file_that_cannot_be_written_ends_with_status_2(capsys, tmp_path):
     (tmp_path / "fig7.npz").mkdir()
     status, out, err = run(capsys, "run", "fig7", "-o", str(tmp_path))
@@ -335,6 +349,7 @@ def test_interruption_ends_with_status_130(capsys, monkeypatch):
 # -- how pictures look ---------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_looks_of_pictures(capsys, tmp_path):
     options = ["-o", str(tmp_path), "--format", "svg", "--dpi", "50", "--panels", "u_t", "2"]
     status, _, err = run(capsys, "run", "fig7", *options)

@@ -44,6 +44,7 @@ class CurvedSheets(PiecewiseSystem):
 @pytest.mark.parametrize(
     "gap", [0.0, 1e-12, 3e-11, 1e-10, 3e-10, 1e-9, 5e-9, 1e-7, -1e-10, -1e-9, -5e-9]
 )
+@pytest.mark.sweep(6)
 def test_an_event_beside_a_kink_loses_no_branch(kind, gap):
     graph = explore(kind(), (-1.0, 1.0), events={"level": lambda z, alpha: alpha - 0.2 - gap})
     for alpha in (-0.5, 0.1, 0.3, 0.7):
@@ -54,6 +55,7 @@ def test_an_event_beside_a_kink_loses_no_branch(kind, gap):
 
 @pytest.mark.parametrize("level", [1.0, 1e3, 1e6])
 @pytest.mark.parametrize("gap", [2e-9, 1e-5, 1e-3, 1e-2])
+@pytest.mark.sweep(6)
 def test_events_side_by_side_far_from_zero(level, gap):
     """Digits tell the less apart, the larger unknowns are beside what is typical for them."""
     events = {"one": lambda z, alpha: alpha - 0.5, "other": lambda z, alpha: alpha - 0.5 - gap}
@@ -86,6 +88,7 @@ class FoldBesideSeam(PiecewiseSystem):
 @pytest.mark.parametrize("begin", [0.5, -0.5])
 @pytest.mark.parametrize("c", [0.0, 1.0])
 @pytest.mark.parametrize("d", [0.0, 1e-12, 1e-10, 1e-9, 3e-9, 1e-8, 1e-7, -1e-12, -1e-9])
+@pytest.mark.sweep(6)
 def test_a_fold_beside_a_seam_loses_no_branch(d, c, begin):
     system = FoldBesideSeam(d, c)
     alpha = begin**2 + begin**3 / 7.0 + c * max(begin - d, 0.0) ** 2
@@ -96,6 +99,7 @@ def test_a_fold_beside_a_seam_loses_no_branch(d, c, begin):
 
 @pytest.mark.parametrize("d", [1e-5, 1e-3, 1e-2])
 @pytest.mark.parametrize("level", [1e3, 1e6])
+@pytest.mark.sweep(4)
 def test_a_fold_beside_a_seam_far_from_zero(d, level):
     graph = trace(FoldBesideSeam(d, 0.0, level), ([level + 0.5], 0.25 + 0.125 / 7.0), (-1.0, 1.0))
     assert [graph.count(alpha) for alpha in (-0.5, 0.1, 0.7)] == [0, 2, 2]
@@ -127,6 +131,7 @@ class Touches(PiecewiseSystem):
 
 
 @pytest.mark.parametrize("seed", range(25))
+@pytest.mark.sweep(24)
 def test_a_curve_that_touches_an_interface_stays_on_its_side(seed):
     rng = np.random.default_rng(seed)
     p, q, c = (
@@ -163,6 +168,7 @@ class FoldOfTwoLines(PiecewiseLinearSystem):
 @pytest.mark.parametrize("begin", [0.25, -0.5])
 @pytest.mark.parametrize("gaps", [(1e-9, 3e-9), (-1e-9, -3e-9), (1e-9, -2e-9), (4e-9, 5e-9)])
 @pytest.mark.parametrize("events_see", ["z", "alpha"])
+@pytest.mark.sweep(6)
 def test_several_events_beside_a_fold_lose_no_branch(events_see, gaps, begin):
     """All are the same place by digits: what a walk left, and what it has passed before."""
 
@@ -211,6 +217,7 @@ CHORDS = [
 
 @pytest.mark.parametrize("chords", CHORDS)
 @pytest.mark.parametrize("begin", [0.5, 2.57, 5.5])
+@pytest.mark.sweep(12)
 def test_seams_beside_a_fold_are_met(chords, begin):
     """Every piece lies in its own cell, and none is followed twice."""
     system = CutCircle(*chords)
@@ -252,7 +259,7 @@ SAME_DECIMALS = [(0.3, 0.1 + 0.2), (3.3, 1.1 + 2.2), (0.6, 6 * 0.1), (1.4, 14 * 
 @pytest.mark.parametrize(("level", "interface"), SAME_DECIMALS)
 @pytest.mark.parametrize("beyond", [1.5, 2.0, 20.0])
 @pytest.mark.parametrize("begin", [-0.9, 0.9])
-@pytest.mark.sweep(3)
+@pytest.mark.sweep(9)
 def test_a_curve_that_seems_to_cross_by_rounding_does_not_turn_back(
     level, interface, beyond, begin
 ):

@@ -137,6 +137,7 @@ def test_where_numbers_would_become_complex_there_are_no_columns():
 
 
 @pytest.mark.parametrize("mixes", [np.sum, lambda z: np.flip(z)[0], lambda z: z[0]])
+@pytest.mark.sweep(2)
 def test_folds_of_a_narrow_bump_are_found_with_columns(mixes):
     """alpha = z + 0.01 exp(-((z - 0.3) / 0.004)^2) has two folds beside the bump."""
 

@@ -35,6 +35,7 @@ every_elimination = pytest.mark.parametrize(
 @every_elimination
 @pytest.mark.parametrize("case", ["bottom", "one", "scattered", "all"])
 @pytest.mark.parametrize("size", [(4, 3), (31, 17), (90, 3)])
+@pytest.mark.sweep(6)
 def test_schur_complement_load_and_recovery(elimination, case, size):
     check_schur_complement(elimination, case, size)
 
@@ -69,6 +70,7 @@ def test_dissection_separates_whatever_the_positions(place, monkeypatch):
     assert all(parent > i for i, parent in enumerate(parents[:-1]) if parent >= 0) or not parents
 
 
+@pytest.mark.slow
 def test_dissection_of_a_grid_is_sparse():
     """Factors of a 2-d grid stay near 31/4 n log2 n entries (George), far below a band's."""
     A, positions = grid(40, 40)
@@ -157,7 +159,7 @@ def test_every_solution_holds_on_the_full_mesh(name):
 
 
 @pytest.mark.parametrize(("height", "nu"), [(1e-4, 0.3), (1e4, 0.3), (1.0, 0.4999999)])
-@pytest.mark.sweep(2)
+@pytest.mark.sweep(4)
 def test_ill_shaped_and_nearly_incompressible_bodies(height, nu):
     """Aspect ratio 1e4 and a bulk modulus 5e6 times the shear modulus: still 1e-9 relative."""
     lam, mu = Young(1.0, nu).lame

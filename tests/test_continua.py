@@ -32,6 +32,7 @@ def above_zero(z, alpha, switch):
 
 
 @pytest.mark.parametrize("equal", [copied, circle, sum_of_two, above_zero])
+@pytest.mark.sweep(4)
 def test_infinitely_many_solutions_are_counted_as_such(equal):
     graph = explore(Switched(3 if equal is sum_of_two else 2, equal), (-0.5, 1.0))
     assert [(lo, hi, count) for lo, hi, count in graph.multiplicity()] == [(-0.5, 1.0, np.inf)]
@@ -48,6 +49,7 @@ def test_infinitely_many_solutions_end_where_a_branch_begins():
     assert [graph.count(alpha) for alpha in (-1.0, -0.3, -1e-3, 0.3, 1.0)] == [np.inf] * 3 + [1, 1]
 
 
+@pytest.mark.slow
 def test_a_branch_point_and_a_double_root_are_no_continua():
     """z (alpha - z^2) = 0 and (z - 1)^2 = alpha^2, the two in turned unknowns."""
 
@@ -62,6 +64,7 @@ def test_a_branch_point_and_a_double_root_are_no_continua():
 
 
 @pytest.mark.parametrize("n", [2, 3])
+@pytest.mark.sweep(2)
 def test_a_corner_that_several_faces_share_is_one_start(n):
     """sum(z) = 1 - alpha, z >= 0, for alpha < 1: all faces of the simplex end at z = 0."""
     system = LCP(np.ones((n, n)), -np.ones(n), np.ones(n))

@@ -59,6 +59,7 @@ SEARCHES = [EndPoints(), Slices((0.1, 0.3)), MultiStart(), EndPoints() + MultiSt
 
 
 @pytest.mark.parametrize("stepper", STEPPERS, ids=repr)
+@pytest.mark.sweep(2)
 def test_our_steppers(stepper):
     assert check_stepper(stepper), check_stepper(stepper)
 
@@ -226,6 +227,7 @@ class Bent(PiecewiseSystem):
         return z + z**3 / 7.0 - alpha
 
 
+@pytest.mark.slow
 def test_rounding_at_its_own_special_point_ends_no_branch():
     for place in np.linspace(-0.9, 0.9, 25):
         graph = trace(Bent(), ([0.01], 0.01), (-2.0, 2.0), detectors=[Passing(place)])
@@ -249,6 +251,7 @@ WRONG = ([0.2], np.array([0.2, 0.3]), {}, None, "zero")
 
 
 @pytest.mark.parametrize("wrong", WRONG, ids=repr)
+@pytest.mark.sweep(2)
 def test_arguments_of_another_kind_are_refused_in_words(wrong):
     graph = explore(Bent(), (-2.0, 2.0))
     for ask in (graph.point, graph.solution_at, graph.pieces_at):
@@ -262,6 +265,7 @@ def test_arguments_of_another_kind_are_refused_in_words(wrong):
 
 
 @pytest.mark.parametrize("wrong", [0, -1, 1.0, None, True, slice(0, 1), (0,), ["z[0]"]], ids=repr)
+@pytest.mark.sweep(4)
 def test_a_state_is_asked_by_name(wrong):
     graph = explore(Bent(), (-2.0, 2.0))
     for state in (graph.solutions(0.5)[0], graph.special_points()[0]):

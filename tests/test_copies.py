@@ -144,6 +144,7 @@ def test_systems_before_and_after_use(case, way):
 
 @EVERY_WAY
 @EVERY_CASE
+@pytest.mark.sweep(7)
 def test_graphs_with_all_they_hold(case, way):
     system, interval, find = CASES[case]()
     graph = find(system, interval)
@@ -230,6 +231,7 @@ def circle(friction):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", swept(["spawn"], ["forkserver"]))
 def test_explore_in_other_processes(method):
     """Systems go there, graphs come back, bit by bit those of this process."""

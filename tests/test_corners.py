@@ -67,6 +67,7 @@ def test_directions_with_several_solutions_are_among_them():
     assert max(counts) >= 3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("start", swept(["apex"], ["everywhere", "one side"]))
 def test_unloaded_body(start):
     """The problem is homogeneous: the rays at f = 0 are the solutions at alpha = 1 and -1."""
@@ -111,7 +112,9 @@ def test_unloaded_body_step_by_step():
             assert_agrees(graph, alpha, body, alpha * f1, friction)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("start", ["everywhere", "apex", "loaded"])
+@pytest.mark.sweep(4)
 def test_unloaded_body_at_the_end_of_the_interval(start):
     """Load paths begin at f = 0, where all branches meet: they are one component."""
     for p, seed, friction in UNLOADED[::3]:
@@ -134,6 +137,7 @@ def test_unloaded_body_at_the_end_of_the_interval(start):
 PASSING = [(p, seed, (0.3, 1.0, 3.0, 8.0)[seed % 4]) for p in (1, 2, 3) for seed in range(6)]
 
 
+@pytest.mark.slow
 def test_through_the_apex():
     for p, seed, friction in PASSING:
         body, f1 = unloaded(p, seed, friction)
@@ -156,7 +160,7 @@ def test_past_the_apex(distance):
 
 
 @pytest.mark.parametrize("seed", range(4))
-@pytest.mark.sweep(3)
+@pytest.mark.sweep(6)
 def test_past_the_apex_within_rounding(seed):
     """Which tests count as zero is a matter of rounding here; it must not lose a branch.
 
@@ -197,6 +201,7 @@ def test_transitions_beside_the_apex_are_as_uncertain_as_they_are_apart(miss):
         (74, 8.0, -1.0, 1.5280431793761622e-14),
     ],
 )
+@pytest.mark.sweep(4)
 def test_past_the_apex_where_a_test_bounds_one_side_only(seed, friction, side, distance):
     """Signs read off so close to the apex name a cell that the crossed test does not bound."""
     body = random_body(2, seed)
@@ -307,7 +312,7 @@ def polygon(friction, side, before, after):
 
 @pytest.mark.parametrize("stepper", [None, PseudoArclength()], ids=["exact", "arc"])
 @pytest.mark.parametrize(("friction", "side", "before", "after"), RIDES)
-@pytest.mark.sweep(5)
+@pytest.mark.sweep(30)
 def test_onto_a_boundary_along_it_and_off_it(stepper, friction, side, before, after):
     system, load = polygon(friction, side, before, after)
     graph = explore(system, (0.0, 3.0), stepper=stepper)
@@ -315,9 +320,10 @@ def test_onto_a_boundary_along_it_and_off_it(stepper, friction, side, before, af
         assert_states(graph, alpha, distinct(ONE_NODE, load(alpha), friction))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("search", SEARCHES[1:], ids=["ends", "slices", "all"])
 @pytest.mark.parametrize("friction", [1.0, 4.0])
-@pytest.mark.sweep(4)
+@pytest.mark.sweep(8)
 def test_a_piece_along_a_boundary_is_drawn_once(search, friction):
     for signs in product(SIDES, SIDES, SIDES):
         system, load = polygon(friction, *signs)
@@ -353,7 +359,7 @@ def test_along_a_boundary_is_reported_as_degenerate(friction, side, before, afte
 
 @STEPPERS
 @pytest.mark.parametrize("search", SEARCHES, ids=["default", "ends", "slices", "all"])
-@pytest.mark.sweep(3)
+@pytest.mark.sweep(6)
 def test_on_a_boundary_from_end_to_end(stepper, search):
     for friction, side in product((1.0, 4.0), SIDES):
         on = boundary(friction, side)
@@ -396,7 +402,7 @@ CALLABLES = [
 
 @pytest.mark.parametrize(("side", "before", "after"), CALLABLES)
 @pytest.mark.parametrize("power", [2, 3])
-@pytest.mark.sweep(5)
+@pytest.mark.sweep(15)
 def test_a_smooth_path_onto_a_boundary_along_it_and_off_it(side, before, after, power):
     load = Callable(1.0, side, before, after, power)
     system = CoulombLoad(contact_body(ONE_NODE), load, 1.0)

@@ -85,6 +85,7 @@ def test_pieces_at_a_double_fold():
 
 
 @pytest.mark.parametrize("coupling", [1e-2, 1e-3, 1e-6, 1e-9])
+@pytest.mark.sweep(2)
 def test_weakly_coupled_nodes(coupling):
     body = twins(coupling)
     graph = explore(affine(body, F0, F1, 4.0), TWIN)
@@ -263,6 +264,7 @@ class Kiss(PiecewiseSystem):
 
 
 @pytest.mark.parametrize("d", [0.0, 1e-3, -1e-3, 1e-9, -1e-9, 1e-14, -1e-14])
+@pytest.mark.sweep(3)
 def test_a_curve_tangent_to_an_interface(d):
     system = Touch(d)
     graph = trace(system, (system.state(-0.9), -0.9), (-1.0, 1.0))

@@ -52,7 +52,7 @@ def test_truth_of_polynomials_is_the_roots(number):
 
 @pytest.mark.parametrize("p", [1, 2, 3])
 @pytest.mark.parametrize("number", range(3))
-@pytest.mark.sweep(2)
+@pytest.mark.sweep(4)
 def test_truth_of_contact_is_the_enumeration(p, number):
     rng = np.random.default_rng([p, number])
     body, compliance, gap = body_of(rng, p)
@@ -73,7 +73,7 @@ def test_truth_of_contact_is_the_enumeration(p, number):
 
 
 @pytest.mark.parametrize(("family", "number"), list(product(FAMILIES, NUMBERS)))
-@pytest.mark.sweep(4)
+@pytest.mark.sweep(12)
 def test_the_truth_solves_the_system(family, number):
     case, rng = case_of(family, 1, number)
     lo, hi = case.interval
@@ -93,7 +93,7 @@ def test_the_truth_solves_the_system(family, number):
 @pytest.mark.parametrize(
     ("family", "number"), list(product(sorted(set(FAMILIES) - NO_END), range(30)))
 )
-@pytest.mark.sweep(12)
+@pytest.mark.sweep(36)
 def test_components_of_the_truth_end_at_the_interval(family, number):
     """F5: a curve that is cut off before would make right solutions look invented."""
     case, _ = case_of(family, 2, number)

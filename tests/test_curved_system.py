@@ -178,7 +178,7 @@ LOOP_STARTS = [([-1.0], 0.0), ([1.5], 0.2), ([0.01], 0.99), ([0.45], -0.96)]
 
 @ALL_VARIANTS
 @pytest.mark.parametrize("start", LOOP_STARTS, ids=["bottom", "top", "near fold", "rough"])
-@pytest.mark.sweep(5)
+@pytest.mark.sweep(10)
 def test_loop_closes(stepper, start):
     graph = trace(Loop(), start, (-1.5, 1.5), stepper=stepper)
     (component,) = graph.components()
@@ -192,7 +192,7 @@ def test_loop_closes(stepper, start):
 
 @ALL_VARIANTS
 @pytest.mark.parametrize("alpha", [-1.2, -0.99, -0.96, -0.5, 0.0, 0.94, 0.97, 0.9999, 1.0001])
-@pytest.mark.sweep(4)
+@pytest.mark.sweep(12)
 def test_loop_solutions(stepper, alpha):
     graph = loop(stepper)
     expected = loop_roots(alpha)

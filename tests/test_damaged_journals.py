@@ -144,6 +144,7 @@ def test_what_cannot_be_resumed(arguments, message, capsys, monkeypatch, tmp_pat
     assert message in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_resume_with_nothing_to_resume_begins(monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)
     for _ in range(2):  # a finished run leaves no journal either

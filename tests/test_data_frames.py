@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from data_parts import SCENES, Circle, of_another, power, with_record
+from data_parts import SCENES, Circle, answer_of, of_another, power, with_record
 from elastic_bodies import jammed
 from pwscont_coulomb import AffineLoad, CoulombLoad
 from pwscont_coulomb.elastic import recover
@@ -40,7 +40,7 @@ def recorded(plain):
 
 @pytest.fixture(params=SCENES, ids=lambda scene: scene.__name__)
 def graph(request):
-    return request.param().run()
+    return answer_of(request.param)
 
 
 def test_pieces_as_a_data_frame(graph):
@@ -119,6 +119,7 @@ def test_unknowns_called_like_other_columns():
         (("z", "digits"), ["z", "z[1]"]),
     ],
 )
+@pytest.mark.sweep(6)
 def test_columns_of_unknowns_are_their_names_or_places(names, called):
     given = names
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 import networkx as nx
 import numpy as np
 import pytest
-from data_parts import SCENES, Circle, of_another, power, with_record
+from data_parts import SCENES, Circle, answer_of, of_another, power, with_record
 from pwscont_coulomb.scenes import fig7
 
 from pwscont import (
@@ -36,7 +36,7 @@ def recorded(plain):
 
 @pytest.fixture(params=SCENES, ids=lambda scene: scene.__name__)
 def graph(request):
-    return request.param().run()
+    return answer_of(request.param)
 
 
 def test_node_attributes(graph):

@@ -59,6 +59,7 @@ def test_a_solution_on_an_interface_because_constants_cancel():
 
 @pytest.mark.parametrize("friction", [2.5, 3.0, 3.5, 4.0, 5.0, 6.0, 7.0])
 @pytest.mark.parametrize(("size", "ends"), [(0.7, (-3.5, 2.0)), (0.25, (-1.0, 1.0))])
+@pytest.mark.sweep(12)
 def test_a_load_along_a_sector_boundary_from_rest(friction, size, ends):
     """(u_nu, u_t) = (0, -size alpha) just touches, sticking is the other solution for alpha > 0."""
     system = one_node(COUPLED, [0.0, 0.0], [size, -2.0 * size], friction)
@@ -266,6 +267,7 @@ class AlongInterface(PiecewiseSystem):
 
 @pytest.mark.parametrize("units", [(1.0,), (1e-6,), (1.0, 1.0), (1e6, 1e-6), (1e-6, 1e6)])
 @pytest.mark.parametrize("lo", [0.0, 0.1])
+@pytest.mark.sweep(6)
 def test_a_curved_path_along_an_interface_in_any_units(units, lo):
     z2 = 3.0 + np.cos(lo)
     graph = trace(AlongInterface(*units), ([z2 * np.sin(lo) / 3.0, z2], lo), (lo, 2.0))
@@ -277,7 +279,7 @@ def test_a_curved_path_along_an_interface_in_any_units(units, lo):
 
 @pytest.mark.parametrize("seed", range(12))
 @pytest.mark.parametrize("p", [1, 2])
-@pytest.mark.sweep(4)
+@pytest.mark.sweep(40)
 def test_no_load_with_friction_as_parameter(p, seed):
     """All tests vanish all along z = 0, and every number there is rounding."""
     body = random_body(p, seed, inner=0)
@@ -318,6 +320,7 @@ def test_a_root_of_another_cell_is_no_start():
     assert graph.count(0.5) == 1
 
 
+@pytest.mark.slow
 def test_a_curve_along_a_kink_is_one_solution():
     """z_1 = 0 all along a branch, on the interface of two cells, in a system of integers."""
     matrix, of_abs = np.array([[3, 0], [-3, 1]]), np.array([[1, -2], [0, -1]])

@@ -111,6 +111,7 @@ def changed(seed, smallest):
 
 
 @pytest.mark.parametrize("seed", range(40))
+@pytest.mark.sweep(6)
 def test_changes_lead_to_the_matrix_as_it_is(seed):
     """Solutions, also with the transposed matrix."""
     matrix, made, bound = changed(seed, 1e-3)
@@ -210,6 +211,7 @@ class Absolute(PiecewiseLinearSystem):
 
 @pytest.mark.parametrize("n", [2, 9, 40])
 @pytest.mark.parametrize("seed", range(5))
+@pytest.mark.sweep(6)
 def test_pieces_from_rough_starts_are_those_of_the_system(n, seed):
     """Newton crosses cells on its way, and its matrix is one that the system writes to."""
     system = Absolute(n, seed)

@@ -52,7 +52,7 @@ def reference():
 
 @pytest.mark.parametrize("unit", UNITS)
 @pytest.mark.parametrize("which", ["length", "force", "time"])
-@pytest.mark.sweep(5)
+@pytest.mark.sweep(20)
 def test_the_same_system_in_other_units_gives_the_same_graph(unit, which, reference):
     units = {"length": 1.0, "force": 1.0, "time": 1.0, which: unit}
     time = units["time"]
@@ -329,7 +329,7 @@ def coupled(length, force):
     ("length", "force"),
     [(1.0, 1.0), (1e-5, 1.0), (1e-9, 1e6), (1e-12, 1e-12), (1e6, 1.0), (1e9, 1e-9), (1e12, 1e12)],
 )
-@pytest.mark.sweep(3)
+@pytest.mark.sweep(12)
 def test_magnitudes_are_taken_from_solutions(length, force, tmp_path):
     system = coupled(length, force)
     traced = trace(system, ([1.3 * length, 1.69 * force], 1.0), (-1.0, 1.0))
@@ -345,11 +345,13 @@ def test_magnitudes_are_taken_from_solutions(length, force, tmp_path):
             np.testing.assert_allclose(found, expected, rtol=1e-8)
 
 
+@pytest.mark.slow
 def test_magnitudes_of_one_are_kept_where_they_fit():
     graph = explore(coupled(0.5, 0.3), (-1.0, 1.0))
     assert graph.system.scale(-1.0, 1.0).tolist() == [1.0, 1.0]
 
 
+@pytest.mark.slow
 def test_magnitudes_that_the_system_gives_are_kept():
     system = coupled(1e-9, 1.0)
     system.scale = lambda lo, hi: np.array([1e-9, 3.0])
@@ -374,6 +376,7 @@ class Steep(PiecewiseSystem):
         return np.sin(self.k * (z - self.a * np.sin(self.w * alpha)))
 
 
+@pytest.mark.slow
 def test_steps_become_finer_where_newton_converges_slowly():
     system, interval = Steep(), (0.0, 2.0)
     assert system.k * system.a * system.w * STEP * 2.0 > 0.2  # radians within a step of alpha
@@ -418,6 +421,7 @@ class NoisyEnd(PiecewiseSystem):
         return ending * (z**3 - z - alpha) + self.noise * noise
 
 
+@pytest.mark.slow
 def test_where_a_model_ends_steps_do_not_become_finer():
     ending = 6.0 + np.sqrt(1.4)
     graph = explore(NoisyEnd(), (-1.0, 1.0), starts=[([ending], -0.5)])

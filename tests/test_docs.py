@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from sweeps import swept
 
 import pwscont
 import pwscont.extending
@@ -123,7 +124,9 @@ def test_every_example_prints_and_draws(path):
 
 @pytest.mark.parametrize(
     "name",
-    ["paper_curve.py", "own_system.py", "how_many_solutions.py", "corners_and_branching.py"],
+    swept(
+        ["paper_curve.py", "corners_and_branching.py"], ["own_system.py", "how_many_solutions.py"]
+    ),
 )
 def test_every_graph_of_an_example_has_balance_one(name):
     namespace, *_ = run_example(name)
@@ -148,6 +151,7 @@ def test_tutorial_shows_the_numbers_of_the_paper():
     assert "rank of J' - J: 1\n" in printed
 
 
+@pytest.mark.slow
 def test_how_to_finds_both_folds_and_the_mistake():
     namespace, printed, _ = run_example("own_system.py")
     snap, back = namespace["snap"], namespace["back"]

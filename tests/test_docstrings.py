@@ -5,6 +5,7 @@ import inspect
 from importlib import import_module, util
 
 import pytest
+from sweeps import swept
 
 PACKAGES = (
     "pwscont",
@@ -29,6 +30,8 @@ def public(package):
 
 
 NAMES = [(package, name) for package in PACKAGES for name in public(package)]
+#: Examples that take half a second or more.
+LONG = ("Complementarity", "FilippovEquilibria", "Strut", "TransitionLocus", "explore")
 
 
 @pytest.fixture(autouse=True)
@@ -42,7 +45,13 @@ def headless(monkeypatch, tmp_path):
     plt.close("all")
 
 
-@pytest.mark.parametrize(("package", "name"), NAMES)
+@pytest.mark.parametrize(
+    ("package", "name"),
+    swept(
+        [named for named in NAMES if named[1] not in LONG],
+        [named for named in NAMES if named[1] in LONG],
+    ),
+)
 def test_a_public_name_has_an_example_that_runs(package, name):
     needed = "skfem" if package.endswith("elastic") else NEEDS.get(name)
     if needed and not util.find_spec(needed):

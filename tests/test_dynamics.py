@@ -104,6 +104,7 @@ def test_random_affine_maps(seed):
         assert agree(orbits(left, right, b + alpha * c, period), states(graph, alpha))
 
 
+@pytest.mark.slow
 def test_periodic_points_of_a_curved_map():
     """x -> mu - x^2 left of 0, mu - 3 x right of it: period two by the quadratic formula.
 
@@ -135,6 +136,7 @@ def test_words_of_maps():
 
 @pytest.mark.parametrize("n", [1, 2, 3])
 @pytest.mark.parametrize("period", [1, 2, 3, 4])
+@pytest.mark.sweep(4)
 def test_the_sign_is_that_of_the_determinant_of_one_less_the_derivative(n, period):
     rng = np.random.default_rng(10 * n + period)
     left = rng.normal(size=(n, n))
@@ -152,6 +154,7 @@ def test_the_sign_is_that_of_the_determinant_of_one_less_the_derivative(n, perio
 # -- Filippov systems ----------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("c2", "kind"), [(0.3, "transition"), (-2.0, "nonsmooth fold")])
 def test_boundary_equilibria(c2, kind):
     """A focus meets the border: a pseudo-equilibrium goes on, or comes back."""
@@ -197,6 +200,7 @@ def test_random_boundary_equilibria(seed):
         check_affine(graph, A, b + alpha * d, c, alpha)
 
 
+@pytest.mark.slow
 def test_equilibria_of_a_curved_field():
     """x' = mu - x^2 for x > 0 and x' = 1 for x < 0: sqrt(mu), or 0 with share 1 / (1 - mu)."""
     system = FilippovEquilibria(lambda x, mu: mu - x**2, lambda x, mu: [1.0], lambda x, mu: x[0], 1)

@@ -87,6 +87,7 @@ def test_files_with_other_meshes(cells, z, words, tmp_path):
         pressed(file)
 
 
+@pytest.mark.slow
 def test_finite_element_libraries_are_loaded_only_for_a_body():
     code = (
         "import sys, json, pwscont_coulomb, pwscont_coulomb.elastic\n"

@@ -169,6 +169,7 @@ def press_case():
 
 
 @pytest.mark.parametrize("factor", [1.0, 2.0, 5.0])
+@pytest.mark.sweep(2)
 def test_flat_ground_is_drawn_flat_and_closed_nodes_lie_on_it(press_case, factor):
     """The gaps of the rounded edges, magnified, would make a hump of the table."""
     problem, graph = press_case
@@ -244,6 +245,7 @@ def test_legends_stand_outside_and_nothing_is_clipped(block_case):
     assert figure.axes[0].get_title() == summary(states[0])
 
 
+@pytest.mark.slow
 def test_animations_are_written_only_where_asked_for(tmp_path):
     answer = triangle().solve((), silent)
     assert {file.suffix for file in answer.write(tmp_path)} == {".png", ".npz"}

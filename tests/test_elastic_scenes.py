@@ -100,6 +100,7 @@ def test_the_press_presses_and_shears():
     assert pull[1].sum() > 0.0
 
 
+@pytest.mark.slow
 def test_text_of_a_large_body_is_short():
     """Neighbours in one mode are named together, solutions in sum: resultant, peak, size."""
     answer = wedge().solve((0.07,), silent)
@@ -137,6 +138,7 @@ def test_reading_a_mesh_prints_nothing(capsys):
 # -- settings -------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_the_size_of_a_block_is_a_setting(capsys):
     assert main(["run", "block", "-s", "nodes=4", "friction=0.5", "--json"]) == 0
     data = json.loads(capsys.readouterr().out)

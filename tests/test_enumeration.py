@@ -61,6 +61,7 @@ def random_problem(p, seed):
         [(1, 400), (2, 300), (3, 200), (4, 80), (5, 20)],
     ),
 )
+@pytest.mark.sweep(8)
 def test_random_bodies(p, bodies):
     counts = []
     for seed in range(bodies):
@@ -78,6 +79,7 @@ def test_random_bodies(p, bodies):
 
 
 @pytest.mark.parametrize("p", [1, 2, 3])
+@pytest.mark.sweep(4)
 def test_friction_as_parameter(p):
     """Slices are affine in z although they are curved in F."""
     for seed in range(20):
@@ -104,6 +106,7 @@ def test_curved_load_path(p):
 
 
 @pytest.mark.parametrize("p", [1, 2, 3])
+@pytest.mark.sweep(4)
 def test_without_friction_there_is_one_solution(p):
     """F = 0 is a strictly convex problem; slip+, slip- and stick differ in nothing but name."""
     for seed in range(30):
@@ -208,6 +211,7 @@ def affine_problems():
         yield body, load, 6.0, (-2.0, 2.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("distance", swept([1e-11], [1e-9, 1e-12]))
 def test_around_every_transition_against_fractions(distance):
     """Close to both sides of every transition and fold the number is that of fractions."""
@@ -421,6 +425,7 @@ class Levelling(SlicewiseLinearSystem):
 
 
 @pytest.mark.parametrize("alpha", [-1.0, -0.85, 0.3])
+@pytest.mark.sweep(4)
 def test_a_cell_in_which_nothing_changes_has_no_solutions(alpha):
     found = enumerate_solutions(Levelling(), alpha)
     expected = [(x, alpha * x) for x in (alpha, (4.0 - alpha) / 3.0)]

@@ -55,7 +55,7 @@ SCENES = [CASES["fig7"], CASES["fig11"], example1(), fig10(), fig13(), example3(
 
 @pytest.mark.parametrize("scene", SCENES, ids=lambda scene: getattr(scene, "name", "scene"))
 @pytest.mark.parametrize("seed", range(4))
-@pytest.mark.sweep(5)
+@pytest.mark.sweep(20)
 def test_every_zero_is_an_event_and_nothing_else_changes(scene, seed):
     system, rng = scene.system, np.random.default_rng(seed)
     plain = explore(system, scene.interval)
@@ -253,7 +253,9 @@ class Arch(PiecewiseSystem):
         return z * (z - 1.0) * (z - 2.0) + 5.0 * (z - 1.0) * character.signs[0] - alpha
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("at", [-0.1, 0.0, 0.5])
+@pytest.mark.sweep(4)
 def test_two_zeros_close_to_each_other_and_a_flat_one(at):
     close = {"close": lambda z, a: (z - at) ** 2 - 1e-12, "flat": lambda z, a: (z[0] - at) ** 3}
     graph = explore(Arch(), (-0.5, 1.0), events=close)
@@ -266,6 +268,7 @@ FOLD = 1.0 - 3.0**-0.5
 
 @pytest.mark.parametrize("at", [FOLD, 1.0])
 @pytest.mark.parametrize("edge", [np.maximum, np.minimum])
+@pytest.mark.sweep(4)
 def test_the_edge_of_a_stretch_of_zeros_at_a_special_point_changes_nothing(at, edge):
     graph = explore(Arch(), (-0.5, 1.0), events={"edge": lambda z, a: edge(z[0] - at, 0.0)})
     (named,) = (point for point in graph.special_points() if point.name == "edge")
@@ -296,6 +299,7 @@ class Smooth(PiecewiseSystem):
 
 @pytest.mark.parametrize("cubic", [False, True])
 @pytest.mark.parametrize("seed", range(4))
+@pytest.mark.sweep(8)
 def test_pairs_and_triples_of_events_within_a_step_change_nothing(cubic, seed):
     """One function with all zeros, or one for each; near and far, beside folds and ends."""
     system, rng = Smooth(cubic), np.random.default_rng(seed)
@@ -330,6 +334,7 @@ class Eight(Smooth):
 
 
 @pytest.mark.parametrize("level", [-1e-4, 0.003, 0.02, 0.1])
+@pytest.mark.sweep(4)
 def test_events_beside_a_branch_point(level):
     start, plain = ([0.48], 0.8), (-1.5, 1.5)
     graph = trace(Eight(False), start, plain, events={"e": lambda z, a: float(z[0] - level)})
@@ -376,7 +381,7 @@ def clusters(rng):
 
 
 @pytest.mark.parametrize(("system", "seed"), CLUSTERS)
-@pytest.mark.sweep(1)
+@pytest.mark.sweep(6)
 def test_all_zeros_in_clusters_are_found(system, seed):
     """A polynomial, its saturation, or the polynomial times a factor that grows by 150."""
     zeros = clusters(np.random.default_rng(seed))

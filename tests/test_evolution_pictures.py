@@ -80,6 +80,7 @@ def test_a_start_is_seen_within_a_branching(four):
     assert 2.0 * start.get_sizes()[0] < branching.get_sizes()[0]
 
 
+@pytest.mark.slow
 def test_arrows_of_a_loop_point_in_the_direction_of_time():
     """One node at low friction has one evolution; every arrow lies on it and points ahead."""
     evolution = hysteresis(0.5).run()
@@ -134,6 +135,7 @@ def test_quantities_that_are_not_there_are_refused(four, tmp_path):
             four.animate(**wrong)
 
 
+@pytest.mark.slow
 def test_animations_have_a_frame_for_each_time(four, tmp_path):
     image = pytest.importorskip("PIL.Image")
     path = four.animate(tmp_path / "loop.gif", "lambda_t", "u_t", frames=5)
@@ -173,6 +175,7 @@ def test_zones_are_the_modes_over_time(round_body):
         assert (corners[:, 0].min(), corners[:, 0].max()) == (begin.t, end.t)
 
 
+@pytest.mark.slow
 def test_the_round_body_is_drawn_with_its_contact(tmp_path):
     files = cattaneo(20).solve((1.6,), lambda pieces, t: None).write(tmp_path)
     names = [file.name for file in files]
@@ -181,6 +184,7 @@ def test_the_round_body_is_drawn_with_its_contact(tmp_path):
     assert all(file.stat().st_size > 1000 for file in files)
 
 
+@pytest.mark.slow
 def test_pressure_and_shear_are_those_of_the_states(round_body):
     system, evolution = round_body
     states = [evolution.paths()[0].state(t) for t in (1.0, 1.6)]

@@ -262,6 +262,7 @@ def test_an_interrupted_run_goes_on(tmp_path, branching):
 
 
 @pytest.mark.parametrize("seed", [88, 99, 112])
+@pytest.mark.sweep(2)
 def test_a_resumed_run_repeats_every_bit(tmp_path, seed):
     """Whatever an evolver keeps between events."""
 

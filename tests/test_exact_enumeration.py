@@ -81,7 +81,7 @@ def assert_same(found, expected):
 
 @pytest.mark.parametrize("split", [True, False])
 @pytest.mark.parametrize("decades", [(0, 6), (6, 12), (12, 14), (14, 15)])
-@pytest.mark.sweep(3)
+@pytest.mark.sweep(12)
 def test_against_rational_arithmetic(decades, split):
     rng = np.random.default_rng([*decades, split])
     certain, empty = 0, 0
@@ -124,6 +124,7 @@ def test_signs_of_exact_solutions():
 
 @pytest.mark.parametrize("p", [1, 2])
 @pytest.mark.parametrize("condition", [1e12, 1e13, 1e14, 1e15])
+@pytest.mark.sweep(6)
 def test_ill_conditioned_bodies_balance(p, condition):
     """For Coulomb friction the signs sum to +1: never an empty list."""
     rng = np.random.default_rng([p, int(np.log10(condition))])

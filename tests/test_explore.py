@@ -79,7 +79,7 @@ def test_random_bodies(p, bodies):
 
 @pytest.mark.parametrize("p", [1, 2, 3])
 @pytest.mark.parametrize("everywhere", [True, False])
-@pytest.mark.sweep(4)
+@pytest.mark.sweep(8)
 def test_nodes_without_friction(p, everywhere):
     """Their tests kappa2 and kappa3 are one function: the cell of stick has no inside."""
     for seed in range(20):

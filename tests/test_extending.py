@@ -10,6 +10,7 @@ import pwscont
 from pwscont import extending
 
 
+@pytest.mark.slow
 def test_the_page_runs_from_top_to_bottom():
     *codes, package = blocks("extending.rst")
     assert len(codes) == 11

@@ -48,7 +48,7 @@ def nearly_incompressible(ratio):
 @pytest.mark.parametrize("ratio", [1.0, 1e3, 1e6, 1e9, 1e12])
 @pytest.mark.parametrize("friction", [0.3, 0.99, 4.0])
 @pytest.mark.parametrize("start", [[0.25, 0.0], [0.25, 0.7], [0.0, 0.0]])
-@pytest.mark.sweep(4)
+@pytest.mark.sweep(12)
 def test_nearly_incompressible(ratio, friction, start):
     rate = [0.0, 1.0] if any(start) else [0.4, 1.0]
     path = Path(one_node(nearly_incompressible(ratio)), start, rate, friction)
@@ -61,6 +61,7 @@ def on_circle(alpha):
 
 
 @pytest.mark.parametrize("ratio", [1.0, 1e2, 1e4, 1e8, 1e12])
+@pytest.mark.sweep(8)
 def test_nearly_incompressible_on_a_circle_of_loads(ratio):
     """Contact opens and closes where a f_nu + b f_t = 0: a cos + b sin = (b - a) / 0.9.
 
@@ -86,7 +87,7 @@ SCALES = [1e-12, 1e-6, 1.0, 1e6, 1e12]
 
 
 @pytest.mark.parametrize(("stiffness", "force"), list(product(SCALES, SCALES)))
-@pytest.mark.sweep(4)
+@pytest.mark.sweep(12)
 def test_any_unit_of_stiffness_and_load(stiffness, force):
     body = Body(stiffness * TWO_NODES.A, TWO_NODES.N, TWO_NODES.T, TWO_NODES.gap)
     f0, f1 = force * np.array([0.4, 0.0, 1.8, 0.0]), force * np.array([0.0, 1.0, 0.2, 1.0])
@@ -122,6 +123,7 @@ class BentCircle(PiecewiseSystem):
 
 
 @pytest.mark.parametrize("power", [-300, -170, -100, 100, 170, 300])
+@pytest.mark.sweep(8)
 def test_any_unit_of_a_test_of_curved_pieces(power):
     """A direction along which such a test rises by one has a length whose square is no number."""
     graph = trace(BentCircle(10.0**power), ([0.9], 0.0), (-2.0, 2.0))
@@ -132,6 +134,7 @@ def test_any_unit_of_a_test_of_curved_pieces(power):
 
 
 @pytest.mark.parametrize("seed", range(20))
+@pytest.mark.sweep(6)
 def test_the_unloaded_body_is_known_to_all_digits(seed):
     """z = 0 at alpha = 0, but for rounding of unknowns of the order of one."""
     body = random_body(1, seed)
@@ -147,7 +150,7 @@ def test_the_unloaded_body_is_known_to_all_digits(seed):
 @pytest.mark.parametrize("coupling", [0.0, 0.3])
 @pytest.mark.parametrize("friction", [0.7, 4.0])
 @pytest.mark.parametrize("load", [LOADED, UNLOADED], ids=["loaded", "unloaded"])
-@pytest.mark.sweep(4)
+@pytest.mark.sweep(12)
 def test_one_node_much_stiffer_than_its_neighbour(stiff, coupling, friction, load):
     body = two_nodes(stiff, coupling * min(1.0, stiff))
     path = Path(body, *load, friction)
@@ -196,7 +199,7 @@ FIVE = np.array([0.4, -1.4, 1.5, -1.5])  # up to five solutions on the paper's t
 
 
 @pytest.mark.parametrize(("stiffness", "force"), list(product([1e-12, 1.0, 1e12], repeat=2)))
-@pytest.mark.sweep(4)
+@pytest.mark.sweep(16)
 def test_friction_as_parameter_in_any_unit(stiffness, force):
     body = Body(stiffness * TWO_NODES.A, TWO_NODES.N, TWO_NODES.T, TWO_NODES.gap)
     assert_right_over_friction(body, force * FIVE)
@@ -204,7 +207,7 @@ def test_friction_as_parameter_in_any_unit(stiffness, force):
 
 @pytest.mark.parametrize("ratio", [1.0, 1e3, 1e6, 1e9, 1e12])
 @pytest.mark.parametrize("force", [(1.0, -3.0), (0.2, -1.6), (1.0, -1.0)])
-@pytest.mark.sweep(4)
+@pytest.mark.sweep(12)
 def test_friction_as_parameter_of_a_nearly_incompressible_body(ratio, force):
     """Displacements are known to few digits, but each branch is there once."""
     assert_right_over_friction(one_node(nearly_incompressible(ratio)), force)
@@ -213,24 +216,25 @@ def test_friction_as_parameter_of_a_nearly_incompressible_body(ratio, force):
 @pytest.mark.parametrize("stiff", [1e-10, 1e-5, 1e5, 1e10])
 @pytest.mark.parametrize("coupling", [0.0, 0.3])
 @pytest.mark.parametrize("force", [FIVE, [1.0, -3.0, 1.0, -2.6]], ids=["five", "nine"])
-@pytest.mark.sweep(5)
+@pytest.mark.sweep(30)
 def test_friction_as_parameter_of_nodes_of_different_stiffness(stiff, coupling, force):
     assert_right_over_friction(two_nodes(stiff, coupling * min(1.0, stiff)), np.array(force))
 
 
 @pytest.mark.parametrize("r", [1e-8, 1e-4, 1.0, 1e4, 1e8])
-@pytest.mark.sweep(3)
+@pytest.mark.sweep(6)
 def test_friction_as_parameter_with_any_scale_of_the_multipliers(r):
     assert_right_over_friction(TWO_NODES, FIVE, r=r)
 
 
 @pytest.mark.parametrize("gap", [1e-300, 1e-12, 1e-6, 1e6, 1e12, 1e100])
-@pytest.mark.sweep(4)
+@pytest.mark.sweep(8)
 def test_friction_as_parameter_with_any_gap(gap):
     assert_right_over_friction(two_nodes(gap=(gap, 0.0)), FIVE)
 
 
 @pytest.mark.parametrize("hi", [1.0, 1e3, 1e6])
+@pytest.mark.sweep(4)
 def test_friction_of_two_nodes_up_to_a_million(hi):
     assert_right_over_friction(TWO_NODES, FIVE, hi)
 
@@ -244,6 +248,7 @@ CRITICAL = 2.0  # a / b of the paper's node
 @pytest.mark.parametrize("friction", [0.0, 1e-12, 1e-6, 1e-3, 1.0, 1e3, 1e6])
 @pytest.mark.parametrize("start", [[0.25, 0.0], [0.0, 0.0]])
 @pytest.mark.parametrize("rate", [[0.0, 1.0], [0.7, 1.0]])
+@pytest.mark.sweep(6)
 def test_any_coefficient_of_friction(friction, start, rate):
     path = Path(one_node(), start, rate, friction)
     if friction == 0.0 or (not any(start) and not rate[0]):
@@ -270,6 +275,7 @@ def test_no_friction(rate):
 
 @pytest.mark.parametrize("relative", [1e-3, 1e-6, 1e-9, 1e-12, -1e-3, -1e-6, -1e-9, -1e-12])
 @pytest.mark.parametrize(("start", "rate"), [([0.25, 0.0], [0.0, 1.0]), ([0.25, 0.0], [0.7, 1.0])])
+@pytest.mark.sweep(6)
 def test_friction_close_to_the_critical_one(relative, start, rate):
     """The slip piece is nearly vertical; it spans as little of alpha as ``relative``."""
     path = Path(one_node(), start, rate, CRITICAL * (1.0 + relative))
@@ -278,6 +284,7 @@ def test_friction_close_to_the_critical_one(relative, start, rate):
 
 @pytest.mark.parametrize("force", [(1.0, -3.0), (0.2, -1.6), (1.0, -1.0), (1.0, 10.0)])
 @pytest.mark.parametrize("hi", [20.0, 1e3, 1e6])
+@pytest.mark.sweep(6)
 def test_friction_up_to_a_million_as_parameter(force, hi):
     """Slip begins and ends where F f_nu = |f_t|, but for F = a / b nothing else happens."""
     f_nu, f_t = force
@@ -296,6 +303,7 @@ def test_friction_up_to_a_million_as_parameter(force, hi):
 
 @pytest.mark.parametrize("r", [1e-8, 1e-4, 1.0, 1e4, 1e8])
 @pytest.mark.parametrize("nodes", [1, 2])
+@pytest.mark.sweep(4)
 def test_any_scale_of_the_augmented_multipliers(r, nodes):
     """A small r costs digits, as many as it is smaller than the stiffness."""
     path = (
@@ -364,7 +372,7 @@ def away_from(ends):
 
 
 @pytest.mark.parametrize("seed", range(30))
-@pytest.mark.sweep(4)
+@pytest.mark.sweep(24)
 def test_nodes_that_differ_by_rounding(seed):
     """Their transitions are 1e-15 to 1e-12 apart: one corner or two points, balanced anyway."""
     path = nearly_identical_nodes(seed)

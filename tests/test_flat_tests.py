@@ -39,7 +39,7 @@ def number_of_zeros(formula, t):
 
 @pytest.mark.parametrize("name", FORMULAS)
 @pytest.mark.parametrize("n", [1, 2])
-@pytest.mark.sweep(5)
+@pytest.mark.sweep(10)
 def test_curves_go_on_into_the_right_cell(name, n):
     formula, u = FORMULAS[name], np.array([[0.8, -0.6], [0.6, 0.8]])
 

@@ -48,6 +48,7 @@ def all_ways(system, apart, stepper=None):
 
 @pytest.mark.parametrize("stepper", STEPPERS, ids=["default", "tangent"])
 @pytest.mark.parametrize("apart", [*WITHIN_ROUNDING, *CLEARLY])
+@pytest.mark.sweep(36)
 def test_the_whole_circle_is_found(apart, stepper):
     for graph in all_ways(Circle(), apart, stepper):
         first, second = sorted(graph.special_points("fold"), key=lambda point: point.alpha)
@@ -60,14 +61,17 @@ def test_the_whole_circle_is_found(apart, stepper):
 
 @pytest.mark.parametrize("radius", [1e-3, 1.0, 5.0])
 @pytest.mark.parametrize("apart", WITHIN_ROUNDING)
+@pytest.mark.sweep(36)
 def test_a_fold_at_an_end_is_one_solution_there(apart, radius):
     for graph in all_ways(Circle(radius), apart):
         assert [graph.count(end) for end in graph.interval] == [1, 1]
         assert {point.kind for point in graph.special_points() if point.id >= 0} == {"fold"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("stepper", STEPPERS, ids=["default", "tangent"])
 @pytest.mark.parametrize("apart", CLEARLY)
+@pytest.mark.sweep(8)
 def test_an_interval_that_ends_before_the_folds_cuts_the_circle(apart, stepper):
     *whole, half = all_ways(Circle(), -apart, stepper)
     for graph in whole:

@@ -29,6 +29,7 @@ def rate_problem(seed, most=5.0):
 
 
 @pytest.mark.parametrize("seed", range(40))
+@pytest.mark.sweep(18)
 def test_the_two_searches_for_rates_agree(seed):
     """Uniqueness with decided nodes, and linear programs over all modes (docs/theory, F17)."""
     problem = rate_problem(seed)
@@ -40,6 +41,7 @@ def test_the_two_searches_for_rates_agree(seed):
 
 
 @pytest.mark.parametrize("seed", swept(range(60), range(60, 600)))
+@pytest.mark.sweep(18)
 def test_rates_that_are_called_unique_are_unique(seed):
     """All modes are tried under four loads: never two solutions (docs/theory, F17)."""
     rng = np.random.default_rng([17, seed])
@@ -52,6 +54,7 @@ def test_rates_that_are_called_unique_are_unique(seed):
 
 
 @pytest.mark.parametrize("seed", swept(range(80), range(80, 1500)))
+@pytest.mark.sweep(18)
 def test_a_solution_that_is_called_the_only_one_is(seed):
     """All modes are tried; of several solutions none may be called the only one (F17)."""
     rng = np.random.default_rng([18, seed])
@@ -61,6 +64,7 @@ def test_a_solution_that_is_called_the_only_one_is(seed):
     assert len(found) == 1 or not any(certain)
 
 
+@pytest.mark.slow
 def test_a_known_solution_makes_more_rates_certain():
     """Among unique rates at high friction, far more are certain than for every load."""
     known = every = 0

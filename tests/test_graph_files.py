@@ -121,12 +121,12 @@ def check(path, system):
 def test_an_edited_header_is_refused_in_words_or_makes_sense(saved):
     path, arrays, header, system = saved
     rng, ways, refused = np.random.default_rng(11), list(places(header)), 0
-    for _ in range(250):
+    for _ in range(100):
         way = ways[rng.integers(len(ways))]
         value = [*NASTY, ...][rng.integers(len(NASTY) + 1)]
         write(path, arrays, edited(header, way, value))
         refused += check(path, system if rng.random() < 0.5 else None)
-    assert refused > 150
+    assert refused > 60
 
 
 @pytest.mark.slow

@@ -101,7 +101,7 @@ def assert_same(half, whole, alpha, halves, wholes):
 @pytest.mark.parametrize("kind", ["quad", "tri"])
 @pytest.mark.parametrize("order", [1, 2])
 @pytest.mark.parametrize("depth", [0.0, 0.1])
-@pytest.mark.sweep(3)
+@pytest.mark.sweep(6)
 def test_half_is_whole(kind, order, depth):
     """Flat and round bodies: the normal on the axis is that of the whole, not of its right side."""
     half = body(half_mesh(kind, 3, depth), order, held=SUPPORT.values())
@@ -171,6 +171,7 @@ def test_many_nodes_take_the_fast_algebra():
 
 @pytest.mark.parametrize("size", [1e-9, 1e-3, 1e6])
 @pytest.mark.parametrize("force", [1e-9, 2.1e11])
+@pytest.mark.sweep(3)
 def test_units(size, force):
     """A nanometre or a megametre, soft or hard: the same transitions at the same alpha."""
     flat = {"gap": lambda x: 0.004 * x[0] + 0.002 * size, "held": SUPPORT.values()}

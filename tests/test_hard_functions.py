@@ -40,9 +40,11 @@ def test_powers_below_one_of_a_switch(power):
     assert largest_residual(graph, f, np.linspace(-1.9, 1.9, 11)) < 1e-6
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kink", [0.3, -0.7])
 @pytest.mark.parametrize("power", [0.5, 0.7])
 @pytest.mark.parametrize("rise", [0.0, 0.4])
+@pytest.mark.sweep(8)
 def test_infinite_slopes_at_a_kink_that_is_not_zero(kink, power, rise):
     """At the kink the slopes make all of H look like rounding: no branch runs along the kink."""
     arch = Switched(1, lambda z, t, sw: z - 2.0 * sw.abs(z - kink - rise * t) ** power - t)
@@ -58,6 +60,7 @@ def test_infinite_slopes_at_a_kink_that_is_not_zero(kink, power, rise):
         assert graph.count(t) == signs(t)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("at_bound", ["log", "1/z"])
 def test_functions_that_are_infinite_at_a_bound(at_bound):
     if at_bound == "log":
@@ -86,6 +89,7 @@ def test_no_solution_where_an_exponential_overflows():
     assert all(abs(f(float(p.z[0]), p.alpha)) < 1e-6 for p in graph.special_points())
 
 
+@pytest.mark.slow
 def test_derivatives_of_a_steep_sigmoid_are_not_needed_to_be_exact():
     graph = explore(
         Switched(1, lambda z, a, sw: [z[0] - 1.5 / (1 + np.exp(-400 * (z[0] - 0.5))) - a]),
@@ -97,6 +101,7 @@ def test_derivatives_of_a_steep_sigmoid_are_not_needed_to_be_exact():
 # -- far from zero ---------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("offset", "width"), [(300.0, 1e-3), (1e6, 1.0), (1e9, 0.01)])
 def test_fine_structures_far_from_zero(offset, width):
     """y^3 - y + 0.3 relu(y - 0.2) = alpha for y = (z - offset) / width."""
@@ -123,6 +128,7 @@ ENDS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ENDS)
 def test_the_end_of_a_model_lies_inside_and_within_the_error(name):
     f, ends = ENDS[name]
@@ -205,6 +211,7 @@ def test_a_square_is_given_up_after_a_number_of_tiny_steps():
     assert all(len(piece.points) < 2000 for piece in graph.pieces)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(24))
 @pytest.mark.sweep(30)
 def test_a_reactor_has_no_solutions_at_negative_temperatures(seed):
@@ -246,6 +253,7 @@ def test_a_fast_reaction_has_two_solutions(speed):
         assert found == pytest.approx(truth, rel=1e-5)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(12))
 @pytest.mark.sweep(20)
 def test_a_train_of_reactors_has_finitely_many_solutions(seed):
@@ -285,6 +293,7 @@ def test_powers_of_the_parameter_need_no_negative_parameter(power):
     assert graph.solutions(1.7)[0].z[0] == pytest.approx(1.7**power, rel=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("steepness", [3e4, 1e6])
 @pytest.mark.parametrize("unit", [1e-9, 1.0])
 def test_a_steep_flank_that_moves_with_alpha(steepness, unit):

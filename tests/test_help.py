@@ -40,7 +40,7 @@ def benches_are_slow(lines):
 
 
 @pytest.mark.parametrize("line", benches_are_slow(sorted(set(LINES))))
-@pytest.mark.sweep(3)
+@pytest.mark.sweep(6)
 def test_every_example_of_the_help_runs(capsys, monkeypatch, tmp_path, line):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("MPLBACKEND", "Agg")

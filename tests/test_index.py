@@ -57,7 +57,7 @@ RIDING = [
 
 @pytest.mark.parametrize("nodes", RIDING, ids="/".join)
 @pytest.mark.parametrize("friction", FRICTIONS)
-@pytest.mark.sweep(7)
+@pytest.mark.sweep(42)
 def test_a_path_along_interfaces_has_the_index_of_what_is_beside(nodes, friction):
     for seed in range(6 if len(nodes) < 3 else 2):
         body = random_body(len(nodes), seed, inner=0)
@@ -73,7 +73,7 @@ def test_a_path_along_interfaces_has_the_index_of_what_is_beside(nodes, friction
 
 
 @pytest.mark.parametrize("friction", FRICTIONS)
-@pytest.mark.sweep(3)
+@pytest.mark.sweep(6)
 def test_a_path_along_interfaces_balances(friction):
     """With all other solutions the sum is the degree, +1."""
     for nodes, seed in product([("+",), ("+", "-"), ("0", "+")], range(3)):
@@ -86,7 +86,7 @@ def test_a_path_along_interfaces_balances(friction):
 
 @pytest.mark.parametrize("friction", FRICTIONS)
 @pytest.mark.parametrize("p", [1, 2])
-@pytest.mark.sweep(3)
+@pytest.mark.sweep(6)
 def test_a_load_that_is_zero(p, friction):
     """Rest is a solution whose index is +1 where it is the only one."""
     for seed in range(3):
@@ -147,6 +147,7 @@ class Winding(PiecewiseLinearSystem):
 
 
 @pytest.mark.parametrize("turns", [1, 2, 3, -1, -2, -3])
+@pytest.mark.sweep(2)
 def test_the_index_counts_how_often_the_plane_is_wound_around(turns):
     graph = trace(Winding(turns), (np.zeros(2), 0.5), (0.0, 1.0))
     (piece,) = graph.pieces

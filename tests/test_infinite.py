@@ -85,6 +85,7 @@ def held(graph, alpha):
 
 
 @pytest.mark.parametrize("seed", swept(range(25), range(25, 400)))
+@pytest.mark.sweep(24)
 def test_degenerate_lcps(seed):
     family = DegenerateLCP(seed)
     system = LCP(family.M, family.q, family.d)
@@ -144,6 +145,7 @@ def at_one_alpha(z, alpha, sw):
         (LCP([[0.0]], [-1.0], [-1.0]), (-3.0, 3.0), {-2.0: 1, -1.0: math.inf, 0.0: 0}),
     ],
 )
+@pytest.mark.sweep(4)
 def test_known_sets(system, interval, counts, tmp_path):
     graph = explore(system, interval)
     assert {alpha: graph.count(alpha) for alpha in counts} == counts
@@ -160,6 +162,7 @@ def test_known_sets(system, interval, counts, tmp_path):
 
 @pytest.mark.parametrize("unit", [1e-6, 1.0, 1e6])
 @pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.sweep(6)
 def test_copied_column(unit, sign):
     rng = np.random.default_rng(1)
     X, y = unit * rng.normal(size=(12, 4)), rng.normal(size=12)
@@ -172,6 +175,7 @@ def test_copied_column(unit, sign):
 
 
 @pytest.mark.parametrize("seed", range(12))
+@pytest.mark.sweep(4)
 def test_a_point_without_a_digit_is_no_solution(seed):
     """In doubles v v^T is regular by rounding only; what is listed must solve the problem."""
     rng = np.random.default_rng(seed)

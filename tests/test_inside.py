@@ -48,6 +48,7 @@ CASES = {
 
 
 @pytest.mark.parametrize("name", CASES)
+@pytest.mark.sweep(6)
 def test_as_many_as_the_closed_form_says(name):
     function, interval, box, counts = CASES[name]
     graph = explore(Curve(function, box), interval)
@@ -96,6 +97,7 @@ class WeakLoad(PiecewiseSystem):
         return np.array([np.prod(y[0] - self.roots) - self.load * alpha, *(y[1:] - y[0])])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("load", [1e-2, 1e-4, 1e-8])
 @pytest.mark.parametrize(("n", "most"), [(1, 6), (2, 3), (3, 3)])
 @pytest.mark.sweep(9)
@@ -109,6 +111,7 @@ def test_branches_that_a_weak_load_hardly_moves(n, most, load):
 
 @pytest.mark.parametrize("unit", [1.0, 1e-4, 1e4])
 @pytest.mark.parametrize("load", [1e-3, 1e-5, 1e-7])
+@pytest.mark.sweep(12)
 def test_constants_that_cancel_beside_a_weak_load(load, unit):
     b = 1.85 * unit
 
@@ -121,6 +124,7 @@ def test_constants_that_cancel_beside_a_weak_load(load, unit):
 
 @pytest.mark.parametrize("width", [1e-4, 1e-7, 1e-10])
 @pytest.mark.parametrize("given", [None, 1.0])
+@pytest.mark.sweep(4)
 def test_narrow_intervals(width, given):
     arch = Switched(1, lambda z, t, sw: z * (z - 1.0) * (z - 2.0) - t, scale=given)
     middle = 0.2 + 0.5 * width
@@ -148,6 +152,7 @@ def test_a_search_that_is_given_up_says_so():
     assert "there may be more" in graph.guarantee
 
 
+@pytest.mark.slow
 def test_a_bounded_function_far_from_zero_takes_little():
     calls = 0
 
@@ -216,6 +221,7 @@ def test_what_was_searched_is_said():
     assert "values of alpha between, deflated" in graph.searched.what
 
 
+@pytest.mark.slow
 def test_nothing_is_searched_inside_where_all_is_proved():
     """The loop |z - 3| + t^2 = 1 is proved from few calls; the same with a search takes more."""
     calls = []

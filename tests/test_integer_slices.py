@@ -11,6 +11,7 @@ from pwscont import enumerate_solutions
 
 
 @pytest.mark.parametrize("seed", swept([*range(20), 162, 299, 843, 979], range(20, 800)))
+@pytest.mark.sweep(8)
 def test_complete_lists_are_complete(seed):
     """Infinitely many solutions are said: "but for 1 cell with infinitely many"."""
     family = SwitchedFamily(np.random.default_rng(seed))

@@ -43,7 +43,8 @@ from pwscont.continuation.follow import PieceFollower
 from pwscont.continuation.journal import piece_of, written
 
 
-@pytest.mark.parametrize("times", swept([2], [10]))
+@pytest.mark.slow
+@pytest.mark.parametrize("times", [2, 10])
 def test_killed_at_random_moments_and_resumed(tmp_path, times):
     """kill -9 in the middle of whatever it does; each time what is finished is kept."""
     journal, graph = tmp_path / "run.journal", tmp_path / "run.npz"
@@ -165,6 +166,7 @@ def test_a_journal_of_another_run_is_refused(tmp_path):
 
 
 @pytest.mark.parametrize("stiffness", [50.0, 1.0, 5.1])
+@pytest.mark.sweep(4)
 def test_other_constants_beyond_a_kink_are_refused(tmp_path, stiffness):
     def arch(stop):
         return Switched(1, lambda z, t, sw: z * (z - 1.0) * (z - 2.0) + stop * sw.relu(z - 1.0) - t)
@@ -318,6 +320,7 @@ def test_a_damaged_file_with_a_log_is_refused_or_gives_an_equal_graph(tmp_path, 
         damaged(path, made, bit_turned(file, at, rng.integers(8)), truth)
 
 
+@pytest.mark.slow
 def test_a_second_process_is_kept_out(tmp_path, capsys):
     """Whoever comes second is told so, and the first one's journal stays."""
     journal = Journal(tmp_path / "fig7.journal")
@@ -340,6 +343,7 @@ class FarAway(PiecewiseSystem):
         return (z - 300.0) ** 2 - 1e-6 * (1.0 - alpha**2)
 
 
+@pytest.mark.slow
 def test_a_run_that_begins_again_with_other_magnitudes_is_resumed(tmp_path, monkeypatch):
     asked = FarAway(), (np.array([0.1]), 0.2), (-1.0, 1.0)
     with Journal(tmp_path / "whole") as journal:
@@ -365,6 +369,7 @@ def test_a_run_that_begins_again_with_other_magnitudes_is_resumed(tmp_path, monk
     assert {piece.points[:, 0].min() > 299.0 for piece in graph.pieces} == {True}
 
 
+@pytest.mark.slow
 def test_a_finished_journal_gives_the_same_proof(tmp_path):
     asked = Switched(1, lambda z, a, sw: z**3 - 2.0 * z + sw.relu(z - 0.5) - a), (-1.5, 1.5)
     said = []

@@ -102,6 +102,7 @@ def interfaces(system, rng):
 
 
 @pytest.mark.parametrize("name", SYSTEMS)
+@pytest.mark.sweep(6)
 def test_selections_differ_by_c_kappa_everywhere(name):
     system, rng, checked = SYSTEMS[name], np.random.default_rng(1), 0
     scale = system.scale(0.0, 1.0)
@@ -133,6 +134,7 @@ def followed(system):
 
 @pytest.mark.parametrize("n", [1, 3, 12, 20, 70])
 @pytest.mark.parametrize("seed", range(4))
+@pytest.mark.sweep(6)
 def test_a_known_kink_leads_along_the_same_path(n, seed):
     assert marks(followed(Told(n, seed))) == marks(followed(Switches(n, seed)))
 
@@ -147,7 +149,7 @@ def refused_or_marks(system):
 
 @pytest.mark.parametrize("factor", [-1.0, 0.0, 2.0, 1.001, 1.0 + 1e-6, 1.0 + 1e-9])
 @pytest.mark.parametrize("n", [1, 5, 30, 70])
-@pytest.mark.sweep(3)
+@pytest.mark.sweep(16)
 def test_a_wrong_kink_is_refused_or_makes_no_difference(n, factor):
     true, wrong = followed(Switches(n, 3)), Told(n, 3)
     wrong.factor = factor

@@ -62,7 +62,7 @@ STORAGES = pytest.mark.parametrize("storage", ["banded", "sparse", "dense"])
 
 @STORAGES
 @pytest.mark.parametrize("n", [4, 40])
-@pytest.mark.sweep(5)
+@pytest.mark.sweep(10)
 def test_buckling(storage, n):
     """Three half-waves: pitchforks at the discrete eigenvalues, each mode with its symmetry."""
     graph = trace(Chain(n, storage), (np.zeros(n), -0.5), (-0.5, 9.0))
@@ -329,6 +329,7 @@ class Hysteresis(PiecewiseSystem):
 
 @pytest.mark.parametrize("d", [1e-1, 1e-2, 2.25e-4, 1e-5, 5e-6])
 @pytest.mark.parametrize("z", [-0.99, -0.93, -0.87])
+@pytest.mark.sweep(6)
 def test_two_folds_within_one_step(d, z):
     """The default step is 0.1; the folds are apart by 0.6 down to 0.005."""
     graph = trace(Hysteresis(d), ([z], z**3 - 3.0 * d * z), (-1.0, 1.0))
@@ -361,6 +362,7 @@ def competing_species(size: int, seed: int, member: int):
     return Switched(size, lambda z, a, sw: z * (rate + a * change - effects @ z)), solutions
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("size", "seed", "member"), [(2, 2, 10), (2, 3, 15), (3, 3, 7)])
 def test_branch_points_within_one_step_divide_the_piece_that_passed_over_them(size, seed, member):
     """One step passes over two branch points, or Newton leads to the third of three."""

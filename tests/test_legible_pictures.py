@@ -103,6 +103,7 @@ def test_labels_stand_clear_of_the_frame():
             assert frame.x0 + 1 < box.x0 < box.x1 < frame.x1 - 1
 
 
+@pytest.mark.slow
 def test_branches_too_short_to_be_seen_are_enlarged():
     scene = load_scene("strut-supports")
     figure = draw_scene(scene, scene.run())

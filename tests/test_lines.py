@@ -39,6 +39,7 @@ def lines(system):
 @pytest.mark.parametrize("gap", [False, True])
 @pytest.mark.parametrize("seed", range(8))
 @pytest.mark.parametrize("p", [1, 2, 3])
+@pytest.mark.sweep(20)
 def test_all_solutions_at_the_lower_end_are_found(p, seed, gap):
     parts = path(p, seed, gap=gap)
     exact = [p for p in exact_pieces(*parts, INTERVAL) if p.lo <= INTERVAL[0] <= p.hi]
@@ -110,6 +111,7 @@ def test_solutions_in_doubt_are_left_to_exact_arithmetic():
 @pytest.mark.parametrize("gap", [False, True])
 @pytest.mark.parametrize("seed", range(8))
 @pytest.mark.parametrize("p", [1, 2, 3])
+@pytest.mark.sweep(20)
 def test_the_ends_of_all_pieces_are_found(p, seed, gap):
     parts = path(p, seed, gap=gap)
     ends = {end for piece in exact_pieces(*parts, INTERVAL) for end in (piece.lo, piece.hi)}

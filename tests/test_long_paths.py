@@ -164,6 +164,7 @@ def symmetric_system(p):
 
 
 @pytest.mark.parametrize("p", [20, 40])
+@pytest.mark.sweep(2)
 def test_symmetric_bodies_pass_their_corners(p):
     system = symmetric_system(p)
     graph = traced(system)

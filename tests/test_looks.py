@@ -8,6 +8,7 @@ from pwscont_coulomb import AffineLoad
 from pwscont_coulomb.elastic.scenes import block, block_body
 from pwscont_coulomb.plane_scenes import fig5
 from pwscont_coulomb.scenes import fig7
+from sweeps import swept
 
 from pwscont import (
     BandedJacobian,
@@ -130,9 +131,7 @@ def assert_short(thing):
     assert not re.search(r"object at 0x|array\(", text), text
 
 
-@pytest.mark.parametrize(
-    "things", [pytest.param(of_the_plug_in, marks=pytest.mark.slow), of_scenes, of_the_framework]
-)
+@pytest.mark.parametrize("things", swept([of_the_framework], [of_the_plug_in, of_scenes]))
 def test_public_objects_are_short(things):
     for thing in things():
         assert_short(thing)

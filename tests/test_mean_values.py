@@ -65,6 +65,7 @@ def escapes(f, value, count, seed=3):
 
 @pytest.mark.parametrize("count", swept([1_000], [30_000]))
 @pytest.mark.parametrize("name", RATIONAL)
+@pytest.mark.sweep(3)
 def test_mean_values_hold_exact_values(name, count):
     f = RATIONAL[name]
     lost, said = escapes(f, lambda z, t: f(z, t, EXACT, Fraction), count)
@@ -74,6 +75,7 @@ def test_mean_values_hold_exact_values(name, count):
 
 @pytest.mark.parametrize("count", swept([400], [10_000]))
 @pytest.mark.parametrize("name", SMOOTH)
+@pytest.mark.sweep(3)
 def test_mean_values_of_functions_hold_sixty_digits(name, count):
     def f(z, t, sw, c):
         return getattr(np, name)(z) - t

@@ -252,6 +252,7 @@ def test_along_the_load_the_parameter_is_taken_as_it_is():
             assert problem.load_parameter(solution.z, alpha) == alpha
 
 
+@pytest.mark.slow
 def test_a_load_that_no_contact_node_feels_must_be_given():
     """Two bodies in one: that without contact is loaded, and the other's state does not tell."""
     left, right = strip(nx=2, ny=2), strip(nx=2, ny=2).translated((5.0, 0.0))

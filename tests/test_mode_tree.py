@@ -61,6 +61,7 @@ def same_states(found, expected):
 
 @pytest.mark.usefixtures("searching")
 @pytest.mark.parametrize(("p", "slices"), [(1, 40), (2, 60), (3, 40), (4, 10)])
+@pytest.mark.sweep(2)
 def test_the_search_finds_what_all_cells_hold(p, slices):
     for seed in range(slices):
         body, load, friction = random_slice(p, seed)
@@ -184,6 +185,7 @@ def programs(seed, number=200):
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.sweep(3)
 def test_programs_against_highs(seed):
     """Feasible by HiGHS, with its own tolerance to either side, means feasible, and conversely."""
     forms, some = programs(seed)

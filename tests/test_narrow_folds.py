@@ -75,6 +75,7 @@ def cases(widths, many):
 
 
 @pytest.mark.parametrize(("shape", "w", "seed"), cases((0.01, 0.002), 1))
+@pytest.mark.sweep(3)
 def test_both_folds_of_a_narrow_bump_are_found(shape, w, seed):
     system = Bump(shape, w, np.random.default_rng(seed))
     start = system.c + 0.5
@@ -112,7 +113,7 @@ def test_a_formula_that_sums_over_all_entries_keeps_both_folds():
 
 @pytest.mark.parametrize("c", [1e-4, 1e-6, 1e-8, 1e-10])
 @pytest.mark.parametrize("sign", [1.0, -1.0])
-@pytest.mark.sweep(5)
+@pytest.mark.sweep(10)
 def test_no_step_crosses_a_pole(sign, c):
     """z - alpha - c / z: two branches turn next to z = 0 within sqrt(c), or fold there."""
     system = Switched(1, lambda z, t, sw: z - t - sign * c / z)

@@ -56,6 +56,7 @@ SEEDS = swept([0, 1, 2, 3], range(4, 60))
 
 
 @pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.sweep(4)
 def test_linear_complementarity(seed):
     rng = np.random.default_rng(seed)
     n = int(rng.integers(1, 7))
@@ -130,7 +131,9 @@ def test_small_loads_beside_a_unit_matrix_are_affine(unit):
     np.testing.assert_allclose(solution.z, [unit, unit], rtol=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", swept(FEW[:3], FEW[3:]))
+@pytest.mark.sweep(4)
 def test_nested_switches(seed):
     trees = nested(seed)
 
@@ -267,6 +270,7 @@ def test_kojima_shindo():
 
 
 @pytest.mark.parametrize("seed", range(6))
+@pytest.mark.sweep(4)
 def test_abs_normal_form_is_solved_as_it_stands(seed):
     rng = np.random.default_rng(seed)
     n, s = int(rng.integers(1, 3)), int(rng.integers(1, 6))
@@ -381,6 +385,7 @@ LAWS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("law", LAWS)
 @pytest.mark.parametrize("p", swept([1.852], [1.2, 2.5]))
 def test_powers_of_magnitudes_pass_zero(law, p):

@@ -273,7 +273,9 @@ def traced(z, t, sw):
     return np.array([z[0] - np.exp(-t * z[1]), z[1] + sw.relu(z[0] - 0.7) - t])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("f", [smooth, filled, looked_up])
+@pytest.mark.sweep(4)
 def test_functions_that_cannot_be_traced_are_followed_all_the_same(f):
     interval, start = (0.1, 1.5), ([1.0, 0.1], 0.1)
     graph, true = (trace(Switched(2, each), start, interval) for each in (f, traced))

@@ -180,6 +180,7 @@ def random_qp(seed, convex):
 
 @pytest.mark.parametrize("seed", swept(range(4), range(4, 80)))
 @pytest.mark.parametrize("convex", [True, False])
+@pytest.mark.sweep(3)
 def test_random_quadratic_programs(seed, convex):
     Q, q, A, b, d, e = random_qp(seed, convex)
     graph = explore(QuadraticProgram(Q, q, A, b, d, e), INTERVAL)
@@ -247,6 +248,7 @@ def random_lcp(seed, n):
 
 
 @pytest.mark.parametrize("seed", swept(range(6), range(6, 300)))
+@pytest.mark.sweep(2)
 def test_random_linear_complementarity(seed):
     M, q, d = random_lcp(seed, 1 + seed % 10)
     graph = explore(LCP(M, q, d), INTERVAL)
@@ -268,6 +270,7 @@ def test_the_scene_of_linear_complementarity():
     assert max(count for *_, count in graph.multiplicity()) == 5
 
 
+@pytest.mark.slow
 def test_kojima_shindo_turns_back():
     """On z_3 = z_4 = 0 the first two equations have a fold at the least t on an ellipse."""
     graph = kojima_shindo().run()
@@ -296,6 +299,7 @@ def test_kojima_shindo_turns_back():
 
 
 @pytest.mark.parametrize("seed", swept(range(6), range(6, 120)))
+@pytest.mark.sweep(4)
 def test_random_games(seed):
     rng, n = np.random.default_rng(seed), 1 + seed % 6
     B = rng.normal(size=(n, n)) * (1.0 - np.eye(n))
@@ -353,6 +357,7 @@ def test_games_with_curved_payoffs():
 
 
 @pytest.mark.parametrize("seed", swept(range(6), range(6, 120)))
+@pytest.mark.sweep(2)
 def test_random_layers(seed):
     rng, n = np.random.default_rng(seed), 1 + seed % 10
     W, (b, c) = rng.normal(size=(n, n)) / np.sqrt(n), rng.normal(size=(2, n))

@@ -28,6 +28,7 @@ def random_body(seed, n=12, p=2, kind=np.asarray):
 
 @pytest.mark.parametrize("seed", range(8))
 @pytest.mark.parametrize("kind", [np.asarray, sp.csr_matrix])
+@pytest.mark.sweep(6)
 def test_a_condensed_body_has_the_same_solutions(seed, kind):
     body, (f0, f1) = random_body(seed, kind=kind)
     small = body.condensed()
@@ -123,7 +124,7 @@ def always(monkeypatch):
 @pytest.mark.parametrize("seed", range(6))
 @pytest.mark.parametrize("kind", [np.asarray, sp.csr_matrix])
 @pytest.mark.parametrize("along", ["load", "curved load", "friction"])
-@pytest.mark.sweep(4)
+@pytest.mark.sweep(12)
 def test_static_problems_condense_by_themselves(seed, kind, along):
     """Each solution is one of the enumeration of the whole problem, and no solution is missing."""
     body, (f0, f1) = random_body(seed, kind=kind)

@@ -93,6 +93,7 @@ def test_the_page_for_beginners_runs(tmp_path):
     assert (tmp_path / "arch.png").stat().st_size > 1000
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "answers"), [("histories.rst", 14), ("matrices.rst", 5)])
 def test_pages_of_histories_and_matrices_run(name, answers):
     assert run(name)[1] == answers
@@ -133,6 +134,7 @@ def test_the_tutorials_stand_in_the_order_of_learning():
     assert toctree[:2] == ["getting_started", "gallery/index"]
 
 
+@pytest.mark.slow
 def test_the_page_on_notation_runs(tmp_path):
     _, answers = run("notation.rst")
     assert answers == 12

@@ -62,7 +62,7 @@ class Chained(PiecewiseLinearSystem):
         return found
 
 
-@pytest.mark.sweep(7)
+@pytest.mark.sweep(42)
 @pytest.mark.parametrize("seed", range(40))
 @pytest.mark.parametrize("sizes", [(1,) * 8, (2, 1, 3, 1, 1), (3, 3, 2)])
 def test_slices_in_parts_against_brute_force(seed, sizes):
@@ -118,6 +118,7 @@ def test_a_chain_of_diodes_has_one_solution(n, alpha):
 
 
 @pytest.mark.parametrize("n", [12, 24, 60, 100])  # magnitudes fall to 1e-158
+@pytest.mark.sweep(4)
 def test_all_ways_on_from_a_corner_of_many_diodes(n):
     system = Diodes(n)
     graph = trace(system, (system.solution(-1.0), -1.0), (-1.0, 1.0))
@@ -150,6 +151,7 @@ class Detached(PiecewiseLinearSystem):
 
 
 @pytest.mark.parametrize("folds", [1, 2, 3])
+@pytest.mark.sweep(2)
 def test_branches_of_detached_parts_multiply(folds):
     """Each fold has two solutions for alpha < 0 and none beyond."""
     system = Detached(np.arange(9) < folds)

@@ -4,6 +4,7 @@ from itertools import product
 
 import numpy as np
 import pytest
+from sweeps import swept
 
 from pwscont import Block, PiecewiseLinearSystem, trace
 from pwscont.curve.metric import Metric
@@ -77,7 +78,7 @@ def place(d, among):
 
 @pytest.mark.parametrize("strength", [0.3, 1.0, 3.0])
 @pytest.mark.parametrize("k", [1, 2, 3, 5, 7])
-@pytest.mark.sweep(7)
+@pytest.mark.sweep(21)
 def test_ways_on_are_among_the_rays_of_brute_force(k, strength):
     """From each ray another is found; without one a path has two ends, or is closed."""
     several = 0
@@ -112,9 +113,10 @@ def test_degenerate_cones(k):
     assert degenerate > 10
 
 
-def test_tests_that_vanish_together_everywhere():
+@pytest.mark.parametrize("seeds", swept([range(10)], [range(10, 40)]))
+def test_tests_that_vanish_together_everywhere(seeds):
     """Twins of each test, with other factors, change sign together: tied data."""
-    for seed in range(40):
+    for seed in seeds:
         rng = np.random.default_rng(seed)
         k = 4
         A, B, b = rng.normal(size=(k, k)), rng.normal(size=(k, k)), rng.normal(size=k)
@@ -136,6 +138,7 @@ class Switches(Cone):
 
 
 @pytest.mark.parametrize("k", [2, 3, 4, 5])
+@pytest.mark.sweep(2)
 def test_switches_have_the_rays_of_brute_force(k):
     """Cell by cell; several rays, and folds, among them."""
     several = 0

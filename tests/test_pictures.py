@@ -279,6 +279,7 @@ def test_starts_at_the_ends_of_the_interval_are_no_marks():
         plt.close(ax.figure)
 
 
+@pytest.mark.slow
 def test_a_node_does_not_mark_what_other_nodes_do():
     scene = load_scene("example1")
     graph = scene.run()

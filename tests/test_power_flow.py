@@ -262,6 +262,7 @@ def is_solution(network, loading, U):
 
 
 @pytest.mark.parametrize("seed", swept(range(4), range(4, 300)))
+@pytest.mark.sweep(4)
 def test_random_networks(seed):
     network = random_network(seed)
     system = PowerFlow(network)
@@ -372,6 +373,7 @@ def test_check_system_finds_nothing(seed):
 
 
 @pytest.mark.parametrize("seed", range(10))
+@pytest.mark.sweep(4)
 def test_generators_start_at_the_voltages_that_they_hold(seed):
     """Also where these are far from one, as in other units."""
     network = random_network(seed)

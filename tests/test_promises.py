@@ -123,6 +123,7 @@ JUMPS = [1e-3, 1e-5, 1e-9, -1e-12]
 @pytest.mark.parametrize("jump", JUMPS)
 @pytest.mark.parametrize("base", [PiecewiseSystem, SlicewiseLinearSystem, PiecewiseLinearSystem])
 @pytest.mark.parametrize("force", [1e-6, 1.0, 1e6])
+@pytest.mark.sweep(5)
 def test_a_jump_is_refused_down_to_rounding(jump, base, force):
     system = one(
         lambda z, a, on: force * (z - a + (jump if on else 0.0)), lambda z, a: z - 0.3, base
@@ -134,6 +135,7 @@ def test_a_jump_is_refused_down_to_rounding(jump, base, force):
 
 
 @pytest.mark.parametrize("stiff", [1.0, 1e6, 1e9])
+@pytest.mark.sweep(3)
 def test_a_kink_of_any_stiffness_is_no_jump(stiff):
     system = one(lambda z, a, on: z - a + (stiff * (z - 0.3) if on else 0.0), lambda z, a: z - 0.3)
     graph = explore(system, (-1.0, 1.0))

@@ -34,7 +34,7 @@ def wrong_polynomials(seeds):
     return wrong, unsaid, total
 
 
-@pytest.mark.parametrize("seeds", swept([range(12)], [range(12, 400)]))
+@pytest.mark.parametrize("seeds", swept([range(4)], [range(4, 400)]))
 def test_counts_of_piecewise_polynomials(seeds):
     wrong, unsaid, total = wrong_polynomials(seeds)
     assert wrong == 0
@@ -42,7 +42,7 @@ def test_counts_of_piecewise_polynomials(seeds):
 
 
 @pytest.mark.parametrize(
-    ("n", "seeds"), swept([(2, range(6)), (3, (2, 4))], [(2, range(6, 60)), (3, range(5, 30))])
+    ("n", "seeds"), swept([(2, range(2)), (3, (2,))], [(2, range(2, 60)), (3, (4, *range(5, 30)))])
 )
 def test_counts_of_mixed_rows(n, seeds):
     unsaid = total = 0
@@ -58,6 +58,7 @@ def test_counts_of_mixed_rows(n, seeds):
     assert unsaid <= 0.2 * total
 
 
+@pytest.mark.slow
 def test_no_coordinate_is_left_wide():
     proof = proved(uneven_arches, 3, (-5.0, 5.0), (-1.0, 1.0))
     assert proof.boxes < 40_000
@@ -130,6 +131,7 @@ ANIMALS = {
 
 
 @pytest.mark.parametrize("name", ANIMALS)
+@pytest.mark.sweep(12)
 def test_what_cannot_be_proved_ends_in_words(name):
     proof = proved(ANIMALS[name], 1, (-3.0, 3.0), (-1.0, 1.0))
     assert not proof.holds
@@ -144,6 +146,7 @@ def test_between_windows_counts_are_proved_even_beside_a_pitchfork():
 
 
 @pytest.mark.parametrize("shift", [-1e-12, -1e-15, 0.0, 1e-15, 1e-12])
+@pytest.mark.sweep(8)
 def test_data_moved_a_little_across_a_kink(shift):
     """|z| = shift, for all alpha: two solutions, one or none; closer than any box."""
     proof = proved(lambda z, t, sw: sw.abs(z - 0.1) - shift + 0.0 * t, 1, (-1.0, 1.0), (-1.0, 1.0))
@@ -161,7 +164,9 @@ HALF_UNDEFINED = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", HALF_UNDEFINED)
+@pytest.mark.sweep(12)
 def test_a_switch_may_take_the_argument_that_has_a_value(name):
     """The only solution is z = t - 3, where sqrt(z) has no value."""
     with np.errstate(invalid="ignore"):

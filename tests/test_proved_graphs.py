@@ -89,6 +89,7 @@ def test_by_default_what_is_not_proved_is_not_mentioned():
     assert "prove" not in graph.guarantee
 
 
+@pytest.mark.slow
 def test_nothing_is_proved_by_default_where_limits_are_set():
     graph = explore(ARCH, (-0.5, 1.0), limits=Limits(seconds=600.0))
     assert (graph.proof, graph.guarantee) == (None, "balanced")
@@ -192,6 +193,7 @@ def test_units_do_not_hide_a_curve_that_jumped(unit):
     assert "1 solution proved in the box at alpha = 0, but others found" in wrong.guarantee
 
 
+@pytest.mark.slow
 def test_everywhere_finds_a_loop_that_other_searches_miss():
     loop = Switched(1, lambda z, t, sw: sw.abs(z - 300) + 100 * (t - 0.123) ** 2 - 1e-4)
     graph = explore(loop, (-1.0, 1.0), search=Everywhere())
@@ -336,6 +338,7 @@ def test_a_box_that_makes_no_sense_is_refused(box):
         Everywhere(box=box)
 
 
+@pytest.mark.slow
 def test_nothing_is_imported_unless_asked_for():
     code = (
         "import sys\nfrom pwscont import LCP, explore\n"

@@ -46,6 +46,7 @@ def compare(truth, evolution, seed):
 
 
 @pytest.mark.parametrize("seed", swept(range(80), range(80, 10000)))
+@pytest.mark.sweep(18)
 def test_all_evolutions_are_those_of_brute_force(seed):
     problem = random_problem(seed)
     try:
@@ -55,6 +56,7 @@ def test_all_evolutions_are_those_of_brute_force(seed):
     compare(truth, ours(problem), seed)
 
 
+@pytest.mark.slow
 def test_brute_force_meets_branchings_and_losses():
     """The comparison would mean little without."""
     truths = [evolutions(random_problem(seed)) for seed in range(80)]
@@ -79,6 +81,7 @@ class Plain(SystemWithMemory):
 
 
 @pytest.mark.parametrize("seed", swept(range(12), range(12, 200)))
+@pytest.mark.sweep(4)
 def test_the_rays_of_the_restated_law_are_the_rates(seed):
     """docs/theory, F16."""
     problem = random_problem(seed)
@@ -179,6 +182,7 @@ def test_a_loss_is_an_answer_and_jumps_are_marked():
 
 
 @pytest.mark.parametrize("seed", swept(range(40), range(40, 1000)))
+@pytest.mark.sweep(18)
 def test_ties_are_those_of_brute_force(seed):
     problem = integer_problem(seed)
     try:
@@ -234,6 +238,7 @@ def test_a_node_without_load_and_force_stays(seed):
 
 @pytest.mark.parametrize("seed", range(6))
 @pytest.mark.parametrize(("length", "force"), [(1e-6, 1e9), (1e5, 1e-7)])
+@pytest.mark.sweep(4)
 def test_units_change_nothing(seed, length, force):
     problem = random_problem(seed)
     scaled = replace(
@@ -365,6 +370,7 @@ def outcomes(seed):
 
 
 @pytest.mark.parametrize("seed", swept(range(15), range(15, 400)))
+@pytest.mark.sweep(12)
 def test_no_shakedown_without_a_safe_slip(seed):
     kinds, is_safe = outcomes(seed)
     assert is_safe or "shakedown" not in kinds

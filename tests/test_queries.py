@@ -150,7 +150,7 @@ def exact_count(pieces, alpha):
 
 
 @pytest.mark.parametrize("seed", range(12))
-@pytest.mark.sweep(5)
+@pytest.mark.sweep(10)
 def test_random_bodies_against_fractions(seed):
     """Every stretch and every single value of alpha, from pieces without rounding."""
     body = random_body(1 + seed % 3, seed)

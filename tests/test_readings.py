@@ -24,6 +24,7 @@ def one_reading(values, reading=Reading(np.zeros(2), np.zeros(2))):  # noqa: B00
 
 
 @pytest.mark.parametrize("given", [lists, one_buffer, one_reading])
+@pytest.mark.sweep(4)
 def test_detectors_may_return_lists_and_one_buffer_for_all_readings(given):
     """Readings at both ends of a step are compared, and the end is read after the beginning."""
 

@@ -26,6 +26,7 @@ def affine(body, seed, friction=1.5):
 
 @pytest.mark.parametrize(("p", "far"), [(2, (1,)), (3, (0, 2)), (3, (1,))])
 @pytest.mark.parametrize("seed", range(4))
+@pytest.mark.sweep(4)
 def test_the_graph_is_that_of_the_whole_body(p, far, seed):
     body = with_far_nodes(p, seed, far)
     system = affine(body, seed)

@@ -28,6 +28,7 @@ def few_entries(lengths, columns, seed=0):
     ],
     ids=["alike", "short", "empty", "many", "uneven"],
 )
+@pytest.mark.sweep(3)
 def test_products_and_rows_are_those_of_the_matrix(given, lengths):
     matrix = few_entries(lengths, 200)
     rows, x = Rows(given(matrix)), np.random.default_rng(1).normal(size=200)

@@ -48,6 +48,7 @@ def systems(body, friction):
 
 @pytest.mark.parametrize("seed", range(6))
 @pytest.mark.parametrize("unit", [1.0, 1e-9, 1e9])
+@pytest.mark.sweep(6)
 def test_jacobian_is_the_general_one(seed, unit):
     rng = np.random.default_rng(seed)
     body, friction = random_body(seed=seed, unit=unit), rng.choice([0.0, 0.3, 4.0, 1e5], P)
@@ -71,6 +72,7 @@ def test_jacobian_is_the_general_one(seed, unit):
 
 
 @pytest.mark.parametrize("seed", range(12))
+@pytest.mark.sweep(6)
 def test_solves_and_signs(seed):
     """Against numpy: solutions both ways, and the sign of the determinant after each update."""
     rng, body = np.random.default_rng(seed), random_body(seed=seed)
@@ -128,6 +130,7 @@ def test_bordered_systems(seed):
     assert not factors[0].is_singular()
 
 
+@pytest.mark.slow
 def test_contract():
     rng = np.random.default_rng(1)
     load = AffineLoad(*rng.normal(size=(2, 2 * P + 3)))

@@ -60,6 +60,7 @@ def texts(ax):
     return [(text.get_text(), text) for part in parts for text in part.texts]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["example1", "example2", "fig7", "fig10", "example3"])
 @pytest.mark.sweep(5)
 def test_every_fold_has_its_label_in_every_diagram(name):
@@ -97,6 +98,7 @@ def test_folds_that_can_be_told_apart_are_not_enlarged(name):
 # -- what a scene's picture holds ------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_constant_panels_are_said_not_drawn():
     scene = load_scene("example2")
     figure = draw_scene(scene, scene.run())
@@ -146,7 +148,9 @@ def test_one_solution_throughout_is_said_not_drawn():
     assert "1 solution throughout" in figure.get_suptitle()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["fig7", "fig12", "example1", "example3", "fig16"])
+@pytest.mark.sweep(6)
 def test_no_legend_lies_on_data(name):
     scene = load_scene(name)
     figure = draw_scene(scene, scene.run())
@@ -160,6 +164,7 @@ def test_no_legend_lies_on_data(name):
 
 
 @pytest.mark.parametrize("count", [3, 12, 13, 20])
+@pytest.mark.sweep(6)
 def test_legends_leave_room_for_diagrams(count):
     figure, axes = arrange(2, 1, counted=True)
     handles = [Line2D([], [], label="a mode with some words") for _ in range(count)]

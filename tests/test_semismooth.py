@@ -62,7 +62,7 @@ def run(system, known, alpha, spread, seed):
 @pytest.mark.parametrize("spread", [0.1, 1.0, 100.0])
 @pytest.mark.parametrize("p", [1, 2, 3])
 @pytest.mark.parametrize("friction", [0.3, 2.0])
-@pytest.mark.sweep(4)
+@pytest.mark.sweep(24)
 def test_load_path(p, spread, friction):
     body = random_body(p, seed=11 + p, gap=True)
     load = AffineLoad(*(random_vector(body.n, seed) for seed in (1, 2)))
@@ -72,6 +72,7 @@ def test_load_path(p, spread, friction):
 
 
 @pytest.mark.parametrize("p", [1, 2, 3])
+@pytest.mark.sweep(4)
 def test_friction(p):
     body = random_body(p, seed=21 + p)
     force = random_vector(body.n, 3)
@@ -81,7 +82,7 @@ def test_friction(p):
 
 
 @pytest.mark.parametrize("seed", range(4))
-@pytest.mark.sweep(2)
+@pytest.mark.sweep(4)
 def test_strong_friction_with_several_solutions(seed):
     """With F = 10 Newton may fail; what it finds must still be a solution."""
     body = random_body(2, seed=31 + seed)
@@ -103,6 +104,7 @@ def test_a_solution_as_start_is_kept():
 
 
 @pytest.mark.parametrize(("seed", "p"), [(5, 6), (92, 3), (230, 3), (268, 5), (299, 6)])
+@pytest.mark.sweep(2)
 def test_from_the_body_at_rest_where_no_step_reduces_the_residual(seed, p, monkeypatch):
     """At z = 0 every test vanishes, and the step of one cell need not lead downhill."""
     body = contact_body(random_body(p, seed))
@@ -184,6 +186,7 @@ class StirredReactor(PiecewiseSystem):
 
 @pytest.mark.filterwarnings("ignore:overflow")
 @pytest.mark.parametrize(("heat", "loss"), [(8.0, 0.08), (11.0, 0.1), (14.0, 0.05)])
+@pytest.mark.sweep(3)
 def test_an_exponential_that_hides_the_residual_is_no_solution(heat, loss):
     """At z_1 = 40 both rows are e^40 times the same: a step of rounding leaves a residual of 30."""
     system, rng = StirredReactor(heat, loss), np.random.default_rng(int(heat))

@@ -48,7 +48,7 @@ class Curve(PiecewiseSystem):
 
 @pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize("name", HALF_LINE)
-@pytest.mark.sweep(16)
+@pytest.mark.sweep(64)
 def test_an_interval_may_end_where_the_derivative_is_singular(name, seed):
     residual, above, below, there = HALF_LINE[name]
     rng = np.random.default_rng([seed, *name.encode()])

@@ -133,6 +133,7 @@ def test_infinitely_many_solutions_over_a_corner_of_the_window():
 @pytest.mark.parametrize("window", WINDOWS)
 @pytest.mark.parametrize("seed", swept(range(0, 4), range(4, 100)))
 @pytest.mark.filterwarnings("error")
+@pytest.mark.sweep(15)
 def test_integer_families_against_rational_enumeration(seed, window):
     """Small integers: degenerate, tied and singular families of all kinds."""
     M, q, d, e = integer_family(np.random.default_rng(seed))
@@ -153,6 +154,7 @@ def test_integer_families_against_rational_enumeration(seed, window):
 
 
 @pytest.mark.parametrize("power", [36, 38, 40])
+@pytest.mark.sweep(3)
 def test_a_family_without_solutions_beside_thin_singular_cells(power):
     """Singular cells have solutions next to the origin, if inequalities may be off by 1e-10.
 
@@ -167,6 +169,7 @@ def test_a_family_without_solutions_beside_thin_singular_cells(power):
 
 
 @pytest.mark.parametrize("seed", range(20))
+@pytest.mark.sweep(3)
 def test_the_inside_of_a_polyhedron_has_as_many_directions_however_small(seed):
     """Values of small integers times 2^-40 are less than the tolerances of a solver."""
     rng = np.random.default_rng(seed)
@@ -188,6 +191,7 @@ def test_switches_that_coincide_at_an_end_are_refused():
 
 
 @pytest.mark.parametrize("seed", swept(range(12), range(12, 300)))
+@pytest.mark.sweep(6)
 def test_integer_switches_against_rational_enumeration(seed):
     family, rng = SwitchedFamily(np.random.default_rng(seed)), np.random.default_rng([seed, 1])
     (a, b), (c, f) = WINDOWS[seed % 3]

@@ -52,6 +52,7 @@ def test_a_smooth_fold_ends_at_an_interface_and_says_so(cusp):
     np.testing.assert_allclose([end.z[0], end.alpha], [-0.8, 1.92], **CLOSE)
 
 
+@pytest.mark.slow
 def test_jacobian_of_the_fold_locus(cusp):
     locus, graph = cusp
     points = [(x[:-1], x[-1]) for piece in graph.pieces for x in piece.points[1:-1:3]]

@@ -126,7 +126,7 @@ def transcritical_graph(system, start=(0, -0.8), **options):
 
 @STEPPERS
 @pytest.mark.parametrize("start", STARTS)
-@pytest.mark.sweep(5)
+@pytest.mark.sweep(10)
 def test_transcritical_is_found_from_each_half_branch(stepper, start):
     system = make(transcritical)
     graph = transcritical_graph(system, start, stepper=stepper)
@@ -143,7 +143,7 @@ def test_transcritical_is_found_from_each_half_branch(stepper, start):
 
 @STEPPERS
 @pytest.mark.parametrize("alpha", [-0.99, -0.3, 0.0999, 0.1001, 0.5, 1.29])
-@pytest.mark.sweep(5)
+@pytest.mark.sweep(10)
 def test_transcritical_solutions(stepper, alpha):
     system = make(transcritical)
     graph = transcritical_graph(system, stepper=stepper)
@@ -244,7 +244,7 @@ def pitchfork_count(alpha, tilt):
 @STEPPERS
 @pytest.mark.parametrize("tilt", [0.0, 0.3, 1e-3])
 @pytest.mark.parametrize("y", [0.0, 0.9, -0.9], ids=["trivial", "upper", "lower"])
-@pytest.mark.sweep(5)
+@pytest.mark.sweep(20)
 def test_pitchfork(stepper, tilt, y):
     """With tilt 0 the second curve is vertical where it begins, else it turns close by."""
     system = make(pitchfork, tilt=tilt)
@@ -273,7 +273,7 @@ def test_a_start_at_the_pitchfork():
 
 @STEPPERS
 @pytest.mark.parametrize("imperfection", [1e-2, 1e-5, 1e-8, 1e-10])
-@pytest.mark.sweep(5)
+@pytest.mark.sweep(20)
 def test_imperfect_pitchfork_has_a_fold_and_no_branch_point(stepper, imperfection):
     """y^3 - beta y + e = 0 falls apart; its fold is at beta = 3 (e / 2)^(2/3)."""
 
@@ -306,7 +306,7 @@ def circle_and_line(y, beta):
 
 @STEPPERS
 @pytest.mark.parametrize("start", [(-0.5, 0.0), (0.3, -0.9), (0.5, 0.0), (0.3, 0.1)])
-@pytest.mark.sweep(4)
+@pytest.mark.sweep(8)
 def test_circle_cut_by_a_line(stepper, start):
     """Two branch points at beta = +-0.4, and folds of the circle at beta = +-0.5."""
     system = make(circle_and_line, tilt=0.0)
@@ -384,7 +384,7 @@ class KinkedTranscritical(PiecewiseSystem):
 
 @STEPPERS
 @pytest.mark.parametrize("start", [(0.0, -0.8), (-0.8, -0.8), (1.2, 1.2), (1.4, 1.2)])
-@pytest.mark.sweep(5)
+@pytest.mark.sweep(10)
 def test_a_kink_and_branch_points_in_two_cells(stepper, start):
     """The line z = alpha meets z = 0 at alpha = 0 and z = 2 (alpha - 0.5) at alpha = 1."""
     z, alpha = start
@@ -406,6 +406,7 @@ def test_a_kink_and_branch_points_in_two_cells(stepper, start):
 
 @pytest.mark.parametrize("order", [2, 3, 4])
 @pytest.mark.parametrize("lift", [0.0, 0.1])
+@pytest.mark.sweep(9)
 def test_curves_that_touch_are_both_followed(order, lift):
     """z = lift and z = lift + alpha^order: for odd orders the sign of det[J; t^T] flips."""
     curves = Switched(1, lambda z, a, sw: (z - lift) * (z - lift - a**order))

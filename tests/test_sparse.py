@@ -42,7 +42,7 @@ def test_affine_load(p, seed, stepper):
 
 
 @BODIES
-@pytest.mark.sweep(3)
+@pytest.mark.sweep(6)
 def test_friction(p, seed):
     body = random_body(p, seed, inner=4)
     force = 2.0 * random_vector(body.n, seed)
@@ -121,6 +121,7 @@ KINDS = ["csr", "csc", "coo", "bsr", "dia", "dok", "lil"]
 @pytest.mark.parametrize(
     "kind", [f"{kind}_{what}" for kind in KINDS for what in ("matrix", "array")]
 )
+@pytest.mark.sweep(4)
 def test_starts_in_a_corner_with_any_storage(kind):
     system = Corner(getattr(sp, kind))
     for graph in (

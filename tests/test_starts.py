@@ -36,6 +36,7 @@ class Saturating(PiecewiseSystem):
 
 
 @pytest.mark.parametrize("interval", [(-1.0, 0.5), (-1.0, 0.9), (-3.0, -1.0), (0.0, 0.9)])
+@pytest.mark.sweep(4)
 def test_a_diverged_point_is_no_start(interval):
     """At alpha = -1 Newton runs off to -1e16 on the selection of the other cell."""
     graph = explore(Saturating(), interval)
@@ -151,6 +152,7 @@ def voltages(alpha):
     return sorted(np.sqrt(squares.real).tolist()) if np.isreal(squares).all() else []
 
 
+@pytest.mark.slow
 def test_whole_periods_are_one_solution():
     """The equations hold for (angle + pi, -V) as well, and for no other copies."""
     graph = explore(Line(), (0.1, 0.7))
@@ -159,6 +161,7 @@ def test_whole_periods_are_one_solution():
         assert found == pytest.approx(sorted(2 * voltages(alpha)), rel=1e-8)
 
 
+@pytest.mark.slow
 def test_nothing_outside_the_bounds():
     graph = explore(PositiveVoltage(), (0.1, 0.7))
     assert len(graph.components()) <= 2
@@ -309,6 +312,7 @@ class Ring(SlicewiseLinearSystem):
 
 
 @pytest.mark.parametrize("radius", [0.1, 0.5, 0.9])
+@pytest.mark.sweep(2)
 def test_slices_between_the_ends_find_loops(radius):
     """Eight slices leave gaps of an eighth: no loop of that width is missed."""
     graph = explore(Ring(radius), (-1.0, 1.0 + radius))

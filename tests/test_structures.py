@@ -80,6 +80,7 @@ def test_a_stop_may_be_far_away(place):
         assert np.allclose(found, true, rtol=1e-6, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_two_trusses_have_nine_equilibria_near_no_load():
     k = [1.0, 1.1]
     graph = explore(TrussChain(k), (-0.6, 0.6))
@@ -101,6 +102,7 @@ def test_all_states_of_longer_chains(trusses):
     assert found(graph, 0.01) == pytest.approx(equilibria(k, 0.01), abs=1e-9)
 
 
+@pytest.mark.slow
 def test_a_stop_leaves_one_three_or_nine():
     graph = explore(TrussChain([1.0, 1.0], {2: (0.9, 20.0)}), (-0.6, 0.6))
     assert graph.guarantee == "complete"
@@ -127,6 +129,7 @@ def test_random_chains(seed):
         assert found(graph, load) == pytest.approx(truth, abs=1e-8)
 
 
+@pytest.mark.slow
 def test_a_stop_between_trusses_promises_nothing():
     system = TrussChain([1.0, 1.1], {1: (1.5, 2.0)})
     graph = explore(system, (-0.2, 0.6))
@@ -174,7 +177,7 @@ def elongations(bar, alpha):
 
 
 @pytest.mark.parametrize("seed", range(30))
-@pytest.mark.sweep(10)
+@pytest.mark.sweep(40)
 def test_random_bars(seed):
     rng = np.random.default_rng(seed)
     n = rng.integers(1, 4)
@@ -186,6 +189,7 @@ def test_random_bars(seed):
         assert found(graph, alpha) == pytest.approx(elongations(bar, alpha), abs=1e-10)
 
 
+@pytest.mark.slow
 def test_of_several_elements_each_may_soften_alone():
     bar = SofteningBar(0.5, [1.0, 1.05, 1.1], remaining=0.05)
     graph = explore(bar, (0.0, 8.0))
@@ -214,7 +218,7 @@ def least_energy(problem, alpha):
 
 
 @pytest.mark.parametrize("seed", range(60))
-@pytest.mark.sweep(12)
+@pytest.mark.sweep(24)
 def test_random_strings(seed):
     rng = np.random.default_rng(seed)
     heights = -rng.uniform(0.01, 0.2, 12)
@@ -226,6 +230,7 @@ def test_random_strings(seed):
         assert found(graph, alpha) == pytest.approx(truth[np.newaxis], abs=1e-9)
 
 
+@pytest.mark.slow
 def test_a_string_on_a_table():
     """It hangs in parabolas of the length sqrt(2 g / load) on both sides of the table."""
     nodes, depth, load = 199, 0.05, 8.0
@@ -351,6 +356,7 @@ def _heights(system, angles):
     return places, np.append(0.0, np.cumsum(steps))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("place", "height", "bow"),
     [
@@ -415,6 +421,7 @@ def test_the_state_of_least_energy_of_a_chain_of_links():
     assert min(np.abs(each - least.x).max() for each in angles) < 5e-3
 
 
+@pytest.mark.slow
 def test_the_scene_of_the_strut():
     graph = scenes.strut_supports().run()
     assert graph.searched.promise is Guarantee.NOTHING
@@ -475,6 +482,7 @@ def test_the_numbers_of_the_tutorial(monkeypatch, capsys):
     assert names["stopped"].guarantee == names["chain"].guarantee == "complete"
 
 
+@pytest.mark.slow
 def test_a_string_needs_no_finite_elements():
     """Scikit-fem is an optional extra: whoever has none is told so, and has strings."""
     code = (

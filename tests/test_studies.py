@@ -271,6 +271,7 @@ def has_ended(group):
     return False
 
 
+@pytest.mark.slow
 def test_ctrl_c_does_not_reach_workers_that_are_starting():
     """Even the first one begins with the signal blocked."""
     script = (
@@ -371,7 +372,9 @@ TWO = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("problem", "other", "measure", "another"), TWO)
+@pytest.mark.sweep(6)
 def test_another_function_of_the_same_name_is_refused(tmp_path, problem, other, measure, another):
     """The study is finished, and no case is run again."""
     path, over = tmp_path / "study.db", {"k": [1.0, 2.0]}

@@ -57,6 +57,7 @@ def test_data_frames_have_a_row_for_each_case():
     assert frame["proven"].all()
 
 
+@pytest.mark.slow
 def test_datasets_have_the_settings_as_coordinates(tmp_path):
     xarray = pytest.importorskip("xarray")
     over = {"friction": [1.0, 4.0], "f_nu": [0.25, 0.5, 0.75]}
@@ -97,6 +98,7 @@ def anything(friction, word="a", further=1):
 
 @pytest.mark.parametrize("count", [1, 2, 3])
 @pytest.mark.parametrize("name", ["most", "first"])
+@pytest.mark.sweep(3)
 def test_pictures_over_one_two_and_three_settings(tmp_path, count, name):
     over = dict(list(OVER.items())[:count])
     result = Study(anything, over, COUNTS).run()
@@ -261,6 +263,7 @@ def test_another_service_is_no_scheduler(monkeypatch):
 
 
 @pytest.mark.parametrize("unit", [1e-9, 1.0, 1e9])
+@pytest.mark.sweep(3)
 def test_a_parabola_turns_at_zero_and_not_beside_it(unit):
     over, measure = {"unit": [unit]}, ["first-fold", "non-unique", "max-count"]
     (row,) = Study(parabola, over, measure).run()

@@ -61,6 +61,7 @@ def test_exact_values_and_names_in_the_table(capsys, name):
     assert parameter == "alpha" or not re.search(r"\balpha\b", printed.split("\n", 1)[1])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("spelt", ["lambda_t", "λ_t"])
 @pytest.mark.sweep(2)
 def test_panels_with_greek_letters_in_words(capsys, tmp_path, spelt):

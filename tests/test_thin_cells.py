@@ -4,6 +4,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from sweeps import swept
 
 from pwscont import NaturalParameter, PiecewiseSystem, PseudoArclength, trace
 from pwscont.curve.step_size import StepSize
@@ -12,7 +13,7 @@ pytestmark = pytest.mark.sweep(2)  # the others take too long for the README's c
 
 WIDTH = 2.0**-27  # 7.5e-9; 1 + WIDTH is exact, so the closed form below is, too
 STEP_SIZES = [
-    StepSize(first=length, largest=length) for length in (1e-3, 1e-2, 0.1, 0.7, 3.0, 10.0)
+    StepSize(first=length, largest=length) for length in (1e-2, 0.1, 0.7, 3.0, 10.0, 1e-3)
 ] + [StepSize(first=1e-3, largest=10.0)]
 STEPPERS = [
     kind(step_size=size) for kind in (PseudoArclength, NaturalParameter) for size in STEP_SIZES
@@ -54,7 +55,7 @@ class ThinCell(PiecewiseSystem):
 # steep, folding steeply, folding within rounding of the width, hardly bent
 @pytest.mark.parametrize("c", [2.0**24, -(2.0**24), -3.0, 1.0, -(2.0**10)])
 @ALL_STEPPERS
-@pytest.mark.sweep(4)
+@pytest.mark.sweep(8)
 def test_both_transitions_of_a_thin_cell_are_found(c, stepper):
     graph = trace(ThinCell(c), ([0.0], 0.0), (0.0, 2.0), stepper=stepper)
     entry, exit_ = 1.0, 1.0 + WIDTH * (1.0 + c)
@@ -97,6 +98,7 @@ class Dip(PiecewiseSystem):
 
 @pytest.mark.parametrize("depth", [0.5, 0.1, 1e-2, 1e-4])
 @pytest.mark.parametrize("first", [1e-2, 0.3, 1.0, 10.0])
+@pytest.mark.sweep(12)
 def test_a_test_that_dips_within_one_step_is_seen(depth, first):
     """Steps of any length and turn are accepted here; both zeros of the test are found."""
     size = StepSize(first=first, largest=10.0, least_cosine=-1.0)
@@ -143,7 +145,7 @@ class Staircase(PiecewiseSystem):
 
 
 @ALL_STEPPERS
-@pytest.mark.sweep(4)
+@pytest.mark.sweep(7)
 def test_a_row_of_kinks_within_one_step(stepper):
     kinks = 0.5 + np.array([0.0, 1e-9, 2e-6, 2e-6 + 1e-9, 1e-3, 0.2])
     system = Staircase(kinks)
@@ -174,8 +176,11 @@ class DipInOtherUnits(PiecewiseSystem):
         return z - alpha - (0.0 if character.signs[0] else first)
 
 
-@pytest.mark.parametrize("units", [(1.0, 1.0), (1e-6, 1e6), (1e6, 1e-6)])
-def test_a_dip_is_seen_whatever_the_units_of_other_tests(units):
-    for centre in np.linspace(-0.8, 0.8, 30):
+@pytest.mark.parametrize(
+    ("units", "centres"),
+    swept([((1e-6, 1e6), 6)], [(units, 30) for units in ((1.0, 1.0), (1e-6, 1e6), (1e6, 1e-6))]),
+)
+def test_a_dip_is_seen_whatever_the_units_of_other_tests(units, centres):
+    for centre in np.linspace(-0.8, 0.8, centres):
         graph = trace(DipInOtherUnits(centre, units), ([-1.0], -1.0), (-1.0, 1.0))
         assert len(graph.special_points("transition")) == 2

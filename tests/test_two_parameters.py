@@ -13,6 +13,7 @@ two displacements and a condensed load, and the same formulas hold with its entr
 singular at F = S_tt / -S_nu,t: below that alpha does not turn.
 """
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -52,10 +53,16 @@ def sectors_at(a, b, friction, f_nu, f_t):
 BODIES = [(2.0, 1.0, 0.7), (2.0, 1.0, 4.0), (2.0, 1.0, 2.0), (3.0, 0.4, 1.5), (5.0, 4.0, 1.3)]
 
 
+@cache
+def loci_of_one_node(a, b, friction):
+    family = plane_family(a, b, friction)
+    return follow_transitions(family, (-9.0, 9.0), (-1.0, 1.0), (-0.5, 0.5))
+
+
 @pytest.mark.parametrize(("a", "b", "friction"), BODIES)
-@pytest.mark.sweep(3)
+@pytest.mark.sweep(6)
 def test_sector_boundaries_are_rays_from_the_apex(a, b, friction):
-    loci = follow_transitions(plane_family(a, b, friction), (-9.0, 9.0), (-1.0, 1.0), (-0.5, 0.5))
+    loci = loci_of_one_node(a, b, friction)
     ratio = {  # f_nu / f_t on each ray, and the sign of f_t
         "slip+ | no contact": (-b / a, 1),
         "slip- | no contact": (-b / a, -1),
@@ -71,9 +78,9 @@ def test_sector_boundaries_are_rays_from_the_apex(a, b, friction):
 
 
 @pytest.mark.parametrize(("a", "b", "friction"), BODIES)
-@pytest.mark.sweep(3)
+@pytest.mark.sweep(6)
 def test_only_slip_minus_folds_and_only_above_the_ratio(a, b, friction):
-    loci = follow_transitions(plane_family(a, b, friction), (-9.0, 9.0), (-1.0, 1.0), (-0.5, 0.5))
+    loci = loci_of_one_node(a, b, friction)
     expected = Passing.TRANSITION
     if friction >= a / b:
         expected = Passing.FOLD if friction > a / b else Passing.VERTICAL
@@ -82,21 +89,20 @@ def test_only_slip_minus_folds_and_only_above_the_ratio(a, b, friction):
         assert part.crossing == (Passing.TRANSITION if passes else expected)
 
 
-def test_a_locus_ends_at_the_apex_and_says_why():
+@pytest.mark.parametrize(("friction", "test", "f_t"), [(0.7, 1, 0.5), (4.0, 2, -0.5)])
+def test_a_locus_ends_at_the_apex_and_says_why(friction, test, f_t):
     """Beyond the apex the friction bound means nothing: contact is lost."""
-    for friction, test, f_t in ((0.7, 1, 0.5), (4.0, 2, -0.5)):
-        f_nu = abs(f_t) / friction
-        locus = TransitionLocus(plane_family(2.0, 1.0, friction), test, f_t)
-        start = np.array([0.0, 0.0, -f_nu, -f_t, f_nu])
-        graph = trace(locus, (start, f_t), (-1.0, 1.0))
-        (apex,) = [end for end in graph.special_points("end") if "meet" in end.message]
-        assert apex.message == (
-            "the loci of several transitions meet: test functions 0, 1, 2 vanish"
-        )
-        np.testing.assert_allclose([*apex.z, apex.alpha], 0.0, **CLOSE)
-        assert len(graph.pieces) == 1
+    f_nu = abs(f_t) / friction
+    locus = TransitionLocus(plane_family(2.0, 1.0, friction), test, f_t)
+    start = np.array([0.0, 0.0, -f_nu, -f_t, f_nu])
+    graph = trace(locus, (start, f_t), (-1.0, 1.0))
+    (apex,) = [end for end in graph.special_points("end") if "meet" in end.message]
+    assert apex.message == "the loci of several transitions meet: test functions 0, 1, 2 vanish"
+    np.testing.assert_allclose([*apex.z, apex.alpha], 0.0, **CLOSE)
+    assert len(graph.pieces) == 1
 
 
+@pytest.mark.slow
 def test_the_locus_of_lift_off_goes_straight_through_the_apex():
     locus = TransitionLocus(plane_family(2.0, 1.0, 4.0), 0, 1.0)
     graph = trace(locus, ([0.0, 0.5, 0.0, 0.0, -0.5], 1.0), (-1.0, 1.0))
@@ -107,6 +113,7 @@ def test_the_locus_of_lift_off_goes_straight_through_the_apex():
         np.testing.assert_allclose(2.0 * piece.z[:, -1], -piece.alpha, **CLOSE)
 
 
+@pytest.mark.slow
 def test_a_locus_ends_where_alpha_leaves_its_range():
     locus = TransitionLocus(plane_family(2.0, 1.0, 0.7), 2, -0.5, (-1.0, 1.0))
     graph = trace(locus, ([0.0, 0.0, -1 / 1.4, 0.5, 1 / 1.4], -0.5), (-1.0, 1.0))
@@ -241,13 +248,14 @@ def test_fold_curves_in_closed_form(plane, words, below, above, alpha):
     assert upper.plane[0, 1] == pytest.approx(2.0, abs=1e-9)
 
 
+@pytest.mark.slow
 def test_slip_plus_never_folds(plane):
     (part,) = curve(plane, "node 1 slip+, node 2 stick | node 1 stick, node 2 stick")
     assert part.crossing == "transition"
     np.testing.assert_allclose(part.plane[:, 0], 0.4 * part.plane[:, 1], **CLOSE)
 
 
-def test_critical_friction_of_the_path(plane):
+def begins_to_fold_at_two(plane):
     """Node 2 while node 1 is free and node 1 while node 2 is stuck both begin to fold at a/b."""
     tips = sorted(plane.lowest_folds, key=lambda x: x[-2])
     np.testing.assert_allclose([tip[-1] for tip in tips], [2.0, 2.0], **CLOSE)
@@ -256,6 +264,7 @@ def test_critical_friction_of_the_path(plane):
     assert critical_ratio(0, "stuck") == pytest.approx(2.0, abs=1e-15)
 
 
+@pytest.mark.slow
 def test_most_solutions_by_friction(plane):
     table = plane.most_solutions()
     assert [count for _, _, count in table] == [1, 3, 5]
@@ -268,7 +277,7 @@ def largest_count(body, load, friction, alphas):
 
 
 @pytest.mark.parametrize("friction", [0.3, 0.9, 1.5, 1.9, 1.99])
-@pytest.mark.sweep(3)
+@pytest.mark.sweep(6)
 def test_enumeration_finds_one_solution_below(friction):
     alphas = [*np.linspace(*ALPHAS, 333), -22.0 / 17.0 + 1e-4, -0.8 - 1e-4]
     assert largest_count(TWO_NODES, PATH, friction, alphas) == 1
@@ -284,7 +293,7 @@ def test_enumeration_finds_three_solutions_above(friction):
         assert largest_count(TWO_NODES, PATH, friction, [alpha]) == 3
 
 
-def test_sectors_hold_what_enumeration_finds(plane):
+def sectors_hold_what_enumeration_finds(plane):
     for sector in plane.sectors:
         for region in sector.regions:
             for alpha, friction in list(points_inside(region.polygon, 12)):
@@ -306,12 +315,37 @@ def test_a_locus_that_no_level_meets_is_seen_beside_an_edge(plane):
     assert len(plane.levels) > 1
 
 
-def test_every_region_is_proven_at_its_points(plane):
+def every_region_is_proven_at_its_points(plane):
     regions = [region for sector in plane.sectors for region in sector.regions]
     assert len(plane.proven) == len(regions)
     assert all(points == 1 + len(r.others) for points, r in zip(plane.proven, regions, strict=True))
     assert {plane.proof(region).split()[0] for region in regions} == {"proven"}
     assert f"{len(regions)} of {len(regions)} regions proven" in plane.guarantee
+
+
+OF_A_PLANE = [
+    begins_to_fold_at_two,
+    sectors_hold_what_enumeration_finds,
+    every_region_is_proven_at_its_points,
+]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("holds", OF_A_PLANE)
+def test_facts_of_the_whole_plane(plane, holds):
+    holds(plane)
+
+
+@pytest.mark.slow
+def test_around_the_critical_friction():
+    narrow = replace(critical_friction(), alphas=(-3.0, 0.0), mus=(1.8, 2.2), levels=(2.2,)).run()
+    for holds in OF_A_PLANE:
+        holds(narrow)
+    for friction in (1.9, 2.1):
+        turning_agrees(narrow, friction, narrow.alphas)
+    (below, above) = narrow.most_solutions()
+    assert below == (1.8, pytest.approx(2.0, abs=1e-9), 1)
+    assert above == (pytest.approx(2.0, abs=1e-9), 2.2, 3)
 
 
 @pytest.mark.slow
@@ -330,6 +364,7 @@ def test_another_path_has_another_critical_friction():
     assert largest_count(TWO_NODES, path, 1.4, alphas) == 3
 
 
+@pytest.mark.slow
 def test_loci_of_two_nodes_kink_where_they_cross(plane):
     """At F = 20/31 both loci reach alpha = -0.8 at one state: each changes its selection."""
     kinks = [p for locus in plane.loci for p in locus.graph.special_points("transition")]
@@ -355,6 +390,7 @@ def test_facts_hold_for_the_locus(plane):
         assert report, str(report)
 
 
+@pytest.mark.slow
 def test_rank_one_at_a_kink_of_the_locus(plane):
     """Computed here from the Jacobians, without check_system."""
     seen = 0
@@ -371,15 +407,20 @@ def test_rank_one_at_a_kink_of_the_locus(plane):
     assert seen == 2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("friction", [1.0, 1.9, 2.1, 3.3])
 def test_turning_agrees_with_the_kinds_of_explore(plane, friction):
+    turning_agrees(plane, friction, ALPHAS)
+
+
+def turning_agrees(plane, friction, alphas):
     kinds = {"fold": "nonsmooth fold", "transition": "transition"}
     found = {}
     for locus in plane.loci:
         for s in locus.graph.solutions(friction):
             value = turning(locus.system, s.z, friction, s.character)
             found[round(float(s.z[-1]), 8)] = kinds["fold" if value > 0.0 else "transition"]
-    graph = explore(family(friction), ALPHAS)
+    graph = explore(family(friction), alphas)
     expected = {
         round(p.alpha, 8): str(p.kind)
         for p in graph.special_points()

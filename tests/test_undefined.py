@@ -117,12 +117,14 @@ def constant(J, character, z):
     "spoil",
     [sign_of_alpha, no_slope_of_alpha, one_entry, one_selection, without_the_cube, constant],
 )
+@pytest.mark.sweep(3)
 def test_a_wrong_jacobian_is_named(spoil, seed, sparse):
     with pytest.raises(InvalidSystemError, match=r"jacobian in cell . is wrong in row \d"):
         explore(Wrong(seed, spoil, sparse), (-1.0, 1.0), limits=Limits(seconds=20.0))
 
 
 @pytest.mark.parametrize("unit", [1e-6, 1.0, 1e6])
+@pytest.mark.sweep(2)
 def test_a_right_jacobian_raises_no_alarm(unit):
     class Scaled(Wrong):
         def residual(self, z, alpha, character):

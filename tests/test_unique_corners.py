@@ -30,6 +30,7 @@ def corners(seed):
 
 
 @pytest.mark.parametrize("seed", [*swept(range(12), range(12, 400)), 320])
+@pytest.mark.sweep(6)
 def test_what_is_called_unique_is(seed):
     for corner, is_unique in corners(seed):
         found = rays_of_slices(corner)

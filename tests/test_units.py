@@ -67,6 +67,7 @@ def reference_of(name):
 @ALL_UNITS
 @STEPPERS
 @pytest.mark.parametrize("name", ["fig7", "example1"])
+@pytest.mark.sweep(12)
 def test_affine_load(stiffness, force, stepper, name):
     case, body = CASES[name], CASES[name].body
     load = AffineLoad(force * case.load.f0, case.load.f1)
@@ -78,6 +79,7 @@ def test_affine_load(stiffness, force, stepper, name):
 
 
 @ALL_UNITS
+@pytest.mark.sweep(8)
 def test_friction(stiffness, force):
     name = "example3"
     case = CASES[name]
@@ -127,6 +129,7 @@ class Bend(PiecewiseSystem):
 
 @pytest.mark.parametrize("unit", [1.0, 0.00425])
 @pytest.mark.parametrize("begin", [0.0, 1e3, 1e6])
+@pytest.mark.sweep(4)
 def test_where_the_interval_lies_does_not_make_two_points_one(unit, begin):
     system, w = Bend(unit, begin), -0.0289
     alpha = float(0.2357 * w - 0.4617 * np.tanh(w / 0.087) - 0.8 * ((w + 0.46) ** 2 - 0.009**2))
@@ -206,6 +209,7 @@ def random_units(rng, n, which):
 @pytest.mark.parametrize("which", ["all", "alike", "unknowns"])
 @pytest.mark.parametrize("f", FAMILY, ids=lambda f: f.__name__)
 @pytest.mark.parametrize("seed", swept(range(1), range(1, 6)))
+@pytest.mark.sweep(18)
 def test_units_do_not_matter_where_no_magnitudes_are_given(f, which, seed):
     rng = np.random.default_rng([seed, *map(ord, f.__name__ + which)])
     (interval, z), a, n = FAMILY[f], rng.uniform(0.7, 1.5), len(FAMILY[f][1])
@@ -235,6 +239,7 @@ def test_units_do_not_matter_where_no_magnitudes_are_given(f, which, seed):
 
 @pytest.mark.parametrize("rise", [1e-4, 1e-5, 1e-6, 1e-9])
 @pytest.mark.parametrize("is_relative", [False, True])
+@pytest.mark.sweep(4)
 def test_a_small_arch_has_its_folds(rise, is_relative):
     unit = rise if is_relative else 1.0
     system = rescaled(arch, 1.0, [rise], [unit], unit)
@@ -257,6 +262,7 @@ def test_functions_that_oscillate_have_magnitudes(curve, unit):
 
 
 @pytest.mark.parametrize("low", [1e-12, -1e-12, 1e-9])
+@pytest.mark.sweep(4)
 def test_a_tiny_bound_is_no_magnitude(low):
     def graph(low):
         def function(z, t):
@@ -319,6 +325,7 @@ def test_equations_of_subnormal_numbers_are_refused():
 
 
 @pytest.mark.parametrize("power", [1e-3, 100.0, 1e8])
+@pytest.mark.sweep(4)
 def test_power_per_unit_of_any_base(power):
     network = ieee14()
     branches = [replace(b, r=b.r / power, x=b.x / power, b=b.b * power) for b in network.branches]
@@ -356,6 +363,7 @@ def complementary_cells(M, q):
 
 
 @pytest.mark.parametrize("seed", swept(range(8), range(8, 120)))
+@pytest.mark.sweep(4)
 def test_complementarity_in_a_unit_for_each_unknown_and_each_row(seed):
     """Units from 1e-9 to 1e9, without scale=: the counts are those of units of one."""
     rng = np.random.default_rng([35, seed])
@@ -429,6 +437,7 @@ def powers_of_two(rng, *sizes):
 
 
 @pytest.mark.parametrize("seed", swept(range(20), range(20, 400)))
+@pytest.mark.sweep(12)
 def test_other_units_change_neither_solutions_nor_guarantee(seed):
     """Units of 1e-9 to 1e9 for each unknown, row and switch: powers of two change no digit."""
     rng = np.random.default_rng([36, seed])

@@ -47,6 +47,7 @@ class Mixed(PiecewiseSystem):
 @pytest.mark.parametrize("bent", [False, True])
 @pytest.mark.parametrize("narrow", [0.3, 1.0, 3.0])
 @pytest.mark.parametrize("seed", range(4))
+@pytest.mark.sweep(36)
 def test_a_vertical_piece_by_differences_has_no_folds(seed, narrow, bent):
     system = Mixed(2 + seed, seed, narrow, bent)
     graph = trace(system, system.start(), (-2.0, 2.0))
@@ -60,6 +61,7 @@ def test_a_vertical_piece_by_differences_has_no_folds(seed, narrow, bent):
     assert middle.alpha[0] == pytest.approx(0.0, abs=1e-9)
 
 
+@pytest.mark.slow
 def test_folds_of_the_smallest_waves_that_differences_see_are_found():
     """On alpha = 1e-7 sin(z) slopes change sign at odd multiples of pi / 2."""
 
@@ -101,6 +103,7 @@ class ExactCubic(Cubic):
 @pytest.mark.parametrize("system", [Cubic, ExactCubic])
 @pytest.mark.parametrize("d", [0.02, 0.01, 0.005, 0.0025])
 @pytest.mark.parametrize("start", [-1.13, -1.07, -1.0])
+@pytest.mark.sweep(9)
 def test_a_step_from_fold_to_fold_is_no_vertical_piece(system, d, start):
     graph = trace(system(d), ([start], start**3 - 3.0 * d**2 * start), (-1.5, 1.5))
     folds = sorted(point.z[0] for point in graph.special_points("fold"))

@@ -301,6 +301,7 @@ def test_a_damaged_scene_is_said(written, capsys):
     assert "names its scene in a damaged way" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_view_rebuilds_the_scene_that_the_file_names(written, capsys):
     assert main(["view", "out/fig7.npz"]) == 0
     assert capsys.readouterr().out.endswith("written: out/fig7.html\n")
@@ -406,6 +407,7 @@ def test_evolutions_are_shown_on_no_body():
         View(hysteresis().run(), body=Bar())
 
 
+@pytest.mark.slow
 def test_a_file_of_evolutions_and_its_scene_have_pages(tmp_path, capsys):
     assert main(["run", "hysteresis", "-o", str(tmp_path), "--html", str(tmp_path / "a.html")]) == 0
     assert main(["view", str(tmp_path / "hysteresis.npz")]) == 0

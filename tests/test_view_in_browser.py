@@ -355,6 +355,7 @@ def test_small_unknowns_beside_a_large_parameter_are_not_zero(driver, tmp_path):
     assert sorted(read(values[1])[0] for values in row["values"]) == [-2.5e-5, 2.5e-5]
 
 
+@pytest.mark.slow
 def test_the_parameter_is_told_apart_in_a_short_interval_far_from_zero(driver, tmp_path):
     system = Kink()
     system.shift = 1e9
@@ -451,6 +452,7 @@ def test_a_frame_in_a_notebook_shows_the_view(driver, tmp_path):
     assert not complaints(driver)
 
 
+@pytest.mark.slow
 def test_evolutions_have_colours_and_states_over_time(driver, tmp_path):
     graph = hysteresis().run()
     opened(driver, View(graph, "u_t").save(tmp_path / "hysteresis.html"))

@@ -27,9 +27,11 @@ pytestmark = pytest.mark.sweep(3)  # the others take too long for the README's c
 # -- events --------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("start", [0.0, 1.0, 2.0])
 @pytest.mark.parametrize("stepper", [None, PseudoArclength(), NaturalParameter()], ids=repr)
 @pytest.mark.parametrize("system", [Bent(), Straight()], ids=repr)
+@pytest.mark.sweep(30)
 def test_edges_of_stretches_without_sign_are_events(system, stepper, start):
     """A stretch of zeros between z = 0.3 and z = 0.5 is entered and left at either edge."""
     events = {

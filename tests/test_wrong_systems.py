@@ -321,6 +321,7 @@ class Crossing(PiecewiseSystem):
 @pytest.mark.parametrize(
     "stored", [np.asarray, sp.csr_matrix, sp.csc_array, sp.coo_matrix, sp.dia_matrix, sp.lil_array]
 )
+@pytest.mark.sweep(3)
 def test_a_jacobian_at_a_corner_is_refused_in_the_name_of_its_system(stored, wrong):
     words = r"Crossing\.jacobian in cell \+\+ .* not finite in row 0, .* at alpha=0, z=\[0, 0\]"
     with pytest.raises(InvalidSystemError, match=words):

@@ -1,5 +1,7 @@
 """Graphs that tests of exported data share."""
 
+from functools import cache
+
 import numpy as np
 from pwscont_coulomb.scenes import example1, example3, fig7, fig10
 
@@ -9,6 +11,12 @@ from pwscont import (
 )
 
 SCENES = [fig7, fig10, example1, example3]
+
+
+@cache
+def answer_of(scene):
+    """Return the graph of a scene, which is solved once for all tests of a process."""
+    return scene().run()
 
 
 def power(z, alpha):
