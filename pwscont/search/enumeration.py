@@ -15,6 +15,7 @@ from typing import final
 import numpy as np
 
 from pwscont.basics.arrays import finite_array
+from pwscont.basics.budget import check_budget
 from pwscont.basics.errors import InvalidInputError
 from pwscont.basics.outcome import Guarantee, Kind, SearchScope
 from pwscont.basics.printing import counted
@@ -235,28 +236,35 @@ def _index(system: PiecewiseSystem, metric: Metric, point: Point) -> tuple[int, 
     return sum(right), found.kind
 
 
-def starts_at(system: PiecewiseSystem, metric: Metric, alpha: float) -> list[Found]:
-    """Return solutions at ``alpha`` to start from, each once; of a face, the corners.
+def starts_at(system: PiecewiseSystem, metric: Metric, alpha: float) -> Iterator[Found]:
+    """Yield solutions at ``alpha`` to start from, each once; of a face, the corners.
 
     Complete for a :class:`~pwscont.SlicewiseLinearSystem`, where an undecided cell, and a face
     without corners, gives a start of unknown z, with an infinite error. For other systems Newton is
     tried once in every cell, from the point within the bounds near z = 0, and solutions may be
     missed.
     """
-    if isinstance(system, SlicewiseLinearSystem):
-        found, size = solve_surely(system, metric, alpha), len(metric.scale)
-        starts = [(point.x, point.error) for point in found.points]
-        for face in found.faces:
-            error = 0.0 if len(face.corners) else np.inf
-            starts += [(x, np.full((1, size), error)) for x in face.representatives]
-        unknown = np.append(np.zeros(size - 1), alpha), np.full((1, size), np.inf)
-        return starts + [unknown] * found.undecided
-    starts, box = [], Box.of(system)
+    if not isinstance(system, SlicewiseLinearSystem):
+        yield from _once_per_cell(system, metric, alpha)
+        return
+    found, size = solve_surely(system, metric, alpha), len(metric.scale)
+    yield from ((point.x, point.error) for point in found.points)
+    for face in found.faces:
+        error = 0.0 if len(face.corners) else np.inf
+        yield from ((x, np.full((1, size), error)) for x in face.representatives)
+    unknown = np.append(np.zeros(size - 1), alpha), np.full((1, size), np.inf)
+    yield from [unknown] * found.undecided
+
+
+def _once_per_cell(system: PiecewiseSystem, metric: Metric, alpha: float) -> Iterator[Found]:
+    """Yield the solutions of all selections at ``alpha`` that Newton finds in their own cells."""
+    known, box = list[Found](), Box.of(system)
     for character in system.cells():
+        check_budget()
         solution = _in_cell(Curve(Selection(system, character), metric), box, alpha)
-        if solution and not any(is_same(metric, solution, other) for other in starts):
-            starts.append(solution)
-    return starts
+        if solution and not any(is_same(metric, solution, other) for other in known):
+            known.append(solution)
+            yield solution
 
 
 def _in_cell(curve: Curve, box: Box, alpha: float) -> Found | None:

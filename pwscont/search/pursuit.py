@@ -40,9 +40,10 @@ from pwscont.linear.factorise import last_unit
 from pwscont.search.search import KnownBranches
 from pwscont.system.abilities import completed, shown_size
 from pwscont.system.box import Box
-from pwscont.system.contract import residual_at
+from pwscont.system.contract import NOT_ON_CHANCE, residual_at
 from pwscont.system.selection import Selection
 from pwscont.system.system import PiecewiseSystem
+from pwscont.system.values import broken
 from pwscont.transitions.ends import settled
 
 #: Most iterations at fixed alpha, and again with alpha free.
@@ -190,7 +191,11 @@ class Pursuit:
 
         is_known = np.histogram(own, places)[0] > 0
         for i in np.flatnonzero((signs[1:] * signs[:-1] < 0.0) & ~is_known):
-            z = bisect(equation, *places[i : i + 2], xtol=EPS * reach)
+            a, b = places[i : i + 2]
+            if np.sign([equation(a), equation(b)]).tolist() != signs[i : i + 2].tolist():
+                words = f"changed its sign at z = {a} or {b}, alpha = {alpha}: {NOT_ON_CHANCE}"
+                raise broken(system, "residual", words)
+            z = bisect(equation, a, b, xtol=EPS * reach)
             full = completed(system, np.array([z]), alpha)
             is_pole = abs(equation(z)) > sizes[i : i + 2].max()
             if not is_pole and is_new(self._metric, np.append(full, alpha), known):

@@ -58,6 +58,8 @@ MOST_UNKNOWNS = 10**7
 #: order.
 MOST_ROUNDING = EPS**0.75
 
+#: What is said of values that differ at one point.
+NOT_ON_CHANCE = "H must depend on (z, alpha) only, not on chance or on earlier points"
 #: Character, tests, gradients, residual and Jacobian of a system at a point.
 Values: TypeAlias = tuple[Character, Array, Matrix, Array, Matrix]
 
@@ -94,8 +96,7 @@ def check_contract(system: PiecewiseSystem, z: Array, alpha: float) -> Values:
         if (apart > MOST_ROUNDING * (np.abs(residual) + np.abs(again) + terms)).any():
             i = int(np.argmax(apart))
             words = f"returned {residual[i]} and then {again[i]} in row {i} at the same point"
-            why = "H must depend on (z, alpha) only, and not on chance"
-            raise broken(system, "residual", f"{words}: {why}")
+            raise broken(system, "residual", f"{words}: {NOT_ON_CHANCE}")
     return character, tests, gradients, residual, jacobian
 
 
