@@ -57,24 +57,24 @@ LONGEST_FILE = 500
 #: becomes smaller, its budget becomes smaller.
 BUDGET = {
     "basics": (10, 1172),
-    "system": (10, 2180),
+    "system": (10, 2181),
     "linear": (11, 1466),
-    "notation": (13, 2864),
+    "notation": (13, 2878),
     "curve": (14, 2893),
     "enumeration": (11, 2603),
     "transitions": (12, 3563),
     "graph": (10, 2608),
-    "search": (7, 1656),
+    "search": (7, 1669),
     "continuation": (8, 2708),
     "kit": (4, 939),
     "proof": (10, 2190),
     "scenes": (14, 2650),
-    "view": (6, 940),
-    "evolution": (14, 3000),
+    "view": (6, 938),
+    "evolution": (14, 2999),
     "two_parameters": (16, 3597),
-    "studies": (11, 2240),
-    "bench": (15, 1840),
-    "commands": (10, 1150),
+    "studies": (11, 2239),
+    "bench": (15, 1839),
+    "commands": (10, 1144),
 }
 #: Most files and classes that the README's arch meets; a change that needs more says why.
 MOST_FILES_MET, MOST_CLASSES_MET = 50, 55

@@ -3,6 +3,7 @@
 import os
 import signal
 import threading
+import time
 
 import numpy as np
 import pytest
@@ -99,6 +100,26 @@ def test_a_path_that_never_ends_comes_back_after_so_many_seconds():
     assert "the limit of 0.3 seconds was reached" in graph.guarantee
     assert len(graph.special_points("stopped")) == 2
     on_the_helix(graph)
+
+
+def test_newton_in_each_of_many_cells_is_cut_short():
+    calls = 0
+
+    class Slow(PiecewiseSystem):
+        size = 1
+
+        def test_functions(self, z, alpha):
+            return z[0] - np.arange(1.0, 10.0)
+
+        def residual(self, z, alpha, character):
+            nonlocal calls
+            calls += 1
+            time.sleep(1e-3)
+            return z**3 + z + sum(character.signs) + 10.0 - alpha
+
+    graph = explore(Slow(), (0.0, 1.0), limits=Limits(seconds=0.3))
+    assert "the limit of 0.3 seconds was reached" in graph.guarantee
+    assert calls < 2**9  # fewer than there are cells
 
 
 def test_an_enumeration_that_takes_minutes_is_cut_short():

@@ -163,6 +163,17 @@ def test_switches_whose_arguments_saturate_wherever_they_are_tried_are_refused_w
         system.residual(z, 0.0, system.character(z, 0.0))
 
 
+@pytest.mark.parametrize("call", [lambda sw, x: sw.clip(x, -1.0, 1.0), lambda sw, x: sw.abs(x)])
+def test_switches_that_differ_by_less_than_rounding_of_usual_arguments_are_one(call):
+    def f(z, t, sw):
+        return np.array([z[0] - t + call(sw, z[0] - 5e-32) + 2.0 * call(sw, z[0] - 4e-32)])
+
+    system = Switched(1, f)
+    for z in (np.zeros(1), np.array([4.5e-32]), np.array([0.25])):
+        found = system.residual(z, 0.0, system.character(z, 0.0))
+        assert found == pytest.approx(4.0 * z, abs=1e-30)
+
+
 def test_one_switch_that_is_called_twice_and_differs_by_rounding_is_one():
     def f(z, t, sw):
         return np.array([z[0] - t + sw.relu(z[0]) + sw.relu(2.0 * z[0] * 0.5)])

@@ -333,6 +333,22 @@ def test_slips_that_were_raw_errors_are_named(changes, arguments, error, message
         run(type("Other", (Line,), changes)(), (-1.0, 1.0), **arguments)
 
 
+def test_a_residual_that_depends_on_earlier_points_is_named():
+    class Latch(PiecewiseSystem):
+        size, up = 1, False
+
+        def test_functions(self, z, alpha):
+            return z - 1.0
+
+        def residual(self, z, alpha, character):
+            self.up = z[0] > 1.2 or (self.up and z[0] >= 0.2)
+            stop = 5.0 * (z - 1.0) if character.signs[0] else 0.0
+            return z * (z - 1.0) * (z - 2.0) + stop - alpha + 0.05 * self.up
+
+    with pytest.raises(InvalidSystemError, match="not on chance or on earlier points"):
+        explore(Latch(), (-0.5, 1.0))
+
+
 def test_a_jacobian_that_is_no_number_is_named():
     class NoNumber(PiecewiseSystem):
         size = 1

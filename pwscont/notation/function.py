@@ -26,7 +26,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from pwscont import InvalidSystemError
-from pwscont.extending import EPS, Array, Indices, generic, numbers_in
+from pwscont.extending import EPS, GUARD, Array, Indices, generic, numbers_in
 from pwscont.notation.arithmetic import UntraceableError
 from pwscont.notation.array_functions import chosen, where
 from pwscont.notation.dual import Dual, as_operand, is_traced, joined, value_of
@@ -93,7 +93,10 @@ class UserFunction:
         prints = _prints(surveys) if len(points) > 1 else []
         if len(set(prints)) < len(prints):  # else there is nothing to tell apart
             prints = _prints([*surveys, *self._with_any_values(points, forms, len(calls))])
-        return Layout(calls, forms, [prints.index(each) for each in prints] or None)
+        layout = Layout(calls, forms, [prints.index(each) for each in prints] or None)
+        if layout.repeats:
+            layout.sizes = np.max([survey.sizes for survey in surveys], axis=0)
+        return layout
 
     def _with_any_values(
         self, points: Sequence[Array], forms: Sequence[Any], calls: int
@@ -162,6 +165,8 @@ class _Survey:
         self.branches: list[Any] = []
         #: Operation and arguments of each call, to the last digit.
         self.prints: list[Any] = []
+        #: The largest magnitude of the arguments of each call.
+        self.sizes: list[float] = []
 
     def forms_of(self, lower: Any, upper: Any) -> Any:
         """Return the kinds of bounds of a clip: as given, or as the bounds are at this point."""
@@ -175,6 +180,7 @@ class _Survey:
         self.calls.append(Call(operation, tests[0].shape))
         entries = (each.tobytes() for each in (*tests, *branches))
         self.prints.append((operation, tests[0].shape, *entries))
+        self.sizes.append(max(map(_size, (*tests, *branches))))
         self.tests += tests
         self.branches += branches
         return taken(true_modes(tests), branches)
@@ -236,7 +242,8 @@ class _Replay:
 
     def _check_repeated(self, made: int, number: int, args: Sequence[Any]) -> None:
         """Refuse a call that counts as repeated and has different arguments here."""
-        if any(map(_differ, args, self._args[number])):
+        rounding = GUARD * EPS * float(self._layout.sizes[made])
+        if any(_differ(a, b, rounding) for a, b in zip(args, self._args[number], strict=True)):
             first = self._layout.numbers.index(number)
             raise InvalidSystemError(
                 f"calls {first + 1} and {made + 1} of sw have had the same arguments wherever the "
@@ -259,8 +266,12 @@ class _Replay:
         )
 
 
-def _differ(a: Any, b: Any) -> bool:
-    """Tell whether arguments of two calls differ by more than rounding."""
+def _size(numbers: Array) -> float:
+    return float(np.abs(numbers).max(initial=0.0, where=np.isfinite(numbers)))
+
+
+def _differ(a: Any, b: Any, rounding: float) -> bool:
+    """Tell whether arguments of two calls differ by more than rounding of usual arguments."""
     if is_traced(a) or is_traced(b):
         return False
     one, other = numbers_in(value_of(a)), numbers_in(value_of(b))
@@ -268,7 +279,8 @@ def _differ(a: Any, b: Any) -> bool:
         return True  # not numbers at all
     sizes = np.abs(one) + np.abs(other)
     with np.errstate(invalid="ignore"):
-        return bool((np.abs(one - other) > ALIKE * (sizes + sizes.max(initial=0.0))).any())
+        least = ALIKE * (sizes + sizes.max(initial=0.0)) + rounding
+        return bool((np.abs(one - other) > least).any())
 
 
 def _true(number: int, tests: Sequence[Any], branches: Sequence[Any]) -> Any:
