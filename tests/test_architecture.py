@@ -71,7 +71,7 @@ BUDGET = {
     "scenes": (14, 2650),
     "view": (6, 938),
     "evolution": (14, 2999),
-    "two_parameters": (16, 3597),
+    "two_parameters": (16, 3616),
     "studies": (11, 2239),
     "bench": (15, 1839),
     "commands": (10, 1144),

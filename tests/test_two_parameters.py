@@ -26,7 +26,7 @@ from pwscont_coulomb import AffineLoad, ContactBody, CoulombLoad
 from pwscont_coulomb.plane_scenes import critical_friction, fig4, fig5, fig6, load_plane
 from reference_enumeration import enumerate_solutions, modes_of
 
-from pwscont import TransitionLocus, check_system, explore, trace
+from pwscont import LCP, TransitionLocus, check_system, explore, trace
 from pwscont.two_parameters.loci import Passing, follow_transitions, parts_of, turning
 from pwscont.two_parameters.loci_plane import LociPlane
 from pwscont.two_parameters.plane import area_and_centre
@@ -304,6 +304,18 @@ def sectors_hold_what_enumeration_finds(plane):
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("level", [-0.4, 0.0, 0.6])
+def test_a_solution_that_runs_to_infinity_is_seen(level):
+    """Of w = (mu - 0.3) z + 1, w z = 0, two solutions exist below mu = 0.3, and one above."""
+
+    def family(mu):
+        return LCP([[mu - 0.3]], q=[1.0], d=[0.0])
+
+    plane = LociPlane.between(family, (-1.0, 1.0), (-1.0, 1.0), (level,))
+    assert "solutions run to infinity" in plane.guarantee
+    assert not any(plane.proven)
+
+
 def test_a_locus_that_no_level_meets_is_seen_beside_an_edge(plane):
     """Node 2 starts to slip beside the slipping node 1 in a corner, below F = 0.71."""
     (part,) = curve(plane, "node 1 slip+, node 2 slip+ | node 1 slip+, node 2 stick")

@@ -42,16 +42,17 @@ class LociPlane(Plane):
         The parts of each locus.
     sectors : tuple of Sector
     mixed : tuple of ndarray, shape (2,)
-        Tried points (alpha, mu) whose solutions lie in different cells than the solutions of the
-        region: near such a point passes a locus that was not found. Without mixed points the loci
-        may still be incomplete, for only a few points of each region are tried.
+        Tried points (alpha, mu) whose solutions lie in different cells, or have other determinant
+        signs, than the solutions of the region: near such a point passes a locus that was not
+        found, or a solution runs to infinity. Without mixed points the loci may still be
+        incomplete, for only a few points of each region are tried.
     levels : tuple of float
         Values of mu at which loci were looked for.
     proven : tuple of int
         For each region, in the order of the sectors, the number of points at which enumeration
         proves the number of solutions, 0 if enumeration proves nothing at a point. The points lie
-        in the middle, in the lowest and highest part, and beside the left and right edges of the
-        region. A locus can still cross the region between these points if the locus meets no level.
+        in the middle and beside the lowest, highest, left and right edges of the region. A locus
+        can still cross the region between these points if the locus meets no level.
     """
 
     levels: tuple[float, ...] = ()
@@ -67,7 +68,10 @@ class LociPlane(Plane):
     def guarantee(self) -> str:
         """The guarantee of completeness of the loci, in words; completeness is never proven."""
         if self.mixed:
-            return f"a locus is missing near {len(self.mixed)} of the points tried"
+            return (
+                f"a locus is missing, or solutions run to infinity, near {len(self.mixed)} of the "
+                "points tried"
+            )
         if len(set(self.balances())) > 1:
             return "not balanced: a locus is missing"
         number = sum(map(bool, self.proven))
@@ -176,14 +180,18 @@ class _Tried:
         """Return the result of enumeration at all points of a region."""
         here, is_finite, surely = _solutions(family, region.inside)
         sector = Sector((region,), here, len(here) if is_finite else math.inf)
-        labels, mixed = set(sector.labels), []
+        kinds, mixed = _kinds(here), []
         for point in region.others:
             there, _, sure = _solutions(family, point)
             surely &= sure
-            if {found.label for found in there} != labels:
+            if _kinds(there) != kinds:
                 mixed.append(point)
         points = 1 + len(region.others)
         return cls(sector, tuple(mixed), points if surely and not mixed else 0)
+
+
+def _kinds(solutions: Sequence[Found]) -> set[tuple[str, int]]:
+    return {(found.label, found.det_sign) for found in solutions}
 
 
 def _solutions(family: MakeLinear, point: Array) -> tuple[tuple[Found, ...], bool, bool]:

@@ -26,6 +26,8 @@ THIN = EPS**0.5
 #: Distance of points beside an edge from the edge, as a part of the window: the edge is a polyline,
 #: whose chords are not exact.
 BESIDE = 5e-4
+#: Distance of the lowest and of the highest point from the edge, as a part of the height there.
+LOW = 0.02
 
 
 @final
@@ -40,7 +42,7 @@ class Region:
     inside : ndarray, shape (2,)
         A point in the middle of the widest part of the region.
     others : ndarray, shape (k, 2)
-        More points: in the lowest and the highest part, and beside the left and right edges.
+        More points: beside the lowest, highest, left and right edges.
     """
 
     polygon: Array
@@ -97,6 +99,13 @@ class _Trapezoid:
     @property
     def middle(self) -> Array:
         return np.array([0.25 * (self.left + self.right).sum(), 0.5 * sum(self.mus)])
+
+    def at(self, part: float, distance: float) -> Array:
+        """Return the middle at a part of the height, at half the height if too narrow."""
+        if np.interp(part, (0.0, 1.0), self.widths) < 4.0 * distance:
+            return self.middle
+        alphas = 0.5 * (self.left + self.right)
+        return np.array([np.interp(part, (0.0, 1.0), each) for each in (alphas, self.mus)])
 
     def beside(self, distance: float) -> list[Array]:
         """Return the middles of the left and right side, moved inwards; none if too narrow."""
@@ -159,7 +168,8 @@ def _region(chain: list[_Trapezoid], beside: float) -> Region:
     left = [(t.left[0], t.mus[0]) for t in chain] + [(chain[-1].left[1], chain[-1].mus[1])]
     right = [(t.right[0], t.mus[0]) for t in chain] + [(chain[-1].right[1], chain[-1].mus[1])]
     tried = {id(trapezoid): trapezoid for trapezoid in (chain[0], widest, chain[-1])}.values()
-    others = [chain[0].middle, chain[-1].middle, *(x for t in tried for x in t.beside(beside))]
+    others = [chain[0].at(LOW, beside), chain[-1].at(1.0 - LOW, beside)]
+    others += [x for t in tried for x in t.beside(beside)]
     return Region(np.array([*left, *right[::-1]]), widest.middle, np.array(others))
 
 

@@ -73,7 +73,8 @@ def _sectors(scene: PlaneShown, plane: Plane) -> Iterator[str]:
 
 def _mixed(scene: PlaneShown, plane: Plane) -> Iterator[str]:
     for point in plane.mixed:
-        yield f"  other solutions at {_point(scene, *point)}: a locus is missing; give more levels"
+        why = "a locus is missing (give more levels), or solutions run to infinity"
+        yield f"  other solutions at {_point(scene, *point)}: {why}"
 
 
 def how_many(sector: Sector) -> str:
