@@ -245,7 +245,7 @@ ASKED_FOR_JACOBIANS = 64
 #: residual that the stated error of the point covers.
 UNSEEN = 0.75 * CONFIDENCE * EPS
 #: Errors are estimated afresh if an unknown is larger than GROWN times the largest unknown of the
-#: same typical magnitude at the last audit.
+#: same typical magnitude, to a power of two, at the last audit.
 GROWN = 2.0
 #: How many times larger than all other unknowns an unknown is made, in typical magnitudes.
 FAR_AWAY = 2.0**20
@@ -386,7 +386,7 @@ class StraightCell:
         magnitudes, astray = abs(jacobian), jacobian.dot(along)
         self._most = sizes
         if n >= ALWAYS_AUDITED:
-            kinds = np.unique(metric.scale, return_inverse=True)[1]
+            kinds = np.unique(metric.binary, return_inverse=True)[1]
             most = np.zeros(len(sizes))
             np.maximum.at(most, kinds, sizes)
             self._most = GROWN * most[kinds]
