@@ -62,7 +62,7 @@ BUDGET = {
     "notation": (13, 2878),
     "curve": (14, 2893),
     "enumeration": (11, 2603),
-    "transitions": (12, 3563),
+    "transitions": (12, 3562),
     "graph": (10, 2608),
     "search": (7, 1669),
     "continuation": (8, 2708),

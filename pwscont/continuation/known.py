@@ -45,8 +45,7 @@ class KnownRay:
     @classmethod
     def of(cls, ray: Ray, place: Place) -> KnownRay:
         """Return what to remember of a ray that leaves a place."""
-        sketch = ray.curve.metric.sketch(ray.state.tangent)
-        return cls(place, ray.cells, sketch, ray)
+        return cls(place, ray.cells, ray.curve.metric.sketch(ray.state.tangent), ray)
 
     def is_at(self, metric: Metric, x: Array, size: Array) -> bool:
         """Tell whether a point with an error of this size is where the ray starts."""

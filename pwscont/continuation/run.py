@@ -122,6 +122,7 @@ class Plan:
 
     system: PiecewiseSystem  # fitted to the interval, as by PiecewiseSystem.within
     interval: Range
+    full_metric: Metric  # of the system
     reduction: Reduction | None  # where parts of the system provably stay in one mode
     stepper: Stepper
     foreign: tuple[TransitionDetector, ...]  # detectors that a user gave
@@ -148,9 +149,9 @@ class Plan:
         if stepper is None:
             is_straight = isinstance(system, PiecewiseLinearSystem)
             stepper = STRAIGHT if is_straight else CURVED
-        Metric.of(system, interval)  # refuses magnitudes to which no system can be fitted
+        metric = Metric.of(system, interval)  # refuses magnitudes to which no system can be fitted
         fitted = system.within(*interval)
-        plan = cls(fitted, interval, None, stepper, *watched, budget, **options)
+        plan = cls(fitted, interval, metric, None, stepper, *watched, budget, **options)
         # a reduced system has neither a box nor the states that detectors expect
         free = not (plan.box.is_bounded or plan.box.is_periodic or any(watched))
         reduction = fitted.reduction(*interval) if isinstance(fitted, Reducible) and free else None
@@ -164,7 +165,7 @@ class Plan:
     @cached_property
     def metric(self) -> Metric:
         """The metric of the reduced system."""
-        return Metric.of(self.reduced_system, self.interval)
+        return Metric.of(self.reduced_system, self.interval) if self.reduction else self.full_metric
 
     @cached_property
     def box(self) -> Box:
@@ -177,7 +178,8 @@ class Plan:
         if (sizes == self.metric.scale[:-1]).all():
             return self
         system = self.system.within(*self.interval, sizes)
-        return replace(self, system=system, branches=KnownBranches())
+        metric = Metric.of(system, self.interval)
+        return replace(self, system=system, full_metric=metric, branches=KnownBranches())
 
     @property
     def detectors(self) -> tuple[TransitionDetector, ...]:
@@ -379,9 +381,8 @@ def _graph(
     plan: Plan, discovery: Discovery, searched: SearchScope, infinite: Sequence[Stretch]
 ) -> BranchGraph:
     """Return the graph of a discovery, after checking the promise of uniqueness."""
-    system, reduction = plan.system, plan.reduction
-    metric = Metric.of(system, plan.interval) if reduction else plan.metric
-    points, pieces, starts = assemble(discovery, system, metric, reduction, plan.events)
+    system, metric = plan.system, plan.full_metric
+    points, pieces, starts = assemble(discovery, system, metric, plan.reduction, plan.events)
     graph = BranchGraph(
         points,
         pieces,

@@ -95,11 +95,9 @@ class SpecialPoint:
         or ``"nonsmooth fold"``; or a kind of a user's own detector.
     place : Place
         The point (z, alpha) and the estimated error.
-    message : str
-        What happens at the point when passed in positive orientation, for example
-        ``"contact-slip → contact-stick"``.
-    backward : str
-        The message when passed in negative orientation.
+    passed : callable
+        Returns what happens at the point when passed in an orientation, +1 or -1, for example
+        ``"contact-slip → contact-stick"``; thousands of messages are never read.
     piece : int or None
         For a start in the middle of a piece, the id of that piece.
     digits : float
@@ -116,8 +114,7 @@ class SpecialPoint:
     id: int
     kind: str
     place: Place
-    message: str
-    backward: str
+    passed: Callable[[int], str]
     piece: int | None = None
     digits: float = ALL_DIGITS
     lost: int = 0
@@ -141,9 +138,15 @@ class SpecialPoint:
         """Estimate of the error of (z, alpha) from rounding and conditioning, shape (n + 1,)."""
         return self.place.error
 
-    def passed(self, orientation: int) -> str:
-        """Return the message for an orientation, +1 or -1."""
-        return self.message if orientation > 0 else self.backward
+    @property
+    def message(self) -> str:
+        """What happens when the point is passed in positive orientation."""
+        return self.passed(+1)
+
+    @property
+    def backward(self) -> str:
+        """The message when passed in negative orientation."""
+        return self.passed(-1)
 
     @property
     def name(self) -> str:

@@ -239,8 +239,7 @@ def _quantities(
 
 def _asked(point: SpecialPoint, quantities: Quantities) -> SpecialPoint:
     """Return a point with the quantities of the graph; values read from a file are kept."""
-    kept = point.quantities.record
-    if kept:
+    if kept := point.quantities.record:
         quantities = Quantities(quantities.naming, {**kept, **quantities.record})
     return replace(point, quantities=quantities)
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array
+from pwscont.basics.arrays import Array, is_anywhere, is_everywhere
 from pwscont.system.values import broken
 
 if TYPE_CHECKING:
@@ -43,9 +43,9 @@ class Box:
 
     def __post_init__(self) -> None:
         """See whether there are bounds and periods, which a run asks again and again."""
-        bounded = np.isfinite(self.lower).any() or np.isfinite(self.upper).any()
-        object.__setattr__(self, "is_bounded", bool(bounded))
-        object.__setattr__(self, "is_periodic", bool(np.isfinite(self.period).any()))
+        bounded = any(is_anywhere(np.isfinite(ends)) for ends in (self.lower, self.upper))
+        object.__setattr__(self, "is_bounded", bounded)
+        object.__setattr__(self, "is_periodic", is_anywhere(np.isfinite(self.period)))
 
     @classmethod
     def of(cls, system: PiecewiseSystem) -> Box:
@@ -56,11 +56,11 @@ class Box:
         lower, upper = (_broadcast(system, "bounds()", end) for end in bounds)
         period = _broadcast(system, "periods()", system.periods())
         period[period == 0.0] = np.inf
-        if not (lower < upper).all():
+        if not is_everywhere(lower < upper):
             i = int(np.flatnonzero(~(lower < upper))[0])
             words = f"needs lower < upper, but for {system.names()[i]} they are"
             raise broken(system, "bounds()", f"{words} {lower[i]} and {upper[i]}")
-        if not (period > 0.0).all():
+        if not is_everywhere(period > 0.0):
             words = "must return positive numbers, infinite where an unknown is not periodic"
             raise broken(system, "periods()", f"{words}, got {period[~(period > 0.0)][0]}")
         return cls(lower, upper, period)
@@ -109,10 +109,10 @@ def _broadcast(system: PiecewiseSystem, method: str, values: Any) -> Array:
     """Return values, which may be infinite, as numbers of shape (n,)."""
     shape = (system.size,)
     try:
-        array = np.array(np.broadcast_to(np.asarray(values, dtype=float), shape))
+        array = np.full(shape, np.asarray(values, dtype=float))
     except (TypeError, ValueError) as error:
         words = f"must return numbers that can be broadcast to shape {shape}, got {values!r}"
         raise broken(system, method, words) from error
-    if np.isnan(array).any():
+    if is_anywhere(np.isnan(array)):
         raise broken(system, method, f"must return numbers, got {values!r}")
     return array

@@ -111,18 +111,18 @@ def by_columns(residual: Callable[[Array, Any], Any], points: Array) -> Array | 
     *unknowns, alpha = map(Column, points.T.copy())
     z = np.empty(len(unknowns), dtype=object)
     z[:] = unknowns
+    values = np.empty((len(unknowns), len(points)))
     try:
         found = residual(z, alpha)
-        numbers = numbers_in(found) if found.dtype == object and found.shape == z.shape else None
-        if numbers is None or not np.isfinite(numbers).all():
+        if found.dtype != object or found.shape != z.shape:
             return None
+        for row, each in zip(values, found.tolist(), strict=True):
+            if type(each) is not Column and type(each) not in NUMBERS:
+                return None
+            row[:] = each.values if type(each) is Column else each
     except Exception:
         return None
-    values = np.empty((len(unknowns), len(points)))
-    entries: list[Any] = list(found)
-    for row, each in zip(values, entries, strict=True):
-        row[:] = each.values if type(each) is Column else each
-    return values.T
+    return values.T if np.isfinite(values).all() else None
 
 
 def takes_columns(

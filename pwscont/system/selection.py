@@ -44,9 +44,7 @@ class Selection:
         character: Character,
         adjacent_cells: tuple[Character, ...] = (),
     ) -> None:
-        self.system = system
-        self.character = character
-        self.adjacent_cells = adjacent_cells
+        self.system, self.character, self.adjacent_cells = system, character, adjacent_cells
         tests, inside = _bounds(system, character)
         if adjacent_cells:
             every = [(tests, inside), *(_bounds(system, cell) for cell in adjacent_cells)]
@@ -67,7 +65,9 @@ class Selection:
     @cached_property
     def cell(self) -> bytes:
         """The signs that name this selection."""
-        return self.system.cell(self.character)
+        if self.adjacent_cells or type(self.system).cell is not PiecewiseSystem.cell:
+            return self.system.cell(self.character)
+        return self.character.among(self.bounding)  # as by the system, of the known tests
 
     @cached_property
     def adjacent_names(self) -> tuple[bytes, ...]:

@@ -245,7 +245,7 @@ ASKED_FOR_JACOBIANS = 64
 #: residual that the stated error of the point covers.
 UNSEEN = 0.75 * CONFIDENCE * EPS
 #: Errors are estimated afresh if an unknown is larger than GROWN times the largest unknown of the
-#: same typical magnitude at the last audit.
+#: same typical magnitude at the last audit; a magnitude of a single unknown counts as an unknown.
 GROWN = 2.0
 #: How many times larger than all other unknowns an unknown is made, in typical magnitudes.
 FAR_AWAY = 2.0**20
@@ -381,18 +381,17 @@ class StraightCell:
 
     def _audited(self, x: Array, sizes: Array, residual: Array) -> Array | None:
         """Solve for errors, point and direction afresh; return the correction, None if astray."""
-        n, along, metric = len(x) - 1, self.along, self.curve.metric
+        n, along, scale = len(x) - 1, self.along, self.curve.metric.scale
         jacobian = self._jacobian_at(x)
         magnitudes, astray = abs(jacobian), jacobian.dot(along)
         self._most = sizes
         if n >= ALWAYS_AUDITED:
-            kinds = np.unique(metric.scale, return_inverse=True)[1]
-            most = np.zeros(len(sizes))
+            typical, kinds, shared = np.unique(scale, return_inverse=True, return_counts=True)
+            most = np.where(shared == 1, typical, 0.0)
             np.maximum.at(most, kinds, sizes)
             self._most = GROWN * most[kinds]
-        self._terms = product(magnitudes, self._most + CONVERGED * metric.scale)
-        typical = product(magnitudes, metric.scale)
-        if not is_everywhere(np.abs(astray) <= (ASTRAY * self.length) * typical):
+        self._terms = product(magnitudes, self._most + CONVERGED * scale)
+        if not is_everywhere(np.abs(astray) <= ASTRAY * self.length * product(magnitudes, scale)):
             return None
         if self._solver.is_full:
             self._has_renewed(jacobian)  # due at the next change, when no Jacobian is at hand
@@ -402,7 +401,7 @@ class StraightCell:
         solved = self._solver.solve_all(asked)
         along[:-1] -= solved[1]
         self._lines[1:, :-1] = solved[2:]
-        self.length, self._since = metric.norm(along), 0
+        self.length, self._since = self.curve.metric.norm(along), 0
         return np.asarray(solved[0])
 
 
