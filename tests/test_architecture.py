@@ -63,7 +63,7 @@ BUDGET = {
     "curve": (14, 2893),
     "enumeration": (11, 2603),
     "transitions": (12, 3562),
-    "graph": (10, 2608),
+    "graph": (10, 2607),
     "search": (7, 1669),
     "continuation": (8, 2708),
     "kit": (4, 939),

@@ -440,7 +440,7 @@ def graph_with_a_thin_stretch(error):
     """Return two pieces that meet, but for a stretch of 1e-12 on which there is none."""
     ends, errors = [0.0, 0.5, 0.5 + 1e-12, 1.0], np.full(2, error)
     points = [
-        SpecialPoint(i, Kind.TRANSITION, Place(np.array([0.0, alpha]), errors), "".format)
+        SpecialPoint(i, Kind.TRANSITION, Place(np.array([0.0, alpha]), errors), "", "")
         for i, alpha in enumerate(ends)
     ]
     pieces = [

@@ -245,7 +245,7 @@ def test_elastic_bodies_and_their_states():
 
 
 def test_notebooks_escape_what_a_user_wrote(plain):
-    point = replace(plain.point(0), passed=lambda _: "<script>alert(1)</script>")
+    point = replace(plain.point(0), message="<script>alert(1)</script>")
     assert "<script>" not in point._repr_html_()
 
 

@@ -15,7 +15,6 @@ from __future__ import annotations
 
 from collections import defaultdict, deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from functools import partial
 from itertools import combinations, count, islice, pairwise
 from typing import TypeAlias
 
@@ -38,7 +37,7 @@ from pwscont.graph.records import Place, significant
 from pwscont.system.abilities import Ending, HidesUnknowns, Reduction, shown_points
 from pwscont.system.box import Box
 from pwscont.system.system import PiecewiseSystem
-from pwscont.transitions.detector import Said, TransitionDetector, kinds_at, worded
+from pwscont.transitions.detector import TransitionDetector, kinds_at
 from pwscont.transitions.events import EventMark, Events
 
 #: Puts the unknowns that a user sees into points (..., z, alpha) of the reduced system, or errors.
@@ -110,8 +109,9 @@ def _divided(
             segment = cubic_between(curve, a.x, b.x)
             middle = segment.point(0.5 * segment.length, None)
             inner = inner if middle is None else middle[np.newaxis]
+        begun_at = edge.begun_at if i == begun else None
         part = edge._replace(start=first, end=last, first=a, inner=inner, last=b)
-        parts.append(part._replace(begun_at=edge.begun_at if i == begun else None))
+        parts.append(part._replace(begun_at=begun_at))
     return parts
 
 
@@ -183,8 +183,8 @@ def assemble(
         before[edge.end].append((edge, piece))
         if (place := edge.begun_at) is not None:
             digits = significant(place.error, place.x, metric.scale)
-            begun = partial("start in {0.label}".format, piece)
-            starts.append(SpecialPoint(-1, Kind.START, place, begun, piece.id, digits))
+            said = f"start in {piece.label}"
+            starts.append(SpecialPoint(-1, Kind.START, place, said, said, piece.id, digits))
     points = [
         _special_point(i, discovery.nodes[n], before[n], after[n], system, places, metric, events)
         for n, i in numbers.items()
@@ -282,15 +282,14 @@ def _special_point(
         inside = [_next_to_end(piece, -2) for _, piece in before]
         inside += [_next_to_end(piece, 1) for _, piece in after]
         also += filter(None, [events.names_at(metric, place.x, place.error, inside)])
-    cells, kind = None, node.kind
-    if len(before) == len(after) == 1:
-        cells = before[0][1].character, after[0][1].character
-        kind = _turning(node, before[0], after[0]) if kind in CROSSED else kind
+    passed = (before[0], after[0]) if len(before) == len(after) == 1 else None
+    message, backward = _messages(system, node, passed)
     return SpecialPoint(
         id=number,
-        kind=kind,
+        kind=_turning(node, *passed) if passed and node.kind in CROSSED else node.kind,
         place=place,
-        passed=partial(_message, system, node.kind, node.said, cells),
+        message=message,
+        backward=backward,
         digits=significant(place.error, place.x, metric.scale),
         lost=node.lost,
         events=", ".join(also),
@@ -326,19 +325,20 @@ def _turning(node: Node, arriving: Directed, leaving: Directed) -> Kind | str:
     return turns if signs else node.kind
 
 
-def _message(
-    system: PiecewiseSystem,
-    kind: Kind | str,
-    said: Said,
-    cells: tuple[Character, Character] | None,
-    orientation: int,
-) -> str:
-    """Return what changes at a node between two cells, and what else is known of the node."""
-    if not cells or cells[0] == cells[1] or (kind == Kind.END and isinstance(system, Ending)):
-        return worded(said)
-    change = system.describe_transition(*cells[::orientation])
-    note = "" if kind in CROSSED else worded(said)
-    return f"{change}; {note}" if note else change
+def _messages(
+    system: PiecewiseSystem, node: Node, passed: tuple[Directed, Directed] | None
+) -> tuple[str, str]:
+    """Return what changes at a node, and what else is known, in the two orientations."""
+    if not passed or (node.kind == Kind.END and isinstance(system, Ending)):
+        return node.message, node.message
+    before, after = (piece.character for _, piece in passed)
+    if before == after:
+        return node.message, node.message
+    note = f"; {node.message}" if node.kind not in CROSSED and node.message else ""
+    forward, backward = (
+        system.describe_transition(*cells) for cells in ((before, after), (after, before))
+    )
+    return forward + note, backward + note
 
 
 # -- the promise of uniqueness ---------------------------------------------------------------------

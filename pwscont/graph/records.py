@@ -95,9 +95,11 @@ class SpecialPoint:
         or ``"nonsmooth fold"``; or a kind of a user's own detector.
     place : Place
         The point (z, alpha) and the estimated error.
-    passed : callable
-        Returns what happens at the point when passed in an orientation, +1 or -1, for example
-        ``"contact-slip → contact-stick"``; thousands of messages are never read.
+    message : str
+        What happens at the point when passed in positive orientation, for example
+        ``"contact-slip → contact-stick"``.
+    backward : str
+        The message when passed in negative orientation.
     piece : int or None
         For a start in the middle of a piece, the id of that piece.
     digits : float
@@ -114,7 +116,8 @@ class SpecialPoint:
     id: int
     kind: str
     place: Place
-    passed: Callable[[int], str]
+    message: str
+    backward: str
     piece: int | None = None
     digits: float = ALL_DIGITS
     lost: int = 0
@@ -138,15 +141,9 @@ class SpecialPoint:
         """Estimate of the error of (z, alpha) from rounding and conditioning, shape (n + 1,)."""
         return self.place.error
 
-    @property
-    def message(self) -> str:
-        """What happens when the point is passed in positive orientation."""
-        return self.passed(+1)
-
-    @property
-    def backward(self) -> str:
-        """The message when passed in negative orientation."""
-        return self.passed(-1)
+    def passed(self, orientation: int) -> str:
+        """Return the message for an orientation, +1 or -1."""
+        return self.message if orientation > 0 else self.backward
 
     @property
     def name(self) -> str:

@@ -214,12 +214,14 @@ def _special_points(
 
 
 def _node(header: Fields, z: Array, error: Array, names: tuple[str, ...] | None) -> SpecialPoint:
+    piece = header.entry("piece")
     return SpecialPoint(
         id=header.integer("id", -1),
         kind=kind_of(header.word("kind")),
         place=Place(np.append(z, header.finite("alpha")), error),
-        passed={+1: header.text("message"), -1: header.text("backward")}.__getitem__,
-        piece=None if header.entry("piece") is None else header.integer("piece", 0),
+        message=header.text("message"),
+        backward=header.text("backward"),
+        piece=None if piece is None else header.integer("piece", 0),
         digits=header.number("digits"),
         lost=header.integer("lost", 0),
         quantities=Quantities(names, _recorded(header)),
