@@ -67,7 +67,7 @@ BUDGET = {
     "search": (7, 1669),
     "continuation": (8, 2708),
     "kit": (4, 939),
-    "proof": (10, 2190),
+    "proof": (10, 2191),
     "scenes": (14, 2650),
     "view": (6, 938),
     "evolution": (14, 2999),

@@ -96,6 +96,15 @@ def test_a_solution_dropped_is_not_proved():
     assert not prove(twice).holds
 
 
+@pytest.mark.parametrize("by", [1e-6, 1e-9, 1e-12])
+def test_a_solution_moved_is_not_proved(by):
+    whole = enumerate_solutions(GAME, 0.0)
+    moved = replace(whole[0], z=whole[0].z + by)
+    assert not prove(
+        Solutions([moved, *whole[1:]], whole.guarantee, whole.system, whole.alpha)
+    ).holds
+
+
 def test_data_moved_by_rounding_across_a_kink_moves_the_count():
     """min(z, z - q) = 0 with z >= 0: z = q, or z = 0 if q <= 0; tied at q = 0."""
     game = Switched(1, lambda z, t, sw: sw.abs(z) - t, linear=True)

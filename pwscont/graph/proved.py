@@ -242,13 +242,13 @@ def _widest(ranges: list[Range]) -> float:
     return max((hi - lo for lo, hi in ranges), default=0.0)
 
 
-def with_slack(solution: Solution, typical: Any) -> Corners:
+def with_slack(solution: Solution, typical: Any, part: float = NEAR_A_PROVED_SOLUTION) -> Corners:
     """Return the unknowns of a solution of a graph, and how far the unknowns may be off.
 
-    ``typical``: magnitudes of the unknowns.
+    ``typical``: magnitudes of the unknowns, and ``part`` of them may be off besides the error.
     """
     z, error = solution.z, solution.error[: len(solution.z)]
-    near = NEAR_A_PROVED_SOLUTION * np.maximum(typical, np.abs(z))
+    near = part * np.maximum(typical, np.abs(z))
     return z, near + CONFIDENCE * error if len(error) else near
 
 

@@ -16,6 +16,7 @@ import numpy as np
 from pwscont.basics.arrays import Array, Indices
 from pwscont.basics.errors import InvalidInputError
 from pwscont.basics.printing import counted
+from pwscont.basics.rounding import EPS, GUARD
 from pwscont.enumeration.echelon import independent
 from pwscont.graph.branch_graph import BranchGraph
 from pwscont.graph.proved import are_matched, with_slack
@@ -80,7 +81,7 @@ def certified_count(
     centres = [each.middle()[:size] for each in boxes.values()]
     centres += [np.array(point[:size], dtype=float) for point in points]
     count = None if undecided else len(centres)
-    found = [with_slack(each, np.abs(each.z).max(initial=0.0)) for each in known]
+    found = [with_slack(each, np.abs(each.z).max(initial=0.0), GUARD * EPS) for each in known]
     holds = count == number and are_matched([(x, x) for x in centres], found)
     words = f"exactly {counted(len(centres), 'solution')} at alpha = {alpha:.8g}, proved"
     if not holds:
