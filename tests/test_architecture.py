@@ -65,7 +65,7 @@ BUDGET = {
     "transitions": (12, 3562),
     "graph": (10, 2607),
     "search": (7, 1669),
-    "continuation": (8, 2708),
+    "continuation": (8, 2714),
     "kit": (4, 939),
     "proof": (10, 2191),
     "scenes": (14, 2650),

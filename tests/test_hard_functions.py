@@ -60,6 +60,16 @@ def test_infinite_slopes_at_a_kink_that_is_not_zero(kink, power, rise):
         assert graph.count(t) == signs(t)
 
 
+@pytest.mark.parametrize("power", [0.5, 0.7])
+@pytest.mark.parametrize("kink", [0.0, 0.25])
+def test_a_fold_at_an_infinite_slope_is_one_solution(power, kink):
+    graph = explore(Switched(1, lambda z, t, sw: sw.abs(z - kink) ** power - t), (-1.0, 1.0))
+    assert [graph.count(t) for t in (-0.3, 0.3)] == [0, 2]
+    assert graph.infinite == ()
+    if kink == 0.0:  # elsewhere rounding of z moves the fold
+        assert graph.count(0.0) == 1
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("at_bound", ["log", "1/z"])
 def test_functions_that_are_infinite_at_a_bound(at_bound):

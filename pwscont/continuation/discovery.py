@@ -76,6 +76,11 @@ def _is_past(x: Array, back: Ray) -> bool:
     return bool(0.0 <= ahead <= rest and end @ point >= NEARLY_AS_FAR * (end @ end))
 
 
+def _is_a_point(left: KnownRay, points: Sequence[Array], ray: Ray) -> bool:
+    metric, size = ray.curve.metric, ray.state.size
+    return all(left.is_at(metric, x, size) for x in points[::-1])
+
+
 #: Closer to an end of a piece than this distance, in the metric, two branches of a fold are hard to
 #: tell apart: nothing is said to have been passed over there.
 BESIDE_AN_END = 1e-3
@@ -203,6 +208,8 @@ class Discovery:
             self._endless.append(arrival.rays[0])
         end = place_of_arrival(arrival)
         reached = self._reach(points, arrival, end, left)
+        if reached == left.node and arrival.kind != Kind.STOPPED and _is_a_point(left, points, ray):
+            return  # a way along an interface that infinite slopes seem to have
         edge = Edge.of(ray, left, points, reached, end)
         for place in self._starts:
             if _passes_place(edge, ray, place):
@@ -250,8 +257,7 @@ class Discovery:
         rays = [KnownRay.of(ray, place) for ray in arrival.rays]
         left, node = None, self._node_of(arrival, rays)
         back = arrival.rays[0]
-        metric, size = back.curve.metric, back.state.size
-        if node is not None and all(begun.is_at(metric, x, size) for x in points[::-1]):
+        if node is not None and _is_a_point(begun, points, back):
             left, node = begun, self._node_of(arrival, rays, left=begun)
         if node is None:
             node = self._new(arrival, place, rays, first=1)
