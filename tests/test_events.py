@@ -50,6 +50,20 @@ def fine(system):
     return ExactLinear() if straight else PseudoArclength(step_size=StepSize(largest=0.01))
 
 
+@pytest.mark.parametrize("system", [Switched(1, lambda z, t, sw: z - t), Circle()])
+@pytest.mark.parametrize("place", [0.2, -0.31])
+def test_a_pole_is_no_event(system, place):
+    events = {
+        "pole": lambda z, alpha: 1.0 / (z[0] - place - 1e-17),
+        "zero beside": lambda z, alpha: (z[0] - place) / (z[0] - place - 0.02),
+        "jump": lambda z, alpha: 1.0 if z[0] > place + 0.1 else -1.0,
+    }
+    found = explore(system, (-1.0, 1.0), events=events).special_points("event")
+    assert {point.message for point in found} == {"zero beside", "jump"}
+    away = {"zero beside": place, "jump": place + 0.1}
+    assert all(abs(point.z[0] - away[point.message]) < 1e-9 for point in found)
+
+
 SCENES = [CASES["fig7"], CASES["fig11"], example1(), fig10(), fig13(), example3()]
 
 

@@ -49,6 +49,8 @@ SHALLOW_DIP = 1e-3
 DISTANCE_TO_PLACE = 1e-3
 #: Where between two places, as a part of the way, g is compared with that of a single zero.
 COMPARED_AT = 0.3
+#: Growth of |g| over a thousandth of the way to a sign change that makes the place a pole.
+POLE_GROWS = 4.0
 
 
 def _places(count: int) -> Array:
@@ -172,7 +174,7 @@ class _Stretch:
                 more = NO_PLACES if is_fine else self._around(self.sign, before, found[0], s)
                 if len(more):
                     yield from self._changes(before, np.append(more, s), is_fine=True)
-                else:
+                elif not self._is_pole(before, found[0], s):
                     yield found
             self.sign, before = sign, s
 
@@ -192,6 +194,12 @@ class _Stretch:
         aside = BESIDE * self._metric.norm(ends[1] - start.x) * self._metric.scale
         error = np.abs(ends[1] - ends[0]) + aside
         return s, State(segment.near(s), start.tangent, error[np.newaxis], start.orientation)
+
+    def _is_pole(self, lo: float, place: float, hi: float) -> bool:
+        """Tell whether |g| grows from both sides towards the place of a sign change."""
+        beside = [(end, place + DISTANCE_TO_PLACE * (end - place)) for end in (lo, hi)]
+        sizes = np.abs([[self._event.value(self._exact(s)[0]) for s in pair] for pair in beside])
+        return bool((sizes[:, 1] > POLE_GROWS * sizes[:, 0]).all())
 
     def _around(self, sign: float, lo: float, zero: float, hi: float) -> Array:
         """Return places that tell three zeros from one, beside which g / distance is even."""
