@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ProcessPoolExecutor
+from functools import partial
 from pathlib import Path
 from shutil import move
 from tempfile import TemporaryDirectory
@@ -50,9 +52,13 @@ TUTORIALS = {
 
 def draw_scenes(into: Path) -> None:
     """Draw every scene into files scene-NAME.png; of bodies the body itself."""
-    for name in scene_names():
-        with TemporaryDirectory() as aside:
-            move(_drawn(load_scene(name), Path(aside)), into / f"scene-{name}.png")
+    with ProcessPoolExecutor() as pool:
+        list(pool.map(partial(_draw_scene, into), scene_names()))
+
+
+def _draw_scene(into: Path, name: str) -> None:
+    with TemporaryDirectory() as aside:
+        move(_drawn(load_scene(name), Path(aside)), into / f"scene-{name}.png")
 
 
 def _drawn(scene: Runnable, into: Path) -> Path:

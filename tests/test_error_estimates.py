@@ -240,7 +240,7 @@ def test_digits_say_where_fewer_than_six_are_left(measured):
     assert np.mean(said <= 1.0) >= ENOUGH
 
 
-@pytest.mark.parametrize(("p", "samples"), swept([(1, 50), (2, 15)], [(1, 1200), (2, 150)]))
+@pytest.mark.parametrize(("p", "samples"), swept([(1, 50), (2, 15)], [(1, 500), (2, 80)]))
 @pytest.mark.sweep(2)
 def test_a_solution_given_as_start_is_taken_as_one(p, samples):
     """However ill conditioned: the exact solution, rounded to doubles, is not refused."""

@@ -43,8 +43,7 @@ from pwscont.continuation.follow import PieceFollower
 from pwscont.continuation.journal import piece_of, written
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("times", [2, 10])
+@pytest.mark.parametrize("times", swept([1], [10]))
 def test_killed_at_random_moments_and_resumed(tmp_path, times):
     """kill -9 in the middle of whatever it does; each time what is finished is kept."""
     journal, graph = tmp_path / "run.journal", tmp_path / "run.npz"

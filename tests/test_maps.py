@@ -280,7 +280,7 @@ CASES = [(p, seed, friction) for p in range(1, 7) for seed, friction in enumerat
     ("p", "seed", "friction", "number"),
     swept(
         [(2, 2, 4.0, 20), (3, 2, 4.0, 10)],
-        [(*case, 1000 if case[0] < 5 else 150) for case in CASES],
+        [(*case, 300 if case[0] < 5 else 100) for case in CASES],
     ),
 )
 def test_random_bodies_against_enumeration(p, seed, friction, number):

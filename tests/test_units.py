@@ -208,7 +208,7 @@ def random_units(rng, n, which):
 
 @pytest.mark.parametrize("which", ["all", "alike", "unknowns"])
 @pytest.mark.parametrize("f", FAMILY, ids=lambda f: f.__name__)
-@pytest.mark.parametrize("seed", swept(range(1), range(1, 6)))
+@pytest.mark.parametrize("seed", swept(range(1), range(1, 4)))
 @pytest.mark.sweep(18)
 def test_units_do_not_matter_where_no_magnitudes_are_given(f, which, seed):
     rng = np.random.default_rng([seed, *map(ord, f.__name__ + which)])
