@@ -23,8 +23,6 @@ FINEST = 2.0**-24
 FINEST_ALPHA, THIN = 2.0**-40, 2.0**-12
 #: Boxes that are worked on at once: their numbers fit into the cache of a processor.
 TOGETHER = 2048
-#: Fewer boxes than these are halved twice: their number costs less than another generation.
-FEW = 64
 #: Most boxes in all for up to three unknowns; for n unknowns (n - 2)**2 times as many.
 MOST_BOXES = 300_000
 #: A tube is tried where the mean value form, as unknowns, is narrower than this part of the box.
@@ -135,10 +133,7 @@ def _looked_at(
     widest = np.max(unknowns, axis=0)
     is_small = (np.maximum(widest, alpha) <= FINEST) | (widest <= THIN) & (alpha <= FINEST_ALPHA)
     halved = left & ~is_small
-    halves = _halved(boxes[:, halved], rows[..., halved], size)
-    if halved.sum() < FEW:
-        halves = [quarter for half in halves for quarter in _halved(half, rows[..., halved], size)]
-    return found, halves, boxes[:, left & is_small]
+    return found, _halved(boxes[:, halved], rows[..., halved], size), boxes[:, left & is_small]
 
 
 def contracted(box: Interval, rows: Interval, rest: Interval) -> tuple[Interval, Signs]:
