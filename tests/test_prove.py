@@ -88,10 +88,8 @@ def test_a_solution_dropped_is_not_proved():
     assert prove(whole).holds
     part = Solutions(whole[1:], whole.guarantee, whole.system, whole.alpha)
     proof = prove(part)
-    assert not proof.holds
-    assert (
-        proof.statements[0] == "exactly 3 solutions at alpha = 0, proved; the 2 given are not these"
-    )
+    said = "exactly 3 solutions at alpha = 0, proved; the 2 given are not these"
+    assert (proof.holds, proof.statements[0]) == (False, said)
     twice = Solutions([whole[0], whole[0], whole[1]], whole.guarantee, whole.system, whole.alpha)
     assert not prove(twice).holds
     for by in (1e-6, 1e-12):
