@@ -13,13 +13,25 @@ from pwscont import (
     PseudoArclength,
     Search,
     Slices,
+    Stepper,
     StepSize,
     Stop,
     Tangent,
+    TransitionDetector,
+    check_stepper,
     explore,
     trace,
 )
-from pwscont.extending import Failure, FailureReason, Guarantee, SearchScope
+from pwscont.extending import (
+    Failure,
+    FailureReason,
+    Guarantee,
+    Ray,
+    Reading,
+    SearchScope,
+    SpecialPointFound,
+    locate_sign_change,
+)
 
 pytestmark = pytest.mark.sweep(3)  # the others take too long for the README's command
 
@@ -207,3 +219,37 @@ def test_parts_of_steppers():
         PseudoArclength(Tangent(), StepSize())
     with pytest.raises(InvalidInputError, match="step_size of NaturalParameter must be a StepSize"):
         NaturalParameter(0.1)
+
+
+class Repeating(Stepper):
+    """A stepper that returns its first step again and again."""
+
+    def __init__(self):
+        self.first = None
+
+    def step(self, *arguments):
+        self.first = self.first or PseudoArclength().step(*arguments)
+        return self.first
+
+
+def test_a_stepper_that_repeats_a_step_is_refused():
+    with pytest.raises(InvalidInputError, match="a segment that begins at the state given"):
+        trace(Bent(), ([0.0], 0.0), (-1.0, 1.0), stepper=Repeating())
+    assert "does not begin at the state" in str(check_stepper(Repeating()))
+
+
+@pytest.mark.parametrize("away", [np.nan, np.inf])
+def test_a_detector_whose_special_point_is_no_number_is_refused(away):
+    class Level(TransitionDetector):
+        def read(self, curve, state):
+            return Reading(np.array([0.5 - state.alpha]), -state.tangent[-1:])
+
+        def locate(self, segment, index, bracket):
+            return locate_sign_change(segment, lambda state: 0.5 - state.alpha, bracket)
+
+        def arrive(self, curve, state, index):
+            rays = Ray(curve, state).reversed(), Ray(curve, state)
+            return SpecialPointFound("level", away * np.ones(2), "here", rays)
+
+    with pytest.raises(InvalidInputError, match=r"at 2 finite numbers \(z, alpha\)"):
+        trace(Bent(), ([0.0], 0.0), (-1.0, 1.0), detectors=[Level()])

@@ -241,6 +241,10 @@ class PieceFollower:
         elif not isinstance(step, Failure | (StraightSegment if stepper.takes_rays else Segment)):
             kind = "StraightSegment" if stepper.takes_rays else "Segment"
             raise self._broken("step", f"a {kind} or a Failure", step)
+        if isinstance(step, Failure) or step.start is self._state:
+            return step
+        if not np.array_equal(step.start.x, self._state.x):
+            raise self._broken("step", "a segment that begins at the state given", step)
         return step
 
     def _aimed(self, longest: float, reading: Reading) -> tuple[CurvedSegment, Event] | None:

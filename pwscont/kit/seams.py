@@ -426,11 +426,12 @@ def _wrong_step(
     curve: Curve, sample: StateSample, state: State, step: CurvedSegment, longest: float
 ) -> str | None:
     """Return what is wrong with a step, None where nothing is."""
+    if not np.array_equal(step.start.x, state.x):
+        return "the segment does not begin at the state given"
     (lo, hi), end, long = sample.interval, step.end, step.length
     begins, ends = (curve.metric.covector(s.tangent) for s in (state, end))
     off = off_curve(curve, end.x, ends)
     wrong = {
-        "the segment does not begin at the state given": not np.array_equal(step.start.x, state.x),
         "the step leaves the interval": not lo <= end.alpha <= hi,
         f"the step is {long:.3g} long, longest is {longest:.3g}": long > LONGER * longest,
         f"the end of the step is off the curve by {off:.1e}": not off <= ON_CURVE,

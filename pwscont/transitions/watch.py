@@ -24,7 +24,7 @@ from typing import final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, largest, smallest
+from pwscont.basics.arrays import Array, are_finite, largest, smallest
 from pwscont.basics.errors import InvalidInputError
 from pwscont.basics.outcome import Failure, FailureReason
 from pwscont.basics.rounding import CONFIDENCE, EPS
@@ -67,6 +67,9 @@ class Event:
         if not (isinstance(found, SpecialPointFound) and found.rays):
             what = "a SpecialPointFound with at least the ray back"
             raise broken(self.detector, "arrive", what, found)
+        if np.shape(found.x) != self.state.x.shape or not are_finite(found.x):
+            what = f"a special point at {len(self.state.x)} finite numbers (z, alpha)"
+            raise broken(self.detector, "arrive", what, found.x)
         if float(curve.metric.covector(self.state.tangent).dot(found.rays[0].state.tangent)) > 0.0:
             raise broken(self.detector, "arrive", "the ray back before all others", found)
         return found
