@@ -183,8 +183,8 @@ def _bent(system: PiecewiseSystem, what: str, dx: Array) -> InvalidSystemError:
     where = "(z, alpha)" if dx[-1] else "z at fixed alpha"
     return InvalidSystemError(
         f"{type(system).__name__} is a {promise.__name__}, but {what} is not affine in {where}, or "
-        "its Jacobian is wrong: derive from PiecewiseSystem, or run check_system; rounding of large "
-        "constants that cancel looks like a bend, too: move the origin of alpha or z"
+        "its Jacobian is wrong: derive from PiecewiseSystem, or run check_system; rounding of "
+        "large constants that cancel looks like a bend, too: move the origin of alpha or z"
     )
 
 
