@@ -378,6 +378,7 @@ def accumulates_at(text):
     return float(text.split("accumulate at alpha = ")[1].split(")")[0].split(";")[0])
 
 
+@pytest.mark.slow
 def test_kinks_that_accumulate_are_said_to_with_the_alpha():
     graph = trace(Spiral(), (np.zeros(2), 1.3), (-1.0, 1.5), limits=Limits(pieces=45))
     (stopped,) = graph.special_points("stopped")

@@ -325,6 +325,7 @@ def coupled(length, force):
     return System()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("length", "force"),
     [(1.0, 1.0), (1e-5, 1.0), (1e-9, 1e6), (1e-12, 1e-12), (1e6, 1.0), (1e9, 1e-9), (1e12, 1e12)],

@@ -133,6 +133,7 @@ def test_narrow_intervals(width, given):
     assert np.allclose(sorted(float(s.z[0]) for s in graph.solutions(middle)), exact, atol=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("apart", [1e-5, 1e-3])
 def test_solutions_close_together_on_both_sides_of_a_kink(apart):
     def rows(z, t, sw):

@@ -333,6 +333,7 @@ def test_slips_that_were_raw_errors_are_named(changes, arguments, error, message
         run(type("Other", (Line,), changes)(), (-1.0, 1.0), **arguments)
 
 
+@pytest.mark.slow
 def test_a_residual_that_depends_on_earlier_points_is_named():
     class Latch(PiecewiseSystem):
         size, up = 1, False

@@ -316,6 +316,7 @@ def test_a_solution_that_runs_to_infinity_is_seen(level):
     assert not any(plane.proven)
 
 
+@pytest.mark.slow
 def test_a_locus_that_no_level_meets_is_seen_beside_an_edge(plane):
     """Node 2 starts to slip beside the slipping node 1 in a corner, below F = 0.71."""
     (part,) = curve(plane, "node 1 slip+, node 2 slip+ | node 1 slip+, node 2 stick")
