@@ -64,7 +64,7 @@ BUDGET = {
     "enumeration": (11, 2603),
     "transitions": (12, 3573),
     "graph": (10, 2607),
-    "search": (7, 1669),
+    "search": (7, 1672),
     "continuation": (8, 2718),
     "kit": (4, 940),
     "proof": (10, 2191),

@@ -210,7 +210,7 @@ class Pursuit:
         if (found := self._standing(self._along(free))) is None:
             return None
         known = self._solutions(float(found[0][-1]))
-        return found if is_new(self._metric, found[0], known) else None
+        return found if is_new(self._metric, found[0], known, DISTINCT) else None
 
     def _standing(self, y: Array) -> Found | None:
         """Return the exact solution near a rough solution, None for a start that ran away."""
@@ -238,7 +238,10 @@ class Pursuit:
             reach = np.minimum(np.abs(x[:-1]), FARTHEST_START * self._scale[:-1])
             self.reach = np.maximum(self.reach, reach)
             root = self._in_cell(character, x, alpha)
-            found.append(x if root is None else root)
+            if root is None:  # large constants that cancel keep Newton from converging
+                y, arrived = self._at_alpha(x / self._scale, ())
+                root = y * self._scale if arrived else x
+            found.append(root)
         return found
 
     def _in_cell(self, character: Character, x: Array, alpha: float) -> Array | None:
