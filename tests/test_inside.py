@@ -240,3 +240,23 @@ def test_nothing_is_searched_inside_where_all_is_proved():
         assert (graph.proof is not None) == (search is None)
         assert search or "only if not all branches were proved" in graph.searched.what
     assert counts[0] < counts[1]
+
+
+@pytest.mark.slow
+def test_known_branches_are_not_searched_again_where_constants_cancel():
+    calls = 0
+
+    def arch(z, alpha):
+        nonlocal calls
+        calls += 1
+        turned = (z + 3e6 + 0.123) - (3e6 + 0.123)
+        return turned + 0.5 * z**3 - 2.0 * z + 1.7 * np.maximum(z - 0.1, 0.0) - alpha
+
+    graph = explore(Curve(arch), (-1.0, 1.0))
+    for alpha in (-0.7, 0.2, 0.8):
+        exact = [r.real for r in np.roots([0.5, 0.0, -1.0, -alpha]) if not r.imag and r.real < 0.1]
+        exact += [
+            r.real for r in np.roots([0.5, 0, 0.7, -0.17 - alpha]) if not r.imag and r.real > 0.1
+        ]
+        assert np.allclose(sorted(s.z[0] for s in graph.solutions(alpha)), sorted(exact), atol=1e-7)
+    assert calls < 150_000
