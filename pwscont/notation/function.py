@@ -93,10 +93,8 @@ class UserFunction:
         prints = _prints(surveys) if len(points) > 1 else []
         if len(set(prints)) < len(prints):  # else there is nothing to tell apart
             prints = _prints([*surveys, *self._with_any_values(points, forms, len(calls))])
-        layout = Layout(calls, forms, [prints.index(each) for each in prints] or None)
-        if layout.repeats:
-            layout.sizes = np.max([survey.sizes for survey in surveys], axis=0)
-        return layout
+        sizes = list(map(max, zip(*(survey.sizes for survey in surveys), strict=False)))
+        return Layout(calls, forms, [prints.index(each) for each in prints] or None, sizes)
 
     def _with_any_values(
         self, points: Sequence[Array], forms: Sequence[Any], calls: int
@@ -242,7 +240,7 @@ class _Replay:
 
     def _check_repeated(self, made: int, number: int, args: Sequence[Any]) -> None:
         """Refuse a call that counts as repeated and has different arguments here."""
-        rounding = GUARD * EPS * float(self._layout.sizes[made])
+        rounding = GUARD * EPS * self._layout.sizes[made]
         if any(_differ(a, b, rounding) for a, b in zip(args, self._args[number], strict=True)):
             first = self._layout.numbers.index(number)
             raise InvalidSystemError(

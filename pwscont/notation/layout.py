@@ -122,13 +122,17 @@ class Layout:
     """
 
     def __init__(
-        self, made: Sequence[Call], forms: Sequence[Any], same: Sequence[int] | None = None
+        self,
+        made: Sequence[Call],
+        forms: Sequence[Any],
+        same: Sequence[int] | None = None,
+        sizes: Sequence[float] = (),
     ) -> None:
         firsts = list(range(len(made))) if same is None else list(same)
         places = {first: number for number, first in enumerate(dict.fromkeys(firsts))}
         self.numbers = tuple(places[first] for first in firsts)
-        #: Whether a call repeats another one, and the usual size of the arguments of every call.
-        self.repeats, self.sizes = len(places) < len(firsts), np.zeros(len(firsts))
+        #: The usual size of the arguments of every call, where calls may be repeated.
+        self.sizes = sizes
         self.calls, self.forms = tuple(made[first] for first in places), tuple(forms)
         first = np.cumsum([0, *(call.size for call in self.calls)])
         #: The numbers of the switches of each call.

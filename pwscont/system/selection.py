@@ -65,9 +65,7 @@ class Selection:
     @cached_property
     def cell(self) -> bytes:
         """The signs that name this selection."""
-        if self.adjacent_cells or type(self.system).cell is not PiecewiseSystem.cell:
-            return self.system.cell(self.character)
-        return self.character.among(self.bounding)  # as by the system, of the known tests
+        return self.system.cell(self.character)
 
     @cached_property
     def adjacent_names(self) -> tuple[bytes, ...]:
