@@ -289,6 +289,7 @@ def test_no_right_side_no_solution():
     assert refined(np.eye(2), np.zeros((2, 1))) == ([[0], [0]], 1)
 
 
+@pytest.mark.slow
 def test_command(capsys, monkeypatch, block20):
     monkeypatch.setattr("pwscont.commands.bench.load_case", lambda *_: block20)
     monkeypatch.setattr("pwscont.commands.bench.contestants", few)

@@ -294,6 +294,7 @@ def test_all_transitions_is_for_straight_pieces():
 # -- what is promised, and where it is said ------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_default_search_by_size():
     """Complete where that takes seconds, and it says what it is where not."""
     _, _, small = random_system(2, 1)

@@ -246,6 +246,7 @@ def test_a_reactor_has_no_solutions_at_negative_temperatures(seed):
         assert graph.count(sign * t) == number(t)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("speed", [1e4, 1e6, 1e8, 1e9, 1e10, 1e11])
 @pytest.mark.sweep(7)
 def test_a_fast_reaction_has_two_solutions(speed):

@@ -60,6 +60,7 @@ class Chain(Smooth):
 STORAGES = pytest.mark.parametrize("storage", ["banded", "sparse", "dense"])
 
 
+@pytest.mark.slow
 @STORAGES
 @pytest.mark.parametrize("n", [4, 40])
 @pytest.mark.sweep(10)

@@ -89,6 +89,7 @@ def test_only_slip_minus_folds_and_only_above_the_ratio(a, b, friction):
         assert part.crossing == (Passing.TRANSITION if passes else expected)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("friction", "test", "f_t"), [(0.7, 1, 0.5), (4.0, 2, -0.5)])
 def test_a_locus_ends_at_the_apex_and_says_why(friction, test, f_t):
     """Beyond the apex the friction bound means nothing: contact is lost."""

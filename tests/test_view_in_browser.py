@@ -332,6 +332,7 @@ def shown(driver, tmp_path, graph, alphas):
     return written(driver, alphas)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("units", [(1.0, 1.0), (1e-4, 1e9), (1.0, 1e-9), (1e-4, 1e15)])
 @pytest.mark.sweep(4)
 def test_every_digit_on_a_parabola_is_right_in_any_units(driver, tmp_path, units):
@@ -377,6 +378,7 @@ def test_what_is_recorded_is_not_straight_where_the_solution_is(driver, tmp_path
     assert end["values"] == [["1", "1", "1", "2"]]
 
 
+@pytest.mark.slow
 def test_rounding_of_an_unknown_that_is_zero_reads_as_zero(driver, tmp_path):
     M = np.array([[1 / 3, 0.1], [0.7, 0.2]])  # M z = (alpha + 1 / 3) M e_1 / 7, so z[1] is zero
 
