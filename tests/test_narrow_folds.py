@@ -111,6 +111,27 @@ def test_a_formula_that_sums_over_all_entries_keeps_both_folds():
     assert trace(Switched(1, f), ([-2.0], -2.0), (-2.0, 2.0)).count(1.73269) == 3
 
 
+@pytest.mark.parametrize(("e", "c"), [(1e-6, 0.0), (1e-5, 0.3), (1e-7, -0.2), (1e-6, 0.7)])
+@pytest.mark.sweep(2)
+def test_a_piece_that_passed_over_two_folds_is_replaced(e, c):
+    """alpha = y^3 - e y + c, y = z - c: steps pass over both folds; a start is between."""
+    graph = explore(Switched(1, lambda z, t, sw: (z - c) ** 3 - e * (z - c) + c - t), (-1.0, 1.1))
+    folds = sorted(point.alpha for point in graph.special_points("fold"))
+    rise = 2.0 * (e / 3.0) ** 1.5
+    assert folds == pytest.approx([c - rise, c + rise], rel=0.0, abs=1e-15)
+    assert [graph.count(t) for t in (-0.7, c, 0.9)] == [1, 3, 1]
+
+
+@pytest.mark.parametrize("power", [5, 7, 9])
+def test_a_flat_stretch_between_rises_is_no_end(power):
+    """alpha = z^5: alpha is level to rounding around z = 0, and no step length ends beside it."""
+    graph = trace(Switched(1, lambda z, t, sw: z**power - t), ([1.0], 1.0), (-1.0, 1.2))
+    assert len(graph.pieces) == 1
+    for t in (-0.9, -1e-9, 1e-4, 1.1):
+        (solution,) = graph.solutions(t)
+        assert solution.z[0] == pytest.approx(np.copysign(abs(t) ** (1.0 / power), t), rel=1e-9)
+
+
 @pytest.mark.parametrize("c", [1e-4, 1e-6, 1e-8, 1e-10])
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 @pytest.mark.sweep(10)

@@ -359,6 +359,8 @@ class Discovery:
         ends = longer.first.x, longer.last.x
         if any(metric.norm(metric.difference(node.place.x, x)) < BESIDE_AN_END for x in ends):
             return False
+        if node.kind == Kind.FOLD:
+            return longer.passes_fold(ray.curve, node.place.x)
         same = SAME_CROSSING if node.kind == Kind.BRANCH_POINT else SAME
         return _passes_place(longer, ray, node.place, same)
 

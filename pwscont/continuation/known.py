@@ -15,8 +15,9 @@ import numpy as np
 
 from pwscont.basics.arrays import Array
 from pwscont.basics.character import Character
-from pwscont.basics.outcome import ACCUMULATE, Kind
+from pwscont.basics.outcome import ACCUMULATE, Failure, Kind
 from pwscont.basics.rounding import CONFIDENCE, EPS
+from pwscont.curve.corrector import BorderedNewton
 from pwscont.curve.curve import Curve
 from pwscont.curve.metric import Metric, nearest_on_chords
 from pwscont.graph.queries import solve_between
@@ -194,7 +195,7 @@ class Edge(NamedTuple):
         metric, alpha, points = here.metric, float(x[-1]), self.points
         if not points[:, -1].min() <= alpha <= points[:, -1].max():
             return False
-        part, nearest = nearest_on_chords(points, x, metric)
+        part, nearest, _ = nearest_on_chords(points, x, metric)
         if len(points) > 2:
             if part > OFF_THE_PIECE:
                 return False
@@ -205,6 +206,21 @@ class Edge(NamedTuple):
             return True
         both = 2.0 * size  # the piece is as uncertain as the solution
         return bool((np.abs(apart) <= CONFIDENCE * both).all())
+
+    def passes_fold(self, here: Curve, x: Array) -> bool:
+        """Tell whether a smooth fold x in a cell of the piece lies on the piece.
+
+        The curve is met next to x at a right angle to the piece: at the alpha of a fold the Newton
+        iteration may lead to another solution.
+        """
+        metric, curve = here.metric, self.curve(here.selection.system, here.metric)
+        part, nearest, chord = nearest_on_chords(self.points, x, metric)
+        if part > OFF_THE_PIECE:
+            return False
+        met = BorderedNewton().correct(curve, nearest, metric.normalised(chord))
+        if isinstance(met, Failure):
+            return False
+        return metric.norm(metric.difference(met.state.x, x)) <= metric.slack(x, SAME)
 
 
 #: A point farther from each chord than this part of the chord's length is not on the piece.

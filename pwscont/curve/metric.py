@@ -204,12 +204,13 @@ def stretch(metric: Metric, known: Sequence[Array], x: Array, step: Array) -> fl
     return 1.0 / (1.0 - slope) if slope != 1.0 else 1.0
 
 
-def nearest_on_chords(points: Array, x: Array, metric: Metric) -> tuple[float, Array]:
-    """Return the nearest point of a polygon, and its distance as a part of the chord's length."""
+def nearest_on_chords(points: Array, x: Array, metric: Metric) -> tuple[float, Array, Array]:
+    """Return how far a polygon is as a part of the chord's length, the nearest point, the chord."""
     starts, chords = points[:-1] / metric.scale, np.diff(points, axis=0) / metric.scale
     away = metric.difference(x, points[:-1]) / metric.scale
     lengths = np.maximum((chords**2).sum(axis=1), TINY)
     parts = np.clip((away * chords).sum(axis=1) / lengths, 0.0, 1.0)
     distances = np.linalg.norm(away - parts[:, np.newaxis] * chords, axis=1) / np.sqrt(lengths)
     i = int(np.argmin(distances))
-    return float(distances[i]), (starts[i] + parts[i] * chords[i]) * metric.scale
+    nearest = (starts[i] + parts[i] * chords[i]) * metric.scale
+    return float(distances[i]), nearest, chords[i] * metric.scale

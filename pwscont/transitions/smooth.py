@@ -60,7 +60,8 @@ class SmoothFolds(TransitionDetector):
     ) -> Failure | None:
         """Say that alpha turns twice on the cubic of the segment, or has slope zero at its end.
 
-        The slope of the cubic is a parabola; a parabola that barely reaches zero is left alone. On
+        The slope of the cubic is a parabola; a parabola that barely reaches zero is left alone, and
+        so is a segment on which alpha is constant to rounding, as around the zero of z^5. On
         the step after a fold, which begins with slope zero, alpha may turn once. A step that ends
         with slope zero must be shorter, except along a vertical piece, on which alpha is the same
         at both ends; if every shorter step ends with slope zero, the branch is flat.
@@ -114,6 +115,8 @@ def _turns_twice(segment: CurvedSegment) -> bool:
     if first * last < 0.0 or not 0.0 < -b / (2.0 * a or np.inf) < 1.0:
         return False
     least, largest = first - 0.25 * b * b / a, max(abs(first), abs(last))
+    if segment.length * largest <= CONVERGED * segment.curve.metric.width:
+        return False  # both folds would be at one alpha
     return bool(least * (first + last) < -SHALLOW_TURN * largest * abs(first + last))
 
 
