@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from pwscont import PiecewiseSystem, Switched, explore
+from pwscont.curve.metric import Metric, deflation, stretch
 from pwscont.search.multi_start import Throughout
 
 pytestmark = pytest.mark.sweep(2)  # the others take too long for the README's command
@@ -196,7 +197,16 @@ def test_branches_to_infinity_along_which_an_unknown_oscillates():
     assert [graph.count(alpha) for alpha in (-0.3, 0.1, 0.4, 0.9, 1.3)] == [1, 1, 1, 1, 1]
     assert "runs to infinity" in graph.guarantee
     assert "twice" not in graph.guarantee
-    assert sum(len(piece.alpha) for piece in graph.pieces) <= 8000
+    assert sum(len(piece.alpha) for piece in graph.pieces) <= 16_000
+
+
+@pytest.mark.parametrize("far", [1e80, 1e155, 1e300])
+def test_known_solutions_are_not_felt_from_afar(far):
+    """Functions such as exp(z / 2) throw starts so far that squares leave the range of numbers."""
+    metric, known = Metric(np.ones(2), (-1.0, 1.0)), [np.array([1.0, 0.0])]
+    with np.errstate(over="ignore", invalid="ignore"):
+        assert deflation(metric, known, np.array([far, 0.0])) == 1.0
+        assert stretch(metric, known, np.array([far, 0.0]), np.array([1.0, 0.0])) == 1.0
 
 
 def test_a_loop_with_kinks():

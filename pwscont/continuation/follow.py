@@ -105,7 +105,12 @@ ENDLESS_REST, ENDLESS_CHANGE = 13.0, 1e-3
 #: or the piece has more steps than these. Such a piece may run to infinity nearer by, too, where
 #: alpha approaches a limit evenly, and all changes to come, which then shrink as the changes before
 #: did, are at most this part of the interval; the changes next to a fold are uneven.
-ENDLESS_STEPS, LONG_PARTS, LONG_RATIO, LONG_CHANGE = 600, (0.343, 0.49, 0.7), 0.85, 1e-2
+ENDLESS_STEPS, LONG_CHANGE = 600, 1e-2
+#: Between three successive parts of the way of such a piece, z grows by the same factor, at most by
+#: the inverse of LONG_PART, and at least by the inverse of MOST_PART where a piece begins far out;
+#: the changes must shrink at least as this power of 1 / z, and between parts closer than usual as a
+#: geometric sequence, up to this part.
+LONG_PART, MOST_PART, LONG_POWER, GEOMETRIC = 0.7, 0.9, 0.45, 0.95
 ENDLESS = FailureReason.ENDLESS.value
 #: A piece creeps after this many tiny steps in turn: steps below this part of the longest step.
 MOST_TINY, TINY_PART = 300, 1e-5
@@ -337,22 +342,20 @@ class PieceFollower:
         approaches a limit like a power of 1 / z, not like a logarithm. All changes that are still
         to come are next to nothing together, or the piece is very long.
         """
-        points, width = np.array(self._points), self._curve.metric.width
-        sizes = np.linalg.norm((points / self._curve.metric.scale)[:, :-1], axis=1)
+        points = np.array(self._points) / self._curve.metric.scale
+        sizes, alpha = np.linalg.norm(points[:, :-1], axis=1), points[:, -1]
         is_long = len(points) > ENDLESS_STEPS
-        ways = (ENDLESS_FROM, PARTS, ENDLESS_RATIO), (0.0, LONG_PARTS, LONG_RATIO)
-        farthest, largest = int(np.argmax(sizes)), sizes.max()
-        for least, parts, ratio in ways if is_long else ways[:1]:
-            if largest < least or sizes[-1] < parts[-1] * largest or sizes[0] > parts[0] * largest:
-                continue  # not far out, back from there, or far out from the beginning
-            ends = [*(int(np.argmax(sizes >= part * largest)) for part in parts), farthest]
-            *_, before, last = changes = np.abs(np.diff(points[ends, -1])) / width
-            is_near = last * last <= LONG_CHANGE * (before - last)  # last (r + r^2 + ...), evenly
-            is_far = is_long and (parts is PARTS or is_near)
-            is_enough = is_far or ENDLESS_REST * last <= ENDLESS_CHANGE
-            if is_enough and (changes[1:] <= ratio * changes[:-1]).all():
-                return True
-        return False
+        found = _changes(sizes, alpha, PARTS, ENDLESS_RATIO) if sizes.max() >= ENDLESS_FROM else []
+        if found and (is_long or ENDLESS_REST * found[-1] <= ENDLESS_CHANGE):
+            return True
+        if not (is_long and sizes.any()):
+            return False
+        part = min(max(LONG_PART, 1.001 * (sizes[0] / sizes.max()) ** (1.0 / 3.0)), MOST_PART)
+        found = _changes(sizes, alpha, (part**3, part**2, part), part**LONG_POWER)
+        if not found or (part > LONG_PART and found[0] * found[2] < GEOMETRIC * found[1] ** 2):
+            return False
+        # last (r + r^2 + ...), evenly
+        return found[2] ** 2 <= LONG_CHANGE * (found[1] - found[2])
 
     def _stopped(self, why: str) -> Followed:
         """Return the piece that ends here; finer differences have been of no use."""
@@ -397,6 +400,20 @@ class PieceFollower:
             steps.append(part * STEP / along[along > NEARLY_STILL].min() * last.tangent)
         error = np.vstack([last.error, *(REST_OF_THE_WAY * step for step in steps)])
         self._state = State(self._points[-1], last.tangent, error, last.orientation)
+
+
+def _changes(sizes: Array, alpha: Array, parts: Sequence[float], ratio: float) -> list[float]:
+    """Return the changes of alpha, in intervals, between parts of the way to the farthest point.
+
+    Empty where a change does not shrink by a ratio, and where the last point is not far out, or the
+    first point is.
+    """
+    farthest, largest = int(np.argmax(sizes)), sizes.max()
+    if sizes[-1] < parts[-1] * largest or parts[0] * largest < sizes[0]:
+        return []
+    ends = [*(int(np.argmax(sizes >= part * largest)) for part in parts), farthest]
+    changes = np.abs(np.diff(alpha[ends]))
+    return changes.tolist() if (changes[1:] <= ratio * changes[:-1]).all() else []
 
 
 def alone(watched: Sequence[TransitionDetector]) -> StraightTests | None:

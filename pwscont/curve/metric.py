@@ -186,7 +186,8 @@ def deflation(metric: Metric, known: Sequence[Array], x: Array) -> float:
     """Return the product of 1 + 1 / distance^2 over the known solutions."""
     factor = 1.0
     for other in known:
-        factor *= 1.0 + 1.0 / max(metric.norm(metric.difference(x, other)) ** 2, EPS**2)
+        distance = max(metric.norm(metric.difference(x, other)), EPS)
+        factor *= 1.0 + 1.0 / (distance * distance)  # a power would raise an error far away
     return factor
 
 
@@ -198,9 +199,10 @@ def stretch(metric: Metric, known: Sequence[Array], x: Array, step: Array) -> fl
     """
     slope = 0.0
     for other in known:
-        distance = max(metric.norm(metric.difference(x, other)) ** 2, EPS**2)
+        distance = max(metric.norm(metric.difference(x, other)), EPS)
+        square = distance * distance  # a power would raise an error far away
         inner = float(metric.covector(metric.difference(x, other)).dot(step))
-        slope += -2.0 * inner / distance**2 / (1.0 + 1.0 / distance)
+        slope -= 2.0 * inner / square / (1.0 + square)
     return 1.0 / (1.0 - slope) if slope != 1.0 else 1.0
 
 
