@@ -8,7 +8,16 @@ from high_precision import exact
 from sweeps import swept
 
 from pwscont.proof.formulas import traced
-from pwscont.proof.interval import ELEMENTARY, FUNCTION_ULPS, Interval, above, below, together
+from pwscont.proof.interval import (
+    BY_CRIVAL,
+    BY_NUMPY,
+    ELEMENTARY,
+    FUNCTION_ULPS,
+    Interval,
+    above,
+    below,
+    together,
+)
 from pwscont.proof.prove import is_positive_definite
 from pwscont.proof.tape import evaluated
 
@@ -160,7 +169,22 @@ def escaped(function, name, count):
 @pytest.mark.parametrize("count", swept([150], [5_000]))
 @pytest.mark.parametrize("name", ELEMENTARY)
 def test_an_elementary_function_holds_every_value(name, count):
-    assert escaped(ELEMENTARY[name], name, count) == 0
+    assert escaped(BY_NUMPY[name], name, count) == 0
+
+
+@pytest.mark.skipif(not BY_CRIVAL, reason="needs the extra proof")
+@pytest.mark.parametrize("count", swept([150], [5_000]))
+@pytest.mark.parametrize("name", ELEMENTARY)
+def test_a_function_of_crival_is_between_neighbours_of_the_value(name, count):
+    """Correctly rounded ends are at most a unit from the least and largest value of a function."""
+    assert escaped(BY_CRIVAL[name], name, count) == 0
+    _, x = arguments(name, count)
+    point = BY_CRIVAL[name](Interval(x))
+    assert (point.hi <= np.nextafter(point.lo, np.inf)).all()
+    outside = Interval(np.array([np.nan, -2.0, -2.0]), np.array([1.0, 0.5, 2.0]))
+    with np.errstate(all="ignore"):
+        found, usual = BY_CRIVAL[name](outside), BY_NUMPY[name](outside)
+    assert (np.isnan(found.lo) == np.isnan(usual.lo)).all()
 
 
 @pytest.mark.parametrize("name", ELEMENTARY)

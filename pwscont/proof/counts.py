@@ -16,7 +16,15 @@ from scipy.sparse.csgraph import connected_components
 from pwscont.basics.arrays import Array, Signs
 from pwscont.curve.metric import Range
 from pwscont.graph.proved import BoxProof, Corners, CountedStretch
-from pwscont.proof.interval import FUNCTION_ULPS, MODES, Interval, chosen, solved, together
+from pwscont.proof.interval import (
+    BY_CRIVAL,
+    FUNCTION_ULPS,
+    MODES,
+    Interval,
+    chosen,
+    solved,
+    together,
+)
 from pwscont.proof.search import FINEST_ALPHA, Covered, Tubes, around, inverse_of, polished
 from pwscont.proof.tape import Tape, evaluated, with_slopes
 
@@ -26,8 +34,11 @@ NEWTONS = 3
 PLACES = (0.5, 0.381966, 0.61803, 0.26, 0.74)
 ASSUMED = (
     "assumed: a formula without state, the same for numbers and for the tape; arithmetic of "
-    f"IEEE 754 to nearest; elementary functions of numpy within {FUNCTION_ULPS:g} units in "
-    "the last place"
+    "IEEE 754 to nearest"
+)
+#: What is assumed besides where numpy evaluates the elementary functions.
+ACCURATE_FUNCTIONS = (
+    f"; elementary functions of numpy within {FUNCTION_ULPS:g} units in the last place"
 )
 #: What is assumed of classes besides.
 AGREEING_SELECTIONS = "; selections of a class that agree where tests vanish"
@@ -52,7 +63,8 @@ def counted_proof(
     pairs = zip(ends[::2], ends[1::2], strict=True) if passed.all() or not is_whole else ()
     stretches = [_counted(tape, box, tubes, each) for each in pairs if each[0] < each[1]]
     opened = list(zip(hulls.lo.T[~passed], hulls.hi.T[~passed], strict=True))
-    assumed = ASSUMED + AGREEING_SELECTIONS * any(s.name == "select" for s in tape.steps)
+    assumed = ASSUMED + ACCURATE_FUNCTIONS * (not BY_CRIVAL)
+    assumed += AGREEING_SELECTIONS * any(step.name == "select" for step in tape.steps)
     corners = box.lo[:-1], box.hi[:-1]
     return BoxProof(corners, interval, stretches, unsaid, opened, boxes, assumed)
 

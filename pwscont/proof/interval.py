@@ -15,14 +15,19 @@ import numpy as np
 
 from pwscont.basics.arrays import Array, Signs
 
+try:
+    import ival  # of the package crival, the extra "proof": functions that are rounded correctly
+except ImportError:
+    ival = None
+
 #: Twice the unit roundoff: a bound of the relative error of + - * / sqrt with room for a rounding.
 ULP = 2.0**-52
 #: The smallest positive number: products and quotients may err by half of it near zero.
 SMALLEST = 5e-324
 #: The least radius of an enclosure of solutions, far above all numbers that underflow.
 LEAST = 1e-290
-#: How many units in the last place an elementary function of numpy may err: an assumption, see
-#: docs/theory, F21.
+#: How many units in the last place an elementary function of numpy may err: an assumption that
+#: the extra ``proof`` spares, see docs/theory, F21.
 FUNCTION_ULPS = 4.0
 INF = np.inf
 Ends = Callable[[Array, Array], Array]
@@ -303,13 +308,28 @@ def branch(test: Interval, a: Interval, b: Interval, either: Interval | None = N
     return chosen(test.lo >= 0.0, a, chosen(test.hi < 0.0, b, either or a.hull(b)))
 
 
+def _correctly_rounded(name: str) -> Map:
+    """Return the rule of a function of crival, any number where arguments leave the domain."""
+    function = getattr(ival, name.replace("arc", "a"))
+    _, _, first, last = INCREASING.get(name, (-INF, INF, -INF, INF))
+
+    def values(x: Interval) -> Interval:
+        y = function(ival.Interval(x.lo, x.hi))
+        return Interval(y.inf, y.sup).where((x.lo >= first) & (x.hi <= last))
+
+    return values
+
+
 #: Smooth functions of one argument, by the names of numpy.
-ELEMENTARY: dict[str, Map] = {
+BY_NUMPY: dict[str, Map] = {
     **{name: _increasing(name, *ends) for name, ends in INCREASING.items()},
     "sin": _wave(np.sin, 0.5 * np.pi),
     "cos": _wave(np.cos, 0.0),
     "cosh": lambda x: RISING_COSH(abs(x)),
 }
+#: The same functions by crival, if the package is installed.
+BY_CRIVAL = {name: _correctly_rounded(name) for name in BY_NUMPY} if ival else {}
+ELEMENTARY = BY_CRIVAL or BY_NUMPY
 #: Intervals of results from intervals of arguments; a power takes its exponent last. "slope" and
 #: "jump" are the derivatives of switches: of continuous ones, and of ``where``, across whose kinks
 #: nothing is known, for f may jump.
