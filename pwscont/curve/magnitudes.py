@@ -140,8 +140,10 @@ class Gauge:
 LEAST, MOST = 1.0 / 4.0, 2.0
 #: Magnitudes that differ by no more than this factor are alike.
 ALIKE = 4.0
-#: Sizes that are tried: powers of this base up to this one, and down to its negative.
-BASE, POWERS = 2.0**0.25, 512
+#: Sizes that are tried: powers of this base up to this one, and down to its negative; up to others
+#: only where none of these is right, because bisection goes astray along functions such as tan(z),
+#: and H may overflow.
+BASE, POWERS, MORE_POWERS = 2.0**0.25, 512, (768, 1024, 1536)
 #: What part of its terms a row is seen to change by: by all of them sin(z) would hardly ever do.
 PART = 0.5
 #: A little of the terms; and so many powers less than what PART of them needs, by 10,000, not even
@@ -191,6 +193,10 @@ def rough_magnitudes(system: PiecewiseSystem, interval: Range, z: Array) -> Arra
     z = box.inside(np.where(np.abs(z) > VANISHED * largest(np.abs(z)), z, 0.0))
     alphas = [(1.0 - place) * lo + place * hi for place in PLACES]  # exact at both ends
     here = [_residual(system, z, alpha) for alpha in alphas]
+    if jumps := _jumps(system, alphas, z, here):  # as (2 + alpha)^z at z = 0, alpha = -2
+        alphas, here = (
+            [each for i, each in enumerate(s) if i not in jumps] for s in (alphas, here)
+        )
     terms, others = _finite(np.ptp(here, axis=0)), _finite(np.abs(here).max(axis=0))
     for j in np.flatnonzero(z).tolist():  # at a solution terms cancel
         changes = _each_change(system, alphas, z, here, j, abs(float(z[j])))
@@ -209,6 +215,22 @@ def rough_magnitudes(system: PiecewiseSystem, interval: Range, z: Array) -> Arra
     if largest(sizes) > FAR_APART * smallest(sizes):
         sizes = np.maximum(sizes, _least_steps(system, alphas, sizes))
     return sizes
+
+
+def _jumps(
+    system: PiecewiseSystem, alphas: Sequence[float], z: Array, here: Sequence[Array]
+) -> set[int]:
+    """Return the places of alphas at which H changes as much as H itself, however little z does.
+
+    Empty where H does so at all alphas: another unit of the unknowns may be the cause.
+    """
+    sizes, box, found = _finite(np.abs(here).max(axis=0)), Box.of(system), set[int]()
+    for i, (alpha, before) in enumerate(zip(alphas, here, strict=True)):
+        for way in (1.0, -1.0):
+            beside = box.inside(z + way * BASE ** -MORE_POWERS[-1] * generic(len(z)))
+            change = _finite(np.abs(_residual(system, beside, alpha) - before))
+            found |= {i} if (change >= PART * sizes)[sizes > 0.0].any() else set()
+    return found if len(found) < len(alphas) else set()
 
 
 def _least_steps(system: PiecewiseSystem, alphas: Sequence[float], sizes: Array) -> Array:
@@ -246,7 +268,12 @@ def _reach(
 
     high = _first(is_enough, -POWERS, POWERS) if rows.size else POWERS
     if high == POWERS:
-        return 0.0
+        most = next(filter(is_enough, MORE_POWERS if rows.size else ()), None)
+        if most is None:
+            return 0.0
+        high = _first(is_enough, POWERS, most)
+    elif high == 1 - POWERS:
+        high = _first(is_enough, -MORE_POWERS[-1], high)
     if is_enough(high - FAR_BELOW, LEVEL):
         high = _first(lambda power: is_enough(power, 0.5 * PART), -POWERS, high)
     elif is_enough(high - FAR_BELOW, LITTLE):
