@@ -63,7 +63,7 @@ BUDGET = {
     "curve": (14, 2893),
     "enumeration": (11, 2603),
     "transitions": (12, 3573),
-    "graph": (10, 2607),
+    "graph": (10, 2629),
     "search": (7, 1672),
     "continuation": (8, 2733),
     "kit": (4, 940),
