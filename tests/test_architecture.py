@@ -56,16 +56,16 @@ LONGEST_FILE = 500
 #: Most files and lines of each room, a little above the figures when they were set. When a room
 #: becomes smaller, its budget becomes smaller.
 BUDGET = {
-    "basics": (10, 1172),
+    "basics": (10, 1184),
     "system": (10, 2181),
     "linear": (11, 1466),
     "notation": (13, 2880),
     "curve": (14, 2893),
     "enumeration": (11, 2603),
     "transitions": (12, 3573),
-    "graph": (10, 2607),
+    "graph": (10, 2629),
     "search": (7, 1672),
-    "continuation": (8, 2718),
+    "continuation": (8, 2733),
     "kit": (4, 940),
     "proof": (10, 2191),
     "scenes": (14, 2650),

@@ -19,6 +19,7 @@ from pwscont import (
     Journal,
     Limits,
     PiecewiseSystem,
+    Switched,
     explore,
     trace,
 )
@@ -256,6 +257,43 @@ def test_events_are_marked_on_what_was_found_before_ctrl_c():
     graph = explored(report=after_two_pieces, events={"half": lambda z, alpha: alpha - middle})
     assert len(graph.special_points("event")) == found.count(middle) > 0
     assert "events" not in graph.guarantee
+
+
+def flat(journal=None):
+    """Explore a system that has half a line of solutions at every alpha."""
+    area = Switched(1, lambda z, t, sw: sw.relu(z) - sw.relu(z + t - sw.abs(t)), linear=True)
+    return explore(area, (-1.0, 1.0), journal=journal)
+
+
+def arch(journal=None):
+    """Explore z (z - 1) (z - 2) = alpha with a kink at 1, which is proved after the search."""
+    law = Switched(1, lambda z, t, sw: z * (z - 1) * (z - 2) + 5 * sw.relu(z - 1) - t)
+    return explore(law, (-0.5, 1.0), journal=journal)
+
+
+@pytest.mark.parametrize(
+    ("run", "parts", "has_journal"),
+    [(flat, 5, False), pytest.param(arch, 9, True, marks=pytest.mark.slow)],
+)
+def test_ctrl_c_at_every_look_at_the_budget_leaves_a_graph(
+    run, parts, has_journal, tmp_path, monkeypatch
+):
+    looks, press, check = [0], [0], Budget.check
+
+    def look(budget):
+        looks[0] += 1
+        budget._is_interrupted |= looks[0] == press[0]
+        check(budget)
+
+    journal = Journal(tmp_path / "journal") if has_journal else None
+    whole = run(journal)  # the runs after this run repeat the search from the journal
+    monkeypatch.setattr(Budget, "check", look)
+    run(journal)
+    for press[0] in np.unique(np.linspace(1, looks[0], parts, dtype=int)):
+        looks[0] = 0
+        graph = run(journal)
+        assert graph.guarantee.startswith("interrupted")
+        assert len(graph.pieces) <= len(whole.pieces)
 
 
 def test_a_limit_of_seconds_bounds_events_too():

@@ -380,3 +380,19 @@ def test_a_graph_with_infinitely_many_solutions_by_rounding_is_not_proved():
     assert count.count == 2
     assert proof.holds is proof.is_complete is (graph.count(0.5) == 2)
     assert count.holds is (graph.count(0.5) == 2)
+
+
+# -- a search that is used again ------------------------------------------------------------------
+
+
+def test_a_run_that_ends_before_its_search_has_no_proof_of_an_earlier_formula():
+    stop = [5.0]
+    law = Switched(
+        1, lambda z, t, sw: z * (z - 1) * (z - 2) + stop[0] * sw.relu(z - 1) - t, scale=[1.0]
+    )
+    search, interval = Everywhere(), (-0.5, 1.0)
+    assert explore(law, interval, search=search).proof.count(-0.3) == 1
+    stop[0] = 0.0  # from now on three solutions
+    cut = explore(law, interval, search=search, starts=[([0.0], 0.0)], limits=Limits(pieces=1))
+    assert cut.proof is None
+    assert explore(law, interval, search=search).proof.count(-0.3) == 3

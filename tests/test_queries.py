@@ -13,7 +13,7 @@ from random_bodies import contact_body, random_body, random_vector
 from reference_enumeration import exact_pieces
 
 from pwscont import AllTransitions, BranchGraph, PiecewiseSystem, explore, trace
-from pwscont.basics.errors import InvalidInputError, SystemNeededError
+from pwscont.basics.errors import InvalidInputError, InvalidSystemError, SystemNeededError
 
 pytestmark = pytest.mark.sweep(2)  # the others take too long for the README's command
 
@@ -337,3 +337,31 @@ def test_what_is_no_number_is_refused(fig7, alpha):
     for ask in (fig7.count, fig7.solutions, fig7.balance):
         with pytest.raises(InvalidInputError, match="alpha must be a number"):
             ask(alpha)
+
+
+class Stiffening(PiecewiseSystem):
+    """z + bend z^3 + relu(z - stop) = alpha, whose constants a user may change."""
+
+    size, bend, stop = 1, 1.0, 0.5
+
+    def test_functions(self, z, alpha):
+        return z - self.stop
+
+    def residual(self, z, alpha, character):
+        pushed = z - self.stop if character.signs[0] else 0.0
+        return z + self.bend * z**3 + pushed - alpha
+
+
+@pytest.mark.parametrize("bend", [0.0, 1.0])
+@pytest.mark.parametrize("by", [0.5, 0.03])
+def test_a_system_that_was_changed_after_the_run_is_refused(bend, by):
+    system = Stiffening()
+    system.bend = bend
+    graph = trace(system, ([0.1], 0.1), (-1.0, 3.0))
+    alpha = 1.0 + bend + 0.5  # z = 1
+    assert graph.solutions(alpha)[0].z[0] == pytest.approx(1.0, rel=1e-12)
+    system.stop += by
+    with pytest.raises(InvalidSystemError, match="Stiffening has changed since the graph was made"):
+        graph.solutions(alpha)
+    system.stop -= by
+    assert graph.solutions(alpha)[0].z[0] == pytest.approx(1.0, rel=1e-12)

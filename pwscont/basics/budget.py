@@ -21,9 +21,11 @@ from contextvars import ContextVar
 from dataclasses import dataclass
 from numbers import Integral, Real
 from types import FrameType
-from typing import Any, final
+from typing import Any, TypeVar, final
 
 from pwscont.basics.errors import InvalidInputError
+
+Result = TypeVar("Result")
 
 
 @final
@@ -167,6 +169,16 @@ class Budget:
         else:
             self._is_interrupted = True
         return self.spent
+
+    def spend(self, work: Callable[[], Result], otherwise: Result) -> Result:
+        """Return what ``work`` returns, or ``otherwise`` if the budget is spent first."""
+        if self.spent:
+            return otherwise
+        try:
+            return work()
+        except KeyboardInterrupt as why:
+            self.end(why)
+            return otherwise
 
     def _install(self) -> Any:
         """Handle Ctrl-C where the main thread has Python's own handler; return Python's handler."""

@@ -40,6 +40,7 @@ from pwscont.curve.magnitudes import (
 from pwscont.curve.semismooth import semismooth_newton
 from pwscont.curve.stepper import Stepper
 from pwscont.graph import BranchGraph
+from pwscont.graph.proved import Proof
 from pwscont.graph.structure import NOT_SEARCHED
 from pwscont.search import Search
 from pwscont.search.search import scope_of, starts_of
@@ -366,16 +367,29 @@ def explore(
         if given:
             what = f"{counted(len(given), 'given start')}; {searched.what}"
             searched = SearchScope(what, searched.promise)
+        before = chosen.proved(plan.reduced_system, plan.interval)
         graph, plan = follow_measured(
             plan, guess, lambda plan: _found(plan, given, chosen), searched
         )
-        graph.proof = chosen.proved(plan.reduced_system, plan.interval)
-        if graph.proof is None and journal is not None and not budget.spent:
-            asked_again = plan.reduced_system, plan.metric, plan.interval, plan.branches
-            graph.proof = chosen.prove_again(*asked_again)  # a journal repeats no finished search
+        graph.proof = _proof(chosen, plan, before)
+        graph.searched = replace(graph.searched, spent=graph.searched.spent or budget.spent)
     if not graph.pieces and not budget.spent:
         refuse_undefined(plan.system, plan.interval)
     return graph
+
+
+def _proof(search: Search, plan: Plan, before: Proof | None) -> Proof | None:
+    """Return what a search proved in this run; ``before`` is what the search had proved earlier.
+
+    A search that the run did not ask still has the earlier proof, perhaps of a formula that has
+    changed since; and a journal repeats no finished search. Therefore the search is asked again.
+    """
+    proof = search.proved(plan.reduced_system, plan.interval)
+    is_new = proof is not None and proof is not before
+    if is_new or (proof is None and plan.journal is None):
+        return proof
+    asked = plan.reduced_system, plan.metric, plan.interval, plan.branches
+    return plan.budget.spend(lambda: search.prove_again(*asked), None)
 
 
 def _found(plan: Plan, given: Mapping[str, Start], search: Search | None = None) -> Iterator[Found]:

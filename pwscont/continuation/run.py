@@ -311,7 +311,8 @@ def follow_starts(plan: Plan, starts: Iterable[Found], searched: SearchScope) ->
         system, metric = plan.reduced_system, plan.metric
         mark(discovery, system, metric, plan.foreign)
         unmarked = divide(discovery, system, metric, plan.events, budget) if plan.events else 0
-    infinite = () if budget.spent else _infinite(plan, discovery, bool(without_digits))
+    is_part = bool(without_digits)
+    infinite: tuple[Stretch, ...] = budget.spend(lambda: _infinite(plan, discovery, is_part), ())
     scope = _scope(plan, searched, len(without_digits), unmarked)
     return _graph(plan, discovery, scope, infinite)
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from pwscont.basics.arrays import Array
 from pwscont.basics.character import Character
-from pwscont.basics.errors import InvalidInputError, SystemNeededError
+from pwscont.basics.errors import InvalidInputError, InvalidSystemError, SystemNeededError
 from pwscont.basics.outcome import Failure, FailureReason
 from pwscont.curve.corrector import MOST_NEWTON, BorderedNewton
 from pwscont.curve.curve import Curve, State
@@ -26,12 +26,14 @@ from pwscont.graph.records import Piece, Solution, SpecialPoint, Stretch, signif
 from pwscont.graph.structure import ConnectedPieces
 from pwscont.linear.factorise import bordered, last_unit
 from pwscont.system.abilities import completed, completed_point, shown_points
-from pwscont.system.selection import Selection
+from pwscont.system.selection import Selection, unexplained
 from pwscont.system.system import PiecewiseSystem
 from pwscont.transitions.detector import locate_zero
 
 #: A step is halved at most this often where the cubic is too far from the curve to tell the sheet.
 MOST_HALVINGS_OF_STEP = 8
+#: A solution that is farther from its place than this part of a step is one of a changed system.
+MOVED = 1e-3
 
 
 def _refined(graph: ConnectedPieces, piece: Piece, alpha: float) -> Solution:
@@ -40,12 +42,30 @@ def _refined(graph: ConnectedPieces, piece: Piece, alpha: float) -> Solution:
     if system is None:
         x, error, digits = _on_chord(piece, alpha), np.zeros(0), 16.0
     else:
+        _refuse_changed(system, piece, alpha, interval)
         points = np.array([completed_point(system, x) for x in _around(piece.points, alpha)])
         x, error = solve_between(system, piece.character, points, alpha, interval)
         digits = significant(error, x, Metric.of(system, interval).scale)
         x, error = shown_points(system, x), shown_points(system, error)
     where, how = (x[:-1], alpha, piece.character, piece.label), (piece.det_sign, piece.id)
     return Solution(*where, *how, None, error, digits, graph.quantities)
+
+
+def _refuse_changed(system: PiecewiseSystem, piece: Piece, alpha: float, interval: Range) -> None:
+    """Refuse a system that no longer has a solution of a piece next to alpha.
+
+    At the ends of a piece, where a test vanishes, a change of the equations may not be seen.
+    """
+    inside = piece.points[1:-1] if len(piece.points) > 2 else [piece.points.mean(axis=0)]
+    x = completed_point(system, min(inside, key=lambda point: abs(float(point[-1]) - alpha)))
+    before, after = (completed_point(system, point) for point in _around(piece.points, alpha))
+    moved, scale = MOVED * np.abs(after - before), Metric.of(system, interval).scale
+    if unexplained(system, piece.character, x, scale, moved):
+        name = type(system).__name__
+        raise InvalidSystemError(
+            f"{name} has changed since the graph was made: it does not have the solution of piece "
+            f"{piece.id} at alpha = {x[-1]:.10g} any more; explore again, or change a copy of it"
+        )
 
 
 @np.errstate(over="ignore", invalid="ignore", divide="ignore")  # Newton may try any point

@@ -128,7 +128,7 @@ class Search(ABC):
         interval: tuple[float, float],
         known: KnownBranches,
     ) -> Proof | None:
-        """Return what a run would prove whose search a journal does not repeat; default nothing."""
+        """Return what a run proves that did not ask for starts, as with a journal; default none."""
         return None
 
     def __add__(self, other: Search) -> Search:
