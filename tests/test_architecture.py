@@ -67,7 +67,7 @@ BUDGET = {
     "search": (7, 1672),
     "continuation": (8, 2718),
     "kit": (4, 940),
-    "proof": (10, 2191),
+    "proof": (9, 2175),
     "scenes": (14, 2650),
     "view": (6, 938),
     "evolution": (14, 2999),

@@ -7,10 +7,9 @@ import pytest
 from high_precision import exact
 from sweeps import swept
 
-from pwscont.proof.formulas import traced
 from pwscont.proof.interval import ELEMENTARY, FUNCTION_ULPS, Interval, above, below, together
 from pwscont.proof.prove import is_positive_definite
-from pwscont.proof.tape import evaluated
+from pwscont.proof.tape import evaluated, traced
 
 QUICK, WHOLE = 2_000, 200_000
 SIZES = swept([QUICK], [WHOLE])
