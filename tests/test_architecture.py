@@ -57,8 +57,8 @@ LONGEST_FILE = 500
 #: becomes smaller, its budget becomes smaller.
 BUDGET = {
     "basics": (10, 1172),
-    "system": (10, 2181),
-    "linear": (11, 1466),
+    "system": (10, 2174),
+    "linear": (11, 1460),
     "notation": (13, 2880),
     "curve": (14, 2893),
     "enumeration": (11, 2603),
@@ -67,7 +67,7 @@ BUDGET = {
     "search": (7, 1672),
     "continuation": (8, 2718),
     "kit": (4, 940),
-    "proof": (9, 2175),
+    "proof": (9, 2181),
     "scenes": (14, 2650),
     "view": (6, 938),
     "evolution": (14, 2999),
