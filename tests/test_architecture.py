@@ -61,7 +61,7 @@ BUDGET = {
     "linear": (11, 1460),
     "notation": (13, 2880),
     "curve": (14, 2893),
-    "enumeration": (11, 2603),
+    "enumeration": (11, 2585),
     "transitions": (12, 3573),
     "graph": (10, 2607),
     "search": (7, 1672),
