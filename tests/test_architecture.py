@@ -58,10 +58,10 @@ LONGEST_FILE = 500
 BUDGET = {
     "basics": (10, 1172),
     "system": (10, 2174),
-    "linear": (11, 1460),
+    "linear": (11, 1450),
     "notation": (13, 2880),
     "curve": (14, 2893),
-    "enumeration": (11, 2585),
+    "enumeration": (11, 2583),
     "transitions": (12, 3573),
     "graph": (10, 2607),
     "search": (7, 1672),
