@@ -14,10 +14,12 @@ from pwscont.basics.rounding import EPS, GUARD
 from pwscont.system.columns import FEWEST_POINTS, by_columns, takes_columns
 from pwscont.system.contract import jacobian_at, residual_at
 from pwscont.system.system import PiecewiseLinearSystem, PiecewiseSystem
-from pwscont.system.values import checked_array
+from pwscont.system.values import checked_array, own_matrix
 
 #: The factors that make a negative test and a non-negative test positive inside.
 SIDES = np.array([-1.0, 1.0])
+#: Most entries of constant gradients that are kept, to bound memory.
+MOST_KEPT_ENTRIES = 4096
 
 
 @final
@@ -50,6 +52,7 @@ class Selection:
             first = np.sort(np.unique(tests, return_index=True)[1])
             tests, inside = tests[first], inside[first]
         self._takes_columns: bool | None = None
+        self._gradients: Matrix | None = None
         self.bounding: Indices = tests
         #: +1 or -1 for each bounding test, the factor that makes the test positive inside.
         self.side: Array = SIDES.take(inside.view(np.uint8))
@@ -131,9 +134,13 @@ class Selection:
     def unsigned_gradients(self, x: Array) -> Matrix:
         """Return the gradients of the bounding tests themselves, without the factor :attr:`side`.
 
-        The system may return the same array again: not to be kept or written to.
+        Gradients of a straight cell are constant, and a few are kept: not to be written to.
         """
-        rows: Matrix = self.system.some_test_gradients(x[:-1], float(x[-1]), self.bounding)
+        if self._gradients is not None:
+            return self._gradients
+        rows = self.system.some_test_gradients(x[:-1], float(x[-1]), self.bounding)
+        if self.is_straight and rows.size <= MOST_KEPT_ENTRIES:
+            self._gradients = own_matrix(rows)
         return rows
 
     def test_gradients(self, x: Array) -> Matrix:
