@@ -9,9 +9,9 @@ from sweeps import swept
 import pwscont.proof.counts
 import pwscont.proof.interval
 import pwscont.proof.search
-from pwscont.proof.formulas import traced
 from pwscont.proof.interval import Interval
 from pwscont.proof.search import Tubes, around
+from pwscont.proof.tape import traced
 
 
 def polynomial_verdicts(seeds, every=25):

@@ -7,7 +7,6 @@ import pytest
 from high_precision import exact
 from sweeps import swept
 
-from pwscont.proof.formulas import traced
 from pwscont.proof.interval import (
     BY_CRIVAL,
     BY_NUMPY,
@@ -19,7 +18,7 @@ from pwscont.proof.interval import (
     together,
 )
 from pwscont.proof.prove import is_positive_definite
-from pwscont.proof.tape import evaluated
+from pwscont.proof.tape import evaluated, traced
 
 QUICK, WHOLE = 2_000, 200_000
 SIZES = swept([QUICK], [WHOLE])

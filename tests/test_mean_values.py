@@ -9,9 +9,8 @@ from high_precision import exact
 from sweeps import swept
 
 import pwscont.proof.interval
-from pwscont.proof.formulas import traced
 from pwscont.proof.interval import Interval
-from pwscont.proof.tape import evaluated, with_slopes
+from pwscont.proof.tape import evaluated, traced, with_slopes
 
 EXACT = SimpleNamespace(
     max=max, min=min, abs=abs, relu=lambda x: max(x, 0), where=lambda s, a, b: a if s >= 0 else b

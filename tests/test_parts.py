@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from pwscont import Block, Character, PiecewiseLinearSystem, enumerate_solutions, explore, trace
-from pwscont.enumeration.by_parts import most_cells, parts_of
+from pwscont.enumeration.by_parts import most_cells, parts_of_table
+from pwscont.enumeration.options import Table
 
 
 class Chained(PiecewiseLinearSystem):
@@ -160,6 +161,13 @@ def test_branches_of_detached_parts_multiply(folds):
     assert graph.count(0.5) == 0
     (corner,) = (p for p in graph.special_points() if p.alpha == 0.0)
     assert len(graph.pieces_at(corner.id)) == 2**folds
+
+
+def parts_of(pattern, tests, blocks):
+    """Return the parts of a slice with these unknowns in rows and tests."""
+    rows, values = (np.zeros(len(matrix)) for matrix in (pattern, tests))
+    table = Table([(pattern.astype(float), rows)], (tests.astype(float), values), blocks, [])
+    return parts_of_table(table)
 
 
 def test_parts_come_after_what_they_need():

@@ -23,7 +23,7 @@ from pwscont import (
     trace,
 )
 from pwscont.curve.metric import Metric
-from pwscont.proof.formulas import tape_of, traced
+from pwscont.proof.tape import tape_of, traced
 
 pytestmark = pytest.mark.sweep(3)  # the others take too long for the README's command
 

@@ -20,7 +20,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from graphlib import TopologicalSorter
 from itertools import product
-from math import prod
 from typing import final
 
 import numpy as np
@@ -50,13 +49,10 @@ class Part:
     blocks: tuple[int, ...]  # the blocks with rows in the part; empty for a linear part
 
 
-def parts_of(pattern: Pattern, tests: Pattern, blocks: Sequence[Block]) -> list[Part]:
-    """Return the parts of a system, each part after the parts on which the part depends.
-
-    ``pattern``, shape (n, n): which unknowns stand in which rows, in any mode.
-    ``tests``, shape (m, n): which unknowns stand in which test functions.
-    """
-    n = len(pattern)
+def parts_of_table(table: Table) -> list[Part]:
+    """Return the parts of a slice, each part after the parts on which the part depends."""
+    pattern = np.any([matrix != 0.0 for matrix, _ in table.rows], axis=0)
+    tests, blocks, n = table.tests[0] != 0.0, table.blocks, len(pattern)
     whole = [Part(np.arange(n), np.arange(n), tuple(range(len(blocks))))]
     if len(blocks) < 2 or not all(block.rows for block in blocks):
         return whole
@@ -99,12 +95,6 @@ def most_cells(parts: Sequence[Part], blocks: Sequence[Block]) -> int:
 TINY_CONSTANTS = 1e-150
 #: Most cells of a part that is checked for regularity, to bound the time.
 MOST_CELLS_CHECKED = 4**6
-
-
-def parts_of_table(table: Table) -> list[Part]:
-    """Return the parts of a slice, each part after the parts on which the part depends."""
-    pattern = np.any([matrix != 0.0 for matrix, _ in table.rows], axis=0)
-    return parts_of(pattern, table.tests[0] != 0.0, table.blocks)
 
 
 @final
@@ -311,23 +301,19 @@ def is_regular(table: Table, parts: Sequence[Part], scale: Array) -> bool:
 
     Then zero is the only solution of H = 0 with all constants zero.
     """
-    return all(_is_regular(table, part, scale) for part in parts)
-
-
-def _is_regular(table: Table, part: Part, scale: Array) -> bool:
-    blocks = [table.blocks[i] for i in part.blocks]
-    modes = [range(len(block.modes)) for block in blocks]
-    if prod(map(len, modes)) > MOST_CELLS_CHECKED:
-        return False
-    matrices = [J[np.ix_(part.rows, part.unknowns)] * scale[part.unknowns] for J, _ in table.rows]
-    place = {int(row): i for i, row in enumerate(part.rows)}
-    rows = [[place[row] for row in block.rows] for block in blocks]
-    for picks in product(*modes):
-        matrix = _in_modes(matrices, rows, picks)
-        sizes = np.abs(matrix).max(axis=1, keepdims=True)
-        unit = matrix / np.where(sizes > 0.0, sizes, 1.0)
-        if np.linalg.matrix_rank(unit, tol=GUARD * EPS * len(matrix)) < len(matrix):
+    for part in parts:
+        blocks = [table.blocks[i] for i in part.blocks]
+        if number_of_cells(blocks) > MOST_CELLS_CHECKED:
             return False
+        place = {int(row): i for i, row in enumerate(part.rows)}
+        rows, units = [[place[row] for row in block.rows] for block in blocks], scale[part.unknowns]
+        matrices = [J[np.ix_(part.rows, part.unknowns)] * units for J, _ in table.rows]
+        for picks in product(*(range(len(block.modes)) for block in blocks)):
+            matrix = _in_modes(matrices, rows, picks)
+            sizes = np.abs(matrix).max(axis=1, keepdims=True)
+            unit = matrix / np.where(sizes > 0.0, sizes, 1.0)
+            if np.linalg.matrix_rank(unit, tol=GUARD * EPS * len(matrix)) < len(matrix):
+                return False
     return True
 
 

@@ -119,7 +119,9 @@ class ExactSlice:
         than rounding explains.
         """
         units = np.append(self._scale, 1.0)
-        modes, tests = _unit_rows(np.array(self._rows) * units), self._tests * units
+        modes, tests = np.array(self._rows) * units, self._tests * units
+        sizes = np.abs(modes[..., :-1]).max(axis=-1, keepdims=True)
+        modes /= np.where(sizes > 0.0, sizes, 1.0)
         pairs = zip(self._blocks, self._bounding, strict=True)
         sides = [_sides(block, bounding, len(tests)) for block, bounding in pairs]
 
@@ -229,12 +231,6 @@ def _sides(block: Block, bounding: Sequence[Sequence[int]], tests: int) -> Array
         for test in bounds:
             side[test] = 1.0 if mode[block.tests.index(test)] else -1.0
     return sides
-
-
-def _unit_rows(rows: Array) -> Array:
-    """Return rows (..., n + 1) divided by their largest coefficients; constants come last."""
-    sizes = np.abs(rows[..., :-1]).max(axis=-1, keepdims=True)
-    return rows / np.where(sizes > 0.0, sizes, 1.0)
 
 
 def _float(value: Fraction) -> float:

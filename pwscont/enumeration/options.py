@@ -242,10 +242,8 @@ def _eliminate(C: Array, c: Array, scale: Array) -> tuple[Array, Array, float] |
     lengths = np.linalg.norm(C * scale, axis=1)
     lengths[lengths == 0.0] = 1.0
     rows, rest = C * scale / lengths[:, np.newaxis], c / lengths
-    tolerance, order = GUARD * EPS * len(scale), np.arange(len(C))
-    Q, R = np.linalg.qr(rows.T, mode="complete")
-    if np.abs(np.diagonal(R)).min() <= tolerance:
-        Q, R, order = scipy.linalg.qr(rows.T, pivoting=True)
+    tolerance = GUARD * EPS * len(scale)
+    Q, R, order = scipy.linalg.qr(rows.T, pivoting=True)
     rank = int((np.abs(np.diagonal(R)) > tolerance).sum())
     inner = np.linalg.solve(R[:rank, :rank].T, -rest[order[:rank]])
     beyond = R[:rank, rank:].T @ inner + rest[order[rank:]]

@@ -56,8 +56,8 @@ def _refuse_changed(system: PiecewiseSystem, piece: Piece, alpha: float, interva
 
     At the ends of a piece, where a test vanishes, a change of the equations may not be seen.
     """
-    inside = piece.points[1:-1] if len(piece.points) > 2 else [piece.points.mean(axis=0)]
-    x = completed_point(system, min(inside, key=lambda point: abs(float(point[-1]) - alpha)))
+    inside = piece.points[1:-1] if len(piece.points) > 2 else piece.points.mean(axis=0)[np.newaxis]
+    x = completed_point(system, inside[np.abs(inside[:, -1] - alpha).argmin()])
     before, after = (completed_point(system, point) for point in _around(piece.points, alpha))
     moved, scale = MOVED * np.abs(after - before), Metric.of(system, interval).scale
     if unexplained(system, piece.character, x, scale, moved):

@@ -6,12 +6,13 @@ group of unknowns without constants) the logarithms with the least sum of square
 
 from __future__ import annotations
 
+from math import prod
 from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
 
-from pwscont.basics.arrays import Array, Indices
+from pwscont.basics.arrays import Array
 
 #: Relative accuracy of the logarithms in lsqr: magnitudes need no more than a digit.
 ACCURACY = 1e-6
@@ -44,32 +45,21 @@ def balanced(terms: Any, size: int) -> tuple[Array, Array]:
     >>> [float(x) for x in np.round(u, 3)], [float(x) for x in np.round(v, 3)]
     ([3.0, 1.0], [6.0, 5.0])
     """
-    rows, columns, values = sp.find(terms) if sp.issparse(terms) else _entries(terms)
+    from scipy.sparse.linalg import lsqr  # noqa: PLC0415  only where magnitudes are not given
+
+    rows, columns, values = sp.find(terms)
     each, of_unknown = np.arange(len(rows)), columns < size
     entries = np.concatenate([np.ones(of_unknown.sum()), -np.ones(len(rows))])
     at = (
         np.concatenate([each[of_unknown], each]),
         np.concatenate([columns[of_unknown], size + rows]),
     )
-    found = _least_squares(entries, at, (len(rows), size + terms.shape[0]), -np.log(np.abs(values)))
-    return np.exp(found[:size]), np.exp(found[size:])
-
-
-def _entries(terms: Array) -> tuple[Indices, Indices, Array]:
-    """Return rows, columns and values of the entries of a matrix that are not zero."""
-    rows, columns = np.nonzero(terms)
-    return rows, columns, terms[rows, columns]
-
-
-def _least_squares(
-    entries: Array, at: tuple[Indices, Indices], shape: tuple[int, int], right: Array
-) -> Array:
-    """Return the shortest solution of linear equations in the sense of least squares."""
-    from scipy.sparse.linalg import lsqr  # noqa: PLC0415  only where magnitudes are not given
-
-    if shape[0] * shape[1] <= MOST_DENSE:
+    logarithms, shape = -np.log(np.abs(values)), (len(rows), size + terms.shape[0])
+    if prod(shape) <= MOST_DENSE:
         equations = np.zeros(shape)
         equations[at] = entries
-        return np.asarray(np.linalg.lstsq(equations, right, rcond=None)[0])
-    equations = sp.csr_array((entries, at), shape=shape)
-    return np.asarray(lsqr(equations, right, atol=ACCURACY, btol=ACCURACY)[0])
+        found = np.linalg.lstsq(equations, logarithms, rcond=None)[0]
+    else:
+        equations = sp.csr_array((entries, at), shape=shape)
+        found = lsqr(equations, logarithms, atol=ACCURACY, btol=ACCURACY)[0]
+    return np.exp(found[:size]), np.exp(found[size:])

@@ -63,12 +63,6 @@ class SparseJacobian(StoredJacobian):
         parts = self._csc.data[:end], self._csc.indices[:end], self._csc.indptr[:-1]
         return SparseLU(sp.csc_matrix(parts, shape=(n, n))), self.column_at(n)
 
-    def column_at(self, index: int) -> Array:
-        """Return a column, shape (n,)."""
-        entries, column = slice(*self._csc.indptr[index : index + 2]), np.zeros(self.shape[0])
-        column[self._csc.indices[entries]] = self._csc.data[entries]
-        return column
-
     def _with(self, data: Array) -> SparseJacobian:
         """Return the matrix with other entries at the same places."""
         csc = self._csc

@@ -19,9 +19,9 @@ from pwscont.curve.magnitudes import nonlinear_reach
 from pwscont.curve.metric import Metric, Range
 from pwscont.graph.proved import BoxProof
 from pwscont.proof.counts import counted_proof
-from pwscont.proof.formulas import check_tape, tape_of
 from pwscont.proof.interval import Interval
 from pwscont.proof.search import covered
+from pwscont.proof.tape import check_tape, tape_of
 from pwscont.search.default_search import default_search
 from pwscont.search.pursuit import solution_from
 from pwscont.search.search import KnownBranches, Search, scope_of, starts_of

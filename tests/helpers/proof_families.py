@@ -6,9 +6,9 @@ import numpy as np
 
 from pwscont import Everywhere, Switched
 from pwscont.curve.metric import Metric
-from pwscont.proof.formulas import traced
 from pwscont.proof.interval import Interval
 from pwscont.proof.search import covered
+from pwscont.proof.tape import traced
 
 
 def proved(f, n, box, interval, seconds=20.0):
