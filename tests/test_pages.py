@@ -105,7 +105,7 @@ def test_the_page_for_beginners_names_every_extra():
     named = set(re.findall(r"^   \* - ``(\w+)``$", page("getting_started.rst"), re.M))
     assert named == extras
     every = re.findall(r"\w+", project["optional-dependencies"]["all"][0])
-    assert set(every) == extras - {"all", "mumps"} | {"pwscont"}
+    assert set(every) == extras - {"all", "mumps", "proof"} | {"pwscont"}
 
 
 def test_no_number_of_an_equation_reads_as_a_list():

@@ -427,3 +427,41 @@ def test_a_curve_of_double_roots_ends_in_words_after_few_points(root):
     assert graph.guarantee.startswith("not balanced")
     assert "loses rank all along the curve" in graph.guarantee
     assert sum(len(piece.points) for piece in graph.pieces) < 3000
+
+
+#: Equations whose path z = c lies on a kink, c, and the other solutions at an alpha.
+PITCHFORKS = {
+    "two sides": (lambda z, t, sw: z * (sw.abs(z) - t), 0.0, lambda t: [t, -t] if t > 0.0 else []),
+    "shifted": (
+        lambda z, t, sw: (z - 0.3) * (sw.abs(z - 0.3) - t + 0.1),
+        0.3,
+        lambda t: [0.2 + t, 0.4 - t] if t > 0.1 else [],
+    ),
+    "with a cube": (
+        lambda z, t, sw: z**3 - t * z + 0.2 * z * sw.abs(z),
+        0.0,
+        lambda t: [s * (np.sqrt(0.01 + t) - 0.1) for s in (1.0, -1.0)] if t > 0.0 else [],
+    ),
+    "one side steeper": (
+        lambda z, t, sw: z * (z + sw.relu(z) - t),
+        0.0,
+        lambda t: [0.5 * t if t > 0.0 else t],
+    ),
+}
+
+
+@pytest.mark.parametrize("begin", ["explore", "trace from a cell"])
+@pytest.mark.parametrize("name", PITCHFORKS)
+def test_curves_that_cross_a_path_on_a_kink(name, begin):
+    """The nonsmooth pitchfork, z (|z| - alpha): each cell beside the path has a curve of its own."""
+    f, c, others = PITCHFORKS[name]
+    system = Switched(1, f)
+    if begin == "explore":
+        graph = explore(system, (-1.0, 1.0))
+    else:
+        graph = trace(system, ([others(0.7)[0]], 0.7), (-1.0, 1.0))
+    for alpha in (-0.9, -0.01, 0.2, 0.95):
+        found = sorted(float(solution.z[0]) for solution in graph.solutions(alpha))
+        assert found == pytest.approx(sorted([c, *others(alpha)]), abs=1e-9)
+    assert len(graph.special_points("branch point")) == 1
+    assert graph.is_balanced()

@@ -38,6 +38,7 @@ from pwscont.transitions.rays import (
     inward_ray,
     rounding_of_tests,
 )
+from pwscont.transitions.smooth import path_through
 
 #: A place with an error below this bound belongs to a test that falls clearly: touching would need
 #: a curvature of more than 1 / EPS^(1/2).
@@ -263,6 +264,9 @@ def at_corner(corner: Corner, curve: Curve, back: Ray | None = None) -> SpecialP
     lost = back is not None and len(others) == len(found.rays)
     tests = ", ".join(map(system.test_name, sorted(zero)))
     if lost or (len(rays) < 2 and not found.along_interface):
+        if back is not None and len(zero) == 1 and (point := path_through(curve, corner)):
+            others = tuple(ray for ray in point.rays if not same_piece(ray, back))
+            return point.leading((back, *others))
         why = NO_WAY_ON.format(tests, here.label) if found.exact else NO_WAY_FOUND.format(len(zero))
         return SpecialPointFound(Kind.STOPPED, x, why, rays[:1])
     is_path = len(rays) == 2 and found.dimension == 1 and opposite(*rays)

@@ -22,7 +22,7 @@ from typing import final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array
+from pwscont.basics.arrays import Array, product
 from pwscont.basics.outcome import TOUCH, Failure, FailureReason, Kind
 from pwscont.basics.rounding import CONFIDENCE, CONVERGED, EPS, GUARD, SAME_ALPHA
 from pwscont.curve.corrector import polished
@@ -31,6 +31,8 @@ from pwscont.curve.curve import Curve, State
 from pwscont.curve.newton import uncertainty_beside
 from pwscont.curve.stepper import CurvedSegment, Segment
 from pwscont.linear.factorise import bordered
+from pwscont.system.selection import Selection
+from pwscont.transitions.corner import index_along
 from pwscont.transitions.detector import (
     NARROW_BRACKET,
     UNKNOWN,
@@ -39,7 +41,7 @@ from pwscont.transitions.detector import (
     TransitionDetector,
     locate_sign_change,
 )
-from pwscont.transitions.rays import Ray, beside
+from pwscont.transitions.rays import Corner, Ray, beside, rounding_of_tests
 
 #: A dip of the slope of alpha below zero by less than this part of the slope is left alone.
 SHALLOW_TURN = 1e-4
@@ -227,6 +229,8 @@ class SmoothBranchPoints(TransitionDetector):
 
     def arrive(self, curve: Curve, state: State, index: int) -> SpecialPointFound:
         """Go on along the same curve, and in both directions along the crossing curve."""
+        if curve.selection.adjacent_cells and (point := branch_point_on_interface(curve, state)):
+            return point
         found = crossing(curve, state.x)
         if isinstance(found, Crossing) and curve.metric.norm(found.x - state.x) <= LOCATED_AGAIN:
             return branch_point(curve, found, state)
@@ -251,6 +255,66 @@ def branch_point(curve: Curve, found: Crossing, state: State) -> SpecialPointFou
     rays = tuple(Ray(curve, State(state.x, way, state.error, side)) for way, side in ways)
     message = f"two curves cross on {curve.selection.label}"
     return SpecialPointFound(Kind.BRANCH_POINT, state.x, message, rays)
+
+
+def branch_point_on_interface(curve: Curve, state: State) -> SpecialPointFound | None:
+    """Return the point where curves cross a path along an interface, as of z (|z| - alpha) at 0.
+
+    Each cell next to the path has a crossing curve of its own, of which the half inside the cell is
+    followed. None where no cell has one.
+
+    ``state``: the point as an arrival on the path.
+    """
+    system, cells = curve.selection.system, curve.selection.adjacent_cells
+    every = [Curve(Selection(system, cell), curve.metric) for cell in cells]
+    rays = [ray for own in every for ray in _crossing_rays(own, state)]
+    if not rays:
+        return None
+    onward = State(state.x, state.tangent, state.error, -state.orientation)
+    path = [_along(curve, Ray(curve, state).reversed()), _along(curve, Ray(curve, onward))]
+    message = f"curves cross on the boundary of {curve.selection.label}"
+    return SpecialPointFound(Kind.BRANCH_POINT, state.x, message, (*path, *rays))
+
+
+def path_through(curve: Curve, corner: Corner) -> SpecialPointFound | None:
+    """Return the point of a path along an interface at which a curve in a cell arrives, or None."""
+    (test,), x, metric = corner.zero, corner.x, corner.metric
+    found, here = crossing(curve, x), curve.selection
+    if isinstance(found, Failure) or metric.norm(found.x - x) > LOCATED_AGAIN:
+        return None
+    cells = here.character, here.character.flip(test)
+    path = Curve(Selection(corner.system, cells[0], cells), metric)
+    row = here.test_gradient(x, int(np.flatnonzero(here.bounding == test)[0]))
+    tangent = min(found.directions, key=lambda way: abs(float(product(row, way).item())))
+    before = here.jacobian(x - DISTANCE_TO_SIGN * tangent)
+    sign = bordered(before, metric.covector(tangent), metric.binary).sign
+    return branch_point_on_interface(path, State(x, tangent, corner.error, sign))
+
+
+def _crossing_rays(own: Curve, state: State) -> list[Ray]:
+    """Return the rays into a cell of the curve that crosses a path along the cell's boundary."""
+    found, metric, x = crossing(own, state.x), own.metric, state.x
+    if isinstance(found, Failure) or metric.norm(found.x - x) > LOCATED_AGAIN:
+        return []
+    row = metric.covector(state.tangent)
+    before = own.selection.jacobian(x - DISTANCE_TO_SIGN * state.tangent)
+    sign = bordered(before, row, metric.binary).sign
+    other = min(found.directions, key=lambda direction: abs(float(row.dot(direction))))
+    gradients = own.selection.test_gradients(x)
+    rounding = rounding_of_tests(gradients, x, state.error, metric.scale)
+    vanish = np.abs(own.selection.tests(x)) <= rounding
+    ways = [way for way in (other, -other) if (product(gradients, way)[vanish] > 0.0).all()]
+    return [Ray(own, State(x, way, state.error, sign)) for way in ways]
+
+
+def _along(curve: Curve, ray: Ray) -> Ray:
+    """Return a ray along an interface with the index that the ray has beside its beginning."""
+    beyond = beside(curve, ray.state, DISTANCE_TO_SIGN)
+    if isinstance(beyond, Failure):
+        beyond = ray.state
+    corner = Corner.at(curve.selection.system, curve.metric, beyond.x, beyond.error)
+    index = index_along(Ray(curve, beyond), corner.zero)
+    return Ray(curve, ray.state, curve.selection.adjacent_cells, index)
 
 
 def at_branch_point(curve: Curve, x: Array) -> SpecialPointFound | None:
