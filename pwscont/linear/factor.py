@@ -30,7 +30,7 @@ from typing import final
 import numpy as np
 from scipy.linalg import lapack
 
-from pwscont.basics.arrays import Array, Indices
+from pwscont.basics.arrays import Array, Indices, power_of_two
 from pwscont.basics.rounding import EPS
 
 #: Most rows, and most right-hand sides, for solutions one after the other, see :func:`_solved`.
@@ -173,6 +173,18 @@ def row_maxima(matrix: Array) -> Array:
     return np.asarray(np.maximum(matrix.max(axis=1), -matrix.min(axis=1)))
 
 
+def row_divisors(matrix: Array) -> Array:
+    """Return powers of two that divide the rows to entries of about 1; 1 for a row of zeros.
+
+    ``matrix`` is in Fortran order.
+    """
+    if len(matrix) <= ROWS_IN_TURN:  # LAPACK finds the entries of few rows in less time
+        multipliers, *_, zero_row = lapack.dgeequb(matrix)
+        if not zero_row:
+            return np.asarray(1.0 / multipliers)
+    return power_of_two(row_maxima(matrix))
+
+
 @final
 class DenseLU(Factor):
     """LU of a dense matrix; solves for right-hand sides of shape (k,) or (l, k).
@@ -199,6 +211,9 @@ class DenseLU(Factor):
 
     def solve(self, rhs: Array) -> Array:
         """Return the solution for a right-hand side, or several."""
+        if rhs.ndim == 1:
+            solution: Array = lapack.dgetrs(self.lu, self.pivots, rhs)[0]
+            return solution
         return _solved(self.lu, self.pivots, rhs.T).T
 
     solve_all = solve

@@ -65,7 +65,9 @@ class Selection:
     @cached_property
     def cell(self) -> bytes:
         """The signs that name this selection."""
-        return self.system.cell(self.character)
+        if self.adjacent_cells or type(self.system).cell is not PiecewiseSystem.cell:
+            return self.system.cell(self.character)
+        return self.character.among(self.bounding)  # without asking for these tests again
 
     @cached_property
     def adjacent_names(self) -> tuple[bytes, ...]:
@@ -92,7 +94,9 @@ class Selection:
 
     def residual_and(self, x: Array, value: float) -> Array:
         """Return H_chi(x) with ``value`` appended, shape (n + 1,): the bordered equations at x."""
-        return joined(self.residual(x), value)
+        system, z = self.system, x[:-1]
+        found = system.residual(z, float(x[-1]), self.character)
+        return joined(checked_array(system, "residual", found, z.shape), value)
 
     def residuals(self, points: Array) -> Array:
         """Return H_chi at points, shape (k, n + 1), each with 0 appended."""
@@ -102,7 +106,7 @@ class Selection:
         found = by_columns(self._method, points) if self._takes_columns else None
         if found is None:
             for value, x in zip(values, points, strict=True):
-                value[:] = self.residual_and(x, 0.0)
+                value[:-1] = self.residual(x)
         else:
             values[:, :-1] = found
         return values
