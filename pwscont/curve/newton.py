@@ -35,7 +35,6 @@ from pwscont.linear.factor import Factor
 from pwscont.linear.factorise import bordered, column, last_unit
 from pwscont.linear.vectors import times
 from pwscont.system.selection import Selection
-from pwscont.system.system import SlicewiseLinearSystem
 
 #: A scalar function of x together with the gradient, shape (n + 1,) or a sparse row.
 Border: TypeAlias = Callable[[Array], tuple[float, Matrix]]
@@ -134,11 +133,10 @@ def is_solved(
     interval, or rounding of the terms, at the point and at a point of typical magnitude. Systems
     that are linear at fixed alpha have no such rows.
     """
-    if isinstance(selection.system, SlicewiseLinearSystem):
+    if selection.is_slicewise:
         return True
-    by_alpha = np.abs(column(jacobian, len(x) - 1)) * metric.width
-    above = np.abs(residual) - SOLVED * by_alpha
-    if largest(above) <= 0.0:
+    by_alpha = metric.width * np.abs(column(jacobian, len(x) - 1))
+    if largest(above := np.abs(residual) - SOLVED * by_alpha) <= 0.0:
         return True  # nearly always
     depends = by_alpha > 0.0
     above -= GUARD * EPS * product(abs(jacobian), np.abs(x))
@@ -262,7 +260,7 @@ def unseen_rounding(curve: Curve, root: Root, border: Callable[[Array], float]) 
 
     Systems that are linear at fixed alpha are made of matrices, whose terms tell all rounding.
     """
-    if isinstance(curve.selection.system, SlicewiseLinearSystem):
+    if curve.selection.is_slicewise:
         return np.zeros(len(root.x))
 
     asides = _asides(curve, root)

@@ -117,6 +117,8 @@ class PseudoArclength(Stepper):
 
     def _gap(self, curve: Curve, before: Segment | None) -> float:
         """Return the distance between looks, closer after a step that was looked into closely."""
+        if curve.selection.is_slicewise:
+            return 0.0
         gap = gap_of(self.step_size, curve.selection.system)
         return min(gap, 2.0 * before.gap) if isinstance(before, CurvedSegment) else gap
 

@@ -156,7 +156,7 @@ def _within_reach(roots: list[Any]) -> list[Any]:
     for each in found:  # found grows
         if len(found) > MOST_KEPT:
             break
-        if id(each) in seen or isinstance(each, type | ModuleType):
+        if id(each) in seen or isinstance(each, (type, ModuleType)):
             continue
         seen.add(id(each))
         if isinstance(each, FunctionType):
