@@ -23,12 +23,7 @@ from pwscont.kit.inspection import (
 )
 from pwscont.system.abilities import completed_point, end_of, shown_size
 from pwscont.system.box import Box
-from pwscont.system.contract import (
-    check_attributes,
-    check_contract,
-    check_declaration,
-    checked_scale,
-)
+from pwscont.system.contract import check_contract, check_declaration, checked_scale
 from pwscont.system.selection import Selection
 from pwscont.system.system import PiecewiseLinearSystem, PiecewiseSystem
 
@@ -109,7 +104,6 @@ def check_system(
     >>> print(check_system(Switched(1, lambda z, t, sw: z - sw.relu(t)), [([0.0], 0.5)]))
     no defects found at 1 point
     """
-    check_attributes(system)
     check_declaration(system)
     if not 0.0 < finite_array("radius", radius, ()) < np.inf:
         raise InvalidInputError(f"radius must be positive, got {radius}")

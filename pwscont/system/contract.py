@@ -113,7 +113,8 @@ def _again(system: PiecewiseSystem, z: Array, alpha: float, character: Character
 
 
 def check_declaration(system: PiecewiseSystem) -> None:
-    """Refuse names or abilities that do not fit, of a system whose attributes were checked."""
+    """Refuse attributes, names or methods that do not fit, before any method is used."""
+    check_attributes(system)
     if type(system).names is not PiecewiseSystem.names:
         found, size = system.names(), shown_size(system)
         if isinstance(found, str) or not isinstance(found, Iterable):

@@ -83,9 +83,6 @@ class Watch:
         self, detectors: Sequence[TransitionDetector], added: Sequence[TransitionDetector] = ()
     ) -> None:
         self._detectors, self._added = detectors, added
-        #: Numbers of functions in the last reading, and where the functions of each detector begin.
-        self._numbers: list[int] = []
-        self._begins: tuple[int, ...] = (0,)
         self._judging = _that_define("needs_shorter_step", detectors)
         self._bordered = _that_define("border", detectors)
 
@@ -97,12 +94,9 @@ class Watch:
                 raise broken(detector, "read", "a Reading", part)
             if np.ndim(part.values) != 1 or np.shape(part.values) != np.shape(part.slopes):
                 raise broken(detector, "read", "values and slopes that are vectors alike", part)
-        values = [part.values for part in parts]
-        if (numbers := list(map(len, values))) != self._numbers:
-            self._numbers, self._begins = numbers, tuple(accumulate(numbers, initial=0))
-        joined = np.concatenate(values + [part.slopes for part in parts])
-        count = self._begins[-1]
-        return Reading(joined[:count], joined[count:], self._begins)
+        joined = np.concatenate([part.values for part in parts] + [part.slopes for part in parts])
+        begins = tuple(accumulate((len(part.values) for part in parts), initial=0))
+        return Reading(joined[: begins[-1]], joined[begins[-1] :], begins)
 
     def is_rounding(self, event: Event, curve: Curve) -> bool:
         """Tell whether the event of a user's detector is the beginning of the piece, to rounding.
