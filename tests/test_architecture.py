@@ -60,7 +60,7 @@ BUDGET = {
     "system": (10, 2206),
     "linear": (11, 1500),
     "notation": (13, 2880),
-    "curve": (14, 2910),
+    "curve": (14, 2908),
     "enumeration": (11, 2603),
     "transitions": (12, 3585),
     "graph": (10, 2607),

@@ -103,7 +103,7 @@ def newton(curve: Curve, border: Border, x: Array, most_iterations: int) -> Root
         # quadratic: d -> c d^2, so that a ratio q is followed by q^2; at first c is taken for 1
         ratio, stale = (size / before) ** 2 if before > 0.0 else size, False
         if size > CONVERGED >= size * ratio**MOST_CHORDS:
-            stale, number = before == 0.0 or ratio > TURNED, len(sizes)
+            stale = before == 0.0 or ratio > TURNED
             for _ in range(MOST_CHORDS):
                 if size > CONVERGED and metric.admits(x):
                     rest = selection.residual_and(x, border(x)[0])
@@ -111,8 +111,6 @@ def newton(curve: Curve, border: Border, x: Array, most_iterations: int) -> Root
                     x, last = x - dx, np.abs(dx)
                     size = largest(last / relative_to)  # sizes hardly change any more
                     sizes.append(size)
-            if before == 0.0 and len(sizes) > number:  # the change of the Jacobian shows
-                stale = max(ratio, sizes[number] / ratio) > TURNED
         if size <= CONVERGED and not is_solved(selection, metric, x, jacobian, rest[:-1]):
             before = 0.0
             continue
