@@ -453,7 +453,7 @@ PITCHFORKS = {
 @pytest.mark.parametrize("begin", ["explore", "trace from a cell"])
 @pytest.mark.parametrize("name", PITCHFORKS)
 def test_curves_that_cross_a_path_on_a_kink(name, begin):
-    """The nonsmooth pitchfork, z (|z| - alpha): each cell beside the path has a curve of its own."""
+    """The nonsmooth pitchfork, z (|z| - alpha): each cell next to the path has its own curve."""
     f, c, others = PITCHFORKS[name]
     system = Switched(1, f)
     if begin == "explore":

@@ -15,18 +15,22 @@ to the places must be in order.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import lru_cache
-from math import ceil, inf, sqrt
+from math import ceil, inf, nan, sqrt
 
 import numpy as np
 
 from pwscont.basics.arrays import Array, largest, smallest
 from pwscont.basics.rounding import CONVERGED
 from pwscont.curve.step_size import StepSize
-from pwscont.curve.stepper import CurvedSegment
+from pwscont.curve.stepper import INSIDE, CurvedSegment
 from pwscont.linear.factor import Factor
 from pwscont.system.system import PiecewiseSystem, SlicewiseLinearSystem
 
+#: The second place at which the cubic is looked at, as a part of the step: there the cubic has
+#: crossed sqrt(3) - 1 of the distance between sheets.
+SECOND = 0.6602
 #: The largest number of places in a step.
 MOST_PLACES = 256
 #: Most unknowns for which a look costs little beside a step.
@@ -55,22 +59,27 @@ def gap_of(step_size: StepSize | None, system: PiecewiseSystem) -> float:
     return step_size.gap * sqrt(max(system.size / CHEAP_UNKNOWNS, 1.0))
 
 
-def farthest_off(segment: CurvedSegment, factor: Factor, allowed: float) -> float:
+def farthest_off(segment: CurvedSegment, factor: Factor, allowed: float, is_sure: bool) -> float:
     """Return how far the curve is from the cubic of a step at most, infinite where alpha turns.
 
+    Not a number where H is undefined, or the cubic is outside the interval.
+
     ``factor``: a factorisation [J; border] from the end of the segment. ``allowed``: the largest
-    distance of the curve from the cubic; beyond, no closer look is taken.
+    distance of the curve from the cubic; beyond, no closer look is taken. ``is_sure``: whether a
+    single place is enough in a step no longer than the gap.
     """
     if not 0.0 < segment.gap < segment.length:
-        return 0.0
-    count = min(ceil(segment.length / segment.gap) - 1, MOST_PLACES)
+        return _off_at(segment, factor, (INSIDE,) if is_sure else (INSIDE, SECOND))
+    count = min(max(ceil(segment.length / segment.gap) - 1, 2), MOST_PLACES)
     off, alphas = _looked_at(segment, factor, _at_places(count))
-    worst = largest(np.abs(off)) if len(off) else 0.0
+    if len(off) < count and not segment.curve.metric.admits(segment.near(INSIDE * segment.length)):
+        return nan
+    worst = sqrt(largest(np.einsum("ij,ij->i", off, off)))
     if not worst <= allowed:
-        return worst if worst > allowed else inf  # worst may be nan
+        return worst  # may be nan
     if worst > INVISIBLE and len(off) == count:
         rough = np.abs(_rough(count).dot(off))
-        if largest(rough) > ROUGH_PART * worst + INVISIBLE:
+        if largest(rough) > ROUGH_PART * largest(np.abs(off)) + INVISIBLE:
             odd = float(places(count)[int(rough.argmax()) // rough.shape[1]])
             around = ((place, 1.0 / count) for place in (odd, 0.0, 1.0))
             worst = max(worst, *(_close_in(segment, factor, room, allowed) for room in around))
@@ -81,7 +90,10 @@ def farthest_off(segment: CurvedSegment, factor: Factor, allowed: float) -> floa
 def places(count: int) -> Array:
     """Return ``count`` places inside a step, as parts of the step, at uneven distances."""
     j = np.arange(1.0, count + 1.0)
-    return (j + UNEVEN * ((j * GOLDEN) % 1.0 - 0.5)) / (count + 1.0)
+    u: Array = (j + UNEVEN * ((j * GOLDEN) % 1.0 - 0.5)) / (count + 1.0)
+    for part in (INSIDE, SECOND):  # in place of the nearest
+        u[np.abs(u - part).argmin()] = part
+    return u
 
 
 @lru_cache(maxsize=MOST_PLACES)
@@ -104,6 +116,20 @@ def _weights(u: Array) -> Array:
 @lru_cache(maxsize=MOST_PLACES)
 def _at_places(count: int) -> Array:
     return _weights(places(count))
+
+
+def _off_at(segment: CurvedSegment, factor: Factor, parts: Sequence[float]) -> float:
+    """Return how far the curve is from the cubic at some parts of the step at most."""
+    curve, worst = segment.curve, 0.0
+    for part in parts:
+        x = segment.near(part * segment.length)
+        if not curve.metric.admits(x):
+            return nan
+        off = curve.metric.norm(factor.solve(curve.selection.residual_and(x, 0.0)))
+        if not off < inf:
+            return nan
+        worst = max(off, worst)
+    return worst
 
 
 def _looked_at(segment: CurvedSegment, factor: Factor, weights: Array) -> tuple[Array, Array]:

@@ -30,7 +30,17 @@ from typing import final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Matrix, dense, generic, joined, largest, smallest
+from pwscont.basics.arrays import (
+    Array,
+    Matrix,
+    are_finite,
+    dense,
+    generic,
+    is_anywhere,
+    joined,
+    largest,
+    smallest,
+)
 from pwscont.basics.budget import check_budget
 from pwscont.basics.character import Character
 from pwscont.basics.rounding import CONFIDENCE, EPS
@@ -263,8 +273,9 @@ def _reach(
     rows = np.flatnonzero(terms)
 
     def is_enough(power: int, part: float = PART) -> bool:
+        least = part * terms[rows]
         changes = _each_change(system, alphas, z, here, j, BASE**power)
-        return any((change >= part * terms)[rows].any() for change in changes)
+        return any(is_anywhere(change[rows] >= least) for change in changes)
 
     high = _first(is_enough, -POWERS, POWERS) if rows.size else POWERS
     if high == POWERS:
@@ -300,24 +311,25 @@ def _each_change(
 ) -> Iterator[Array]:
     """Yield by how much each row changes if z_j grows or shrinks by a size, at each alpha."""
     box = Box.of(system)
+    lower, upper = box.lower.item(j), box.upper.item(j)
     for before, alpha in zip(here, alphas, strict=True):
         for change in (size, -size):
             moved = z.copy()
-            moved[j] = min(max(z[j] + change, box.lower[j]), box.upper[j])
+            moved[j] = min(max(z.item(j) + change, lower), upper)
             yield _finite(np.abs(_residual(system, moved, alpha) - before))
 
 
 def _residual(system: PiecewiseSystem, z: Array, alpha: float) -> Array:
     """Return H, nan where the tests do not tell the cell."""
     tests = np.asarray(system.test_functions(z, alpha), dtype=float)
-    if not np.isfinite(tests).all():
+    if len(tests) and not are_finite(tests):
         return np.full(len(z), np.nan)
     return residual_at(system, z, alpha, Character.of(tests))
 
 
 def _finite(sizes: Array) -> Array:
     """Return sizes; sizes that are not finite say nothing and become zero."""
-    return np.where(np.isfinite(sizes), sizes, 0.0)
+    return sizes if are_finite(sizes.ravel()) else np.where(np.isfinite(sizes), sizes, 0.0)
 
 
 def _by_coefficients(system: PiecewiseLinearSystem, interval: Range) -> Array:

@@ -35,7 +35,6 @@ from pwscont.linear.factor import Factor
 from pwscont.linear.factorise import bordered, column, last_unit
 from pwscont.linear.vectors import times
 from pwscont.system.selection import Selection
-from pwscont.system.system import SlicewiseLinearSystem
 
 #: A scalar function of x together with the gradient, shape (n + 1,) or a sparse row.
 Border: TypeAlias = Callable[[Array], tuple[float, Matrix]]
@@ -134,11 +133,10 @@ def is_solved(
     interval, or rounding of the terms, at the point and at a point of typical magnitude. Systems
     that are linear at fixed alpha have no such rows.
     """
-    if isinstance(selection.system, SlicewiseLinearSystem):
+    if selection.is_slicewise:
         return True
-    by_alpha = np.abs(column(jacobian, len(x) - 1)) * metric.width
-    above = np.abs(residual) - SOLVED * by_alpha
-    if largest(above) <= 0.0:
+    by_alpha = metric.width * np.abs(column(jacobian, len(x) - 1))
+    if largest(above := np.abs(residual) - SOLVED * by_alpha) <= 0.0:
         return True  # nearly always
     depends = by_alpha > 0.0
     above -= GUARD * EPS * product(abs(jacobian), np.abs(x))
@@ -262,39 +260,41 @@ def unseen_rounding(curve: Curve, root: Root, border: Callable[[Array], float]) 
 
     Systems that are linear at fixed alpha are made of matrices, whose terms tell all rounding.
     """
-    if isinstance(curve.selection.system, SlicewiseLinearSystem):
+    if curve.selection.is_slicewise:
         return np.zeros(len(root.x))
 
-    def rows(x: Array) -> Array:
-        return curve.selection.residual_and(x, border(x))
-
-    here, unseen = rows(root.x), np.zeros(len(root.x))
+    asides = _asides(curve, root)
+    farther = np.array([ROUNDING_SHOWS, 2.0 * ROUNDING_SHOWS, CURVATURE_SHOWS])
+    points = np.vstack([root.x, *(root.x + np.multiply.outer(farther, dx) for dx in asides)])
+    rows = curve.selection.residuals(points)
+    rows[:, -1] = [border(x) for x in points]
+    here, rows = rows[0], rows[1:].reshape(len(asides), len(farther), len(root.x))
+    # the Jacobian of the root is from before the last correction: a line needs none
+    bends = 0.5 * np.abs(here - 2.0 * rows[:, 0] + rows[:, 1])
+    # the same direction has the same curvature
+    matrix = root.jacobian, root.row
+    linear = [np.concatenate([np.ravel(product(m, dx)) for m in matrix]) for dx in asides]
+    curvatures = np.abs(rows[:, 2] - here - CURVATURE_SHOWS * np.array(linear))
     ratio = CURVATURE_VARIES * (ROUNDING_SHOWS / CURVATURE_SHOWS) ** 2
-    for place in range(ROUNDING_PLACES):
-        aside = _aside(curve, root, place)
-        dx = ROUNDING_SHOWS * aside
-        once, twice = rows(root.x + dx), rows(root.x + 2.0 * dx)
-        # the Jacobian of the root is from before the last correction: a line needs none
-        bend = 0.5 * np.abs(here - 2.0 * once + twice)
-        # the same direction has the same curvature
-        dx = CURVATURE_SHOWS * aside
-        linear = joined(product(root.jacobian, dx), product(root.row, dx).item())
-        curvature = np.abs(rows(root.x + dx) - here - linear)
-        unseen = np.fmax(unseen, bend - ratio * curvature)
+    unseen = np.fmax.reduce(bends - ratio * curvatures, axis=0, initial=0.0)
     return np.where(np.isfinite(unseen), unseen, 0.0)
 
 
-def _aside(curve: Curve, root: Root, place: int) -> Array:
-    """Return a direction from a root, of typical magnitudes, into the interval and the cell."""
-    x, metric = root.x, curve.metric
-    step: Array = generic(len(x), place) * (np.abs(x) + metric.scale)
-    if product(root.row, step).item() < 0.0:  # the path comes from where the border grows
-        step = -step
-    step[-1] = math.copysign(metric.width, sum(metric.interval) - 2.0 * x[-1])
-    gradients = curve.selection.test_gradients(x)  # the tests need not be defined beyond the cell
-    if (curve.selection.tests(x) + CURVATURE_SHOWS * product(gradients, step) < 0.0).any():
-        step[:-1] *= -1.0
-    return step
+def _asides(curve: Curve, root: Root) -> list[Array]:
+    """Return directions from a root, of typical magnitudes, into the interval and the cell."""
+    x, metric, selection = root.x, curve.metric, curve.selection
+    # the tests need not be defined beyond the cell
+    tests, gradients = selection.tests(x), selection.test_gradients(x)
+    steps: list[Array] = []
+    for place in range(ROUNDING_PLACES):
+        step = generic(len(x), place) * (np.abs(x) + metric.scale)
+        if product(root.row, step).item() < 0.0:  # the path comes from where the border grows
+            step = -step
+        step[-1] = math.copysign(metric.width, sum(metric.interval) - 2.0 * x[-1])
+        if (tests + CURVATURE_SHOWS * product(gradients, step) < 0.0).any():
+            step[:-1] *= -1.0
+        steps.append(step)
+    return steps
 
 
 def _rounding(jacobian: Matrix, row: Matrix, size: Array, unseen: Array | float = 0.0) -> Array:

@@ -34,7 +34,7 @@ from pwscont.curve.metric import Range
 from pwscont.curve.newton import Border, Root, uncertainty
 from pwscont.curve.predictor import Hermite, Predictor
 from pwscont.curve.step_size import StepSize
-from pwscont.curve.stepper import BESIDE, INSIDE, CurvedSegment, ExactLinear, Segment, Stepper
+from pwscont.curve.stepper import BESIDE, CurvedSegment, ExactLinear, Segment, Stepper
 from pwscont.linear.vectors import dot
 
 #: Largest correction, as a part of the step.
@@ -47,9 +47,6 @@ OFF = 0.1 * BESIDE
 SURE = 3e-3
 #: Largest correction, as a part of the step, for which OFF holds; OFF shrinks as corrections grow.
 CLOSE = 1e-2
-#: The second place at which the cubic is looked at, as a part of the step: there the cubic has
-#: crossed sqrt(3) - 1 of the distance between sheets.
-SECOND = 0.6602
 #: Largest distance, in the metric, of the cubic from the curve that is always allowed, however
 #: short the step is: tangents from differences are no better, and points this close are not told
 #: apart anyway.
@@ -120,6 +117,8 @@ class PseudoArclength(Stepper):
 
     def _gap(self, curve: Curve, before: Segment | None) -> float:
         """Return the distance between looks, closer after a step that was looked into closely."""
+        if curve.selection.is_slicewise:
+            return 0.0
         gap = gap_of(self.step_size, curve.selection.system)
         return min(gap, 2.0 * before.gap) if isinstance(before, CurvedSegment) else gap
 
@@ -203,27 +202,25 @@ def accepted(
     segment = CurvedSegment.between(curve, state, end, length)
     if not (cosine >= step_size.least_cosine and segment.length > 0.0):  # also where not a number
         return Failure(FailureReason.JUMP)
-    correction = curve.metric.norm(end.x - predicted)
-    measured = correction, _off_cubic(segment, corrected, is_sure=correction <= SURE * length)
-    strain = _strain(*measured, corrected.contraction, length, NEGLIGIBLE)
-    if not strain <= 1.0 and math.isfinite(measured[1]):
-        strain = _strain(*measured, corrected.contraction, length, _noise(curve, corrected))
-    if not strain <= 1.0:
-        return Failure(FailureReason.JUMP)
     segment.gap = gap_of(step_size, curve.selection.system) if gap is None else gap
-    inside = farthest_off(segment, corrected.factor, OFF * length)
-    strain = max(strain, inside / (OFF * length + NEGLIGIBLE))
-    if 1.0 < strain < math.inf:
-        strain = inside / (OFF * length + _noise(curve, corrected))
+    measured = curve.metric.norm(end.x - predicted), corrected.contraction, length
+    strain, noise, off = _strain(0.0, *measured, NEGLIGIBLE), NEGLIGIBLE, 0.0
     if not strain <= 1.0:
-        is_odd = strain == math.inf
-        return Failure(FailureReason.HIDDEN_FOLDS if is_odd else FailureReason.JUMP)
+        strain = _strain(0.0, *measured, noise := _noise(curve, corrected))
+    if strain <= 1.0 and not curve.selection.is_straight:
+        is_sure = measured[0] <= SURE * length
+        off = farthest_off(segment, corrected.factor, OFF * length, is_sure)
+        strain = _strain(off, *measured, noise)
+    if strain > 1.0 and off < math.inf and noise == NEGLIGIBLE:
+        strain = _strain(off, *measured, _noise(curve, corrected))
+    if not strain <= 1.0:
+        return Failure(FailureReason.HIDDEN_FOLDS if off == math.inf else FailureReason.JUMP)
     segment.suggestion = step_size.after(length, strain, cosine)
     return segment
 
 
 def _strain(
-    correction: float, off: float, contraction: float, length: float, noise: float
+    off: float, correction: float, contraction: float, length: float, noise: float
 ) -> float:
     """Return the largest ratio of a measure of a step to the bound; above 1, no step is true.
 
@@ -233,27 +230,7 @@ def _strain(
     by_contraction = contraction / SLOWEST if correction > noise else 0.0
     by_correction = correction / (FARTHEST * length + noise)
     allowed = OFF * length * min(1.0, CLOSE * length / max(correction, noise))
-    return max(by_contraction, by_correction, off / (allowed + noise))
-
-
-def _off_cubic(segment: CurvedSegment, corrected: Corrected, is_sure: bool) -> float:
-    """Return how far the cubic of a segment is from the curve, infinite outside the interval.
-
-    Unless the prediction was sure, a second point is looked at. The cubic of a straight curve is
-    the curve.
-    """
-    curve, worst = segment.curve, 0.0
-    if curve.selection.is_straight:
-        return worst
-    for part in (INSIDE,) if is_sure else (INSIDE, SECOND):
-        x = segment.near(part * segment.length)
-        if not curve.metric.admits(x):
-            return math.inf
-        off = curve.metric.norm(corrected.factor.solve(curve.selection.residual_and(x, 0.0)))
-        if not math.isfinite(off):
-            return off
-        worst = max(worst, off)
-    return worst
+    return max(off / (allowed + noise), by_contraction, by_correction)  # nan comes first
 
 
 def _noise(curve: Curve, corrected: Corrected) -> float:

@@ -77,6 +77,10 @@ class BandedJacobian(StoredJacobian):
         """Return an LU of the part for z, and the column for alpha; for entries of about 1."""
         return BandLU(self.bands, self.lower, self.upper), self.column
 
+    def column_at(self, index: int) -> Array:
+        """Return a column, shape (n,)."""
+        return self.column.copy() if index == len(self.column) else super().column_at(index)
+
     def scaled(self, columns: Array) -> BandedJacobian:
         """Return the matrix with columns multiplied by ``columns``, shape (n + 1,)."""
         bands, column = self.bands * columns[:-1], self.column * columns[-1]

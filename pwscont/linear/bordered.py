@@ -103,6 +103,16 @@ class BorderedFactor(Factor):
         inner = self._core.solve(f) if f.any() else f  # a tangent is solved for with f = 0
         return self._completed(inner, g, guess)
 
+    def solve_all(self, rhs: Array) -> Array:
+        """Return the solutions for several right-hand sides, shape (l, k)."""
+        if self._is_ill:
+            return super().solve_all(rhs)
+        scaled, solutions = rhs / self._rows, np.empty(rhs.shape)
+        inner, last = self._core.solve_all(scaled[:, :-1]), solutions[:, -1]
+        np.divide(scaled[:, -1] - inner.dot(self._row), self._schur, out=last)
+        np.subtract(inner, np.multiply.outer(last, self._right), out=solutions[:, :-1])
+        return self._columns * solutions
+
     def _completed(self, inner: Array, g: float, guess: float = 0.0) -> Array:
         """Return the solution from B^-1 f, the last entry g and a guess of the last unknown."""
         correction = (g - float(self._row.dot(inner))) / self._schur

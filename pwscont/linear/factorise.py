@@ -16,7 +16,7 @@ import scipy.sparse as sp
 
 from pwscont.basics.arrays import Array, Matrix, dense, power_of_two
 from pwscont.linear.bordered import BorderedFactor, Interior
-from pwscont.linear.factor import DenseLU, Factor, ScaledFactor, row_maxima
+from pwscont.linear.factor import DenseLU, Factor, ScaledFactor, row_divisors, row_maxima
 from pwscont.linear.jacobian import StoredJacobian, StructuredJacobian
 from pwscont.linear.sparse import SparseJacobian, SparseLU
 
@@ -49,7 +49,7 @@ def inner(jacobian: Matrix, scale: Array) -> Factor | None:
     if not isinstance(jacobian, np.ndarray):
         return _structured(jacobian).inner(scale)
     own = np.multiply(jacobian, scale, order="F")  # work in place: new room costs as much
-    rows = power_of_two(row_maxima(own))
+    rows = row_divisors(own)
     own /= rows[:, np.newaxis]
     return ScaledFactor(DenseLU(own[:, :-1], overwrite=True), rows, scale[:-1])
 
@@ -64,7 +64,7 @@ def factor(matrix: Matrix, scale: Array, *, overwrite: bool = False) -> ScaledFa
     if isinstance(matrix, np.ndarray):
         matrix = matrix if overwrite else np.array(matrix, dtype=float, order="F")
         matrix *= scale
-        rows = power_of_two(row_maxima(matrix))
+        rows = row_divisors(matrix)
         matrix /= rows[:, np.newaxis]
         lu = DenseLU(matrix, overwrite=True, moves_pivots=False)
     else:

@@ -15,7 +15,7 @@ from typing import Any, final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, generic
+from pwscont.basics.arrays import Array, are_finite, generic
 from pwscont.system.abilities import formula_of
 from pwscont.system.system import PiecewiseSystem
 
@@ -122,7 +122,7 @@ def by_columns(residual: Callable[[Array, Any], Any], points: Array) -> Array | 
             row[:] = each.values if type(each) is Column else each
     except Exception:
         return None
-    return values.T if np.isfinite(values).all() else None
+    return values.T if are_finite(values.ravel()) else None
 
 
 def takes_columns(
@@ -156,7 +156,7 @@ def _within_reach(roots: list[Any]) -> list[Any]:
     for each in found:  # found grows
         if len(found) > MOST_KEPT:
             break
-        if id(each) in seen or isinstance(each, type | ModuleType):
+        if id(each) in seen or isinstance(each, (type, ModuleType)):
             continue
         seen.add(id(each))
         if isinstance(each, FunctionType):

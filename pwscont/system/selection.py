@@ -13,7 +13,7 @@ from pwscont.basics.printing import named, short
 from pwscont.basics.rounding import EPS, GUARD
 from pwscont.system.columns import FEWEST_POINTS, by_columns, takes_columns
 from pwscont.system.contract import jacobian_at, residual_at
-from pwscont.system.system import PiecewiseLinearSystem, PiecewiseSystem
+from pwscont.system.system import PiecewiseLinearSystem, PiecewiseSystem, SlicewiseLinearSystem
 from pwscont.system.values import checked_array, own_matrix
 
 #: The factors that make a negative test and a non-negative test positive inside.
@@ -58,6 +58,8 @@ class Selection:
         self.side: Array = SIDES.take(inside.view(np.uint8))
         #: Whether the selection and the tests are affine, so that the curve is a straight line.
         self.is_straight = isinstance(system, PiecewiseLinearSystem)
+        #: Whether the selection is affine in z at every fixed alpha.
+        self.is_slicewise = isinstance(system, SlicewiseLinearSystem)
 
     def __repr__(self) -> str:
         return named(self, short(self.label), f"of {type(self.system).__name__}")
@@ -65,7 +67,9 @@ class Selection:
     @cached_property
     def cell(self) -> bytes:
         """The signs that name this selection."""
-        return self.system.cell(self.character)
+        if self.adjacent_cells or type(self.system).cell is not PiecewiseSystem.cell:
+            return self.system.cell(self.character)
+        return self.character.among(self.bounding)  # without asking for these tests again
 
     @cached_property
     def adjacent_names(self) -> tuple[bytes, ...]:
@@ -92,7 +96,7 @@ class Selection:
 
     def residual_and(self, x: Array, value: float) -> Array:
         """Return H_chi(x) with ``value`` appended, shape (n + 1,): the bordered equations at x."""
-        return joined(self.residual(x), value)
+        return joined(self._residual(x), value)
 
     def residuals(self, points: Array) -> Array:
         """Return H_chi at points, shape (k, n + 1), each with 0 appended."""
@@ -102,10 +106,15 @@ class Selection:
         found = by_columns(self._method, points) if self._takes_columns else None
         if found is None:
             for value, x in zip(values, points, strict=True):
-                value[:] = self.residual_and(x, 0.0)
+                value[:-1] = self._residual(x)
         else:
             values[:, :-1] = found
         return values
+
+    def _residual(self, x: Array) -> Array:
+        """Return H_chi(x), for use before the next value."""
+        found = self.system.residual(x[:-1], float(x[-1]), self.character)
+        return checked_array(self.system, "residual", found, (self.system.size,))
 
     def _method(self, z: Array, alpha: float) -> Array:
         """Return H_chi as the system returns it."""
