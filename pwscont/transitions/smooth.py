@@ -43,6 +43,9 @@ from pwscont.transitions.detector import (
 )
 from pwscont.transitions.rays import Corner, Ray, beside, rounding_of_tests
 
+#: Slopes below this part of the turn of a step are polished where a fold is located: the tangents
+#: of other states are known well enough to tell the side of the fold.
+NEARLY_LEVEL = 1e-3
 #: A dip of the slope of alpha below zero by less than this part of the slope is left alone.
 SHALLOW_TURN = 1e-4
 
@@ -83,8 +86,11 @@ class SmoothFolds(TransitionDetector):
         def slope(state: State) -> float:
             return sign * float(state.tangent[-1])
 
+        turn = abs(float(segment.end.tangent[-1] - segment.start.tangent[-1]))
+
         def exact_slope(state: State) -> float:
-            return slope(polished(curve, state)[0])
+            rough = slope(state)
+            return slope(polished(curve, state)[0]) if abs(rough) <= NEARLY_LEVEL * turn else rough
 
         narrow = _place(segment, GUARD * EPS)
         found = locate_sign_change(segment, exact_slope, bracket, narrow)
