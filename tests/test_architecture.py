@@ -62,7 +62,7 @@ BUDGET = {
     "notation": (13, 2880),
     "curve": (14, 2938),
     "enumeration": (11, 2583),
-    "transitions": (12, 3656),
+    "transitions": (12, 3662),
     "graph": (10, 2628),
     "search": (7, 1672),
     "continuation": (8, 2768),
