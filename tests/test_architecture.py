@@ -63,7 +63,7 @@ BUDGET = {
     "curve": (14, 2938),
     "enumeration": (11, 2583),
     "transitions": (12, 3662),
-    "graph": (10, 2628),
+    "graph": (10, 2640),
     "search": (7, 1672),
     "continuation": (8, 2768),
     "kit": (4, 940),

@@ -123,7 +123,7 @@ def _turns_twice(segment: CurvedSegment) -> bool:
     if first * last < 0.0 or not 0.0 < -b / (2.0 * a or np.inf) < 1.0:
         return False
     least, largest = first - 0.25 * b * b / a, max(abs(first), abs(last))
-    if segment.length * largest <= CONVERGED * segment.curve.metric.width:
+    if segment.length * largest <= GUARD * EPS * segment.curve.metric.width:
         return False  # both folds would be at one alpha
     return bool(least * (first + last) < -SHALLOW_TURN * largest * abs(first + last))
 
