@@ -60,7 +60,7 @@ BUDGET = {
     "system": (10, 2206),
     "linear": (11, 1484),
     "notation": (13, 2880),
-    "curve": (14, 2938),
+    "curve": (14, 2937),
     "enumeration": (11, 2583),
     "transitions": (12, 3662),
     "graph": (10, 2640),

@@ -204,9 +204,8 @@ def rough_magnitudes(system: PiecewiseSystem, interval: Range, z: Array) -> Arra
     alphas = [(1.0 - place) * lo + place * hi for place in PLACES]  # exact at both ends
     here = [_residual(system, z, alpha) for alpha in alphas]
     if jumps := _jumps(system, alphas, z, here):  # as (2 + alpha)^z at z = 0, alpha = -2
-        alphas, here = (
-            [each for i, each in enumerate(s) if i not in jumps] for s in (alphas, here)
-        )
+        kept = [i for i in range(len(alphas)) if i not in jumps]
+        alphas, here = [alphas[i] for i in kept], [here[i] for i in kept]
     terms, others = _finite(np.ptp(here, axis=0)), _finite(np.abs(here).max(axis=0))
     for j in np.flatnonzero(z).tolist():  # at a solution terms cancel
         changes = _each_change(system, alphas, z, here, j, abs(float(z[j])))
