@@ -98,8 +98,6 @@ def refuse_infinite(
 
 #: The guarded methods: methods of (z, alpha) that return numbers.
 GUARDED = ("test_functions", "residual", "jacobian", "test_jacobian")
-#: An argument that is not given.
-UNSAID = object()
 #: Messages of functions of math about an argument outside the domain, in all versions of Python.
 OUTSIDE = re.compile(r"math domain error|math range error|expected an? .* (input|argument)")
 #: Most points at which tests are counted if the tests are not defined at the first points.
@@ -121,38 +119,24 @@ class Undefined:
 
 
 def _guarded(method: Callable[..., Any], name: str) -> Callable[..., Any]:
-    is_test = name.startswith("test")
-
     @wraps(method)
-    def guarded(
-        self: Any,
-        z: Any = UNSAID,
-        alpha: Any = UNSAID,
-        chi: Any = UNSAID,
-        /,
-        *rest: Any,
-        **named: Any,
-    ) -> Any:
+    def guarded(self: Any, *args: Any, **named: Any) -> Any:
         try:
-            if rest or named or alpha is UNSAID or (chi is UNSAID) != is_test:
-                said = [each for each in (z, alpha, chi) if each is not UNSAID]
-                return method(self, *said, *rest, **named)
-            # nearly always; to call with a tuple takes as long as to compute a little
-            return method(self, z, alpha) if is_test else method(self, z, alpha, chi)
+            return method(self, *args, **named)
         except (ArithmeticError, ValueError) as error:
             is_of_arithmetic = isinstance(error, ArithmeticError | np.linalg.LinAlgError)
             if not (is_of_arithmetic or OUTSIDE.search(str(error))):
                 raise
-            alpha, n = named.get("alpha", alpha), self.size
-            rows = _number_of_tests(self, alpha, error) if is_test else n
+            is_test, n = name.startswith("test"), self.size
+            rows = _number_of_tests(self, args, error) if is_test else n
             return np.full((rows, n + 1) if name.endswith("jacobian") else (rows,), np.nan)
 
     return guarded
 
 
-def _number_of_tests(system: Any, alpha: Any, error: Exception) -> int:
+def _number_of_tests(system: Any, args: tuple[Any, ...], error: Exception) -> int:
     """Return the number of test functions, from the first point where the tests are defined."""
-    alpha, tests = system.somewhere if alpha is UNSAID else alpha, type(system).test_functions
+    tests, alpha = type(system).test_functions, args[1] if len(args) > 1 else system.somewhere
     tests = getattr(tests, "__wrapped__", tests)
     for shift in range(PROBES):
         try:

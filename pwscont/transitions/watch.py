@@ -83,8 +83,6 @@ class Watch:
         self, detectors: Sequence[TransitionDetector], added: Sequence[TransitionDetector] = ()
     ) -> None:
         self._detectors, self._added = detectors, added
-        self._judging = _that_define("needs_shorter_step", detectors)
-        self._bordered = _that_define("border", detectors)
 
     def read(self, curve: Curve, state: State) -> Reading:
         """Return what all detectors read at a state, in new arrays; refuse wrong readings."""
@@ -139,7 +137,7 @@ class Watch:
         self, segment: CurvedSegment, start: Reading, end: Reading
     ) -> Failure | None:
         """Return the reason for which a detector asks for a shorter step, None without one."""
-        for i, detector in self._judging:
+        for i, detector in enumerate(self._detectors):
             if failure := detector.needs_shorter_step(segment, start.part(i), end.part(i)):
                 return failure
         return None
@@ -150,10 +148,9 @@ class Watch:
         The distance is along the tangent. None where no such function falls.
         """
         soonest = None
-        for i, detector in self._bordered:
-            own = slice(reading.begins[i], reading.begins[i + 1])
-            values, slopes = reading.values[own], reading.slopes[own]
-            if not len(values):
+        for i, detector in enumerate(self._detectors):
+            values, slopes = (part := reading.part(i)).values, part.slopes
+            if not len(values) or type(detector).border is TransitionDetector.border:
                 continue
             rates = np.divide(slopes, values, out=np.zeros(len(values)), where=values > 0.0)
             fastest = rates.argmin()
@@ -184,15 +181,6 @@ class Watch:
         """Return the detector of a function, and the number of the function in that detector."""
         place = bisect_right(reading.begins, index) - 1
         return self._detectors[place], index - reading.begins[place]
-
-
-def _that_define(
-    method: str, detectors: Sequence[TransitionDetector]
-) -> list[tuple[int, TransitionDetector]]:
-    """Return the detectors that define a method of their own, with their places."""
-    default = getattr(TransitionDetector, method)
-    every = enumerate(detectors)
-    return [(i, each) for i, each in every if getattr(type(each), method) is not default]
 
 
 def broken(detector: TransitionDetector, method: str, what: str, got: object) -> InvalidInputError:
