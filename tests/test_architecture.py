@@ -57,13 +57,13 @@ LONGEST_FILE = 500
 #: becomes smaller, its budget becomes smaller.
 BUDGET = {
     "basics": (10, 1184),
-    "system": (10, 2206),
+    "system": (10, 2190),
     "linear": (11, 1484),
     "notation": (13, 2880),
     "curve": (14, 2937),
     "enumeration": (11, 2583),
-    "transitions": (12, 3662),
-    "graph": (10, 2640),
+    "transitions": (12, 3661),
+    "graph": (10, 2639),
     "search": (7, 1672),
     "continuation": (8, 2768),
     "kit": (4, 940),

@@ -277,8 +277,7 @@ def _doubts(graph: ConnectedPieces) -> Iterator[str]:
     left = [p for p in filled if not all(piece.is_vertical for piece in graph.pieces_at(p.id))]
     yield from _places("solutions fill more than curves", graph, left)
     yield from _touches(graph)
-    back = (piece for piece in graph.pieces if len(piece.alpha) > 2 and _goes_back(graph, piece))
-    begun = [graph.point(piece.start) for piece in back]
+    begun = [graph.point(each.start) for each in graph.pieces if _goes_back(graph, each)]
     yield from _places("a fold was passed over on the piece that begins", graph, begun)
     vague = [point for point in graph.nodes if point.digits < TOO_FEW_DIGITS]
     yield from _places("hardly a digit is known", graph, vague)
@@ -289,8 +288,7 @@ def _goes_back(graph: ConnectedPieces, piece: Piece) -> bool:
     ends = (graph.point(node) for node in (piece.start, piece.end))
     error = max((point.error[-1] for point in ends if len(point.error)), default=0.0)
     clear = GUARD * EPS * np.abs(piece.alpha).max() + CONFIDENCE * error
-    steps = np.diff(piece.alpha)
-    return bool(steps.min() < -clear and steps.max() > clear)
+    return bool((steps := np.diff(piece.alpha)).min() < -clear and steps.max() > clear)
 
 
 def _touches(graph: ConnectedPieces) -> Iterator[str]:

@@ -42,29 +42,30 @@ def _refined(graph: ConnectedPieces, piece: Piece, alpha: float) -> Solution:
     if system is None:
         x, error, digits = _on_chord(piece, alpha), np.zeros(0), 16.0
     else:
-        _refuse_changed(system, piece, alpha, interval)
         points = np.array([completed_point(system, x) for x in _around(piece.points, alpha)])
+        scale = Metric.of(system, interval).scale
+        _refuse_changed(system, piece, alpha, MOVED * np.abs(points[1] - points[0]), scale)
         x, error = solve_between(system, piece.character, points, alpha, interval)
-        digits = significant(error, x, Metric.of(system, interval).scale)
+        digits = significant(error, x, scale)
         x, error = shown_points(system, x), shown_points(system, error)
     where, how = (x[:-1], alpha, piece.character, piece.label), (piece.det_sign, piece.id)
     return Solution(*where, *how, None, error, digits, graph.quantities)
 
 
-def _refuse_changed(system: PiecewiseSystem, piece: Piece, alpha: float, interval: Range) -> None:
+def _refuse_changed(
+    system: PiecewiseSystem, piece: Piece, alpha: float, moved: Array, scale: Array
+) -> None:
     """Refuse a system that no longer has a solution of a piece next to alpha.
 
     At the ends of a piece, where a test vanishes, a change of the equations may not be seen.
     """
     inside = piece.points[1:-1] if len(piece.points) > 2 else piece.points.mean(axis=0)[np.newaxis]
     x = completed_point(system, inside[np.abs(inside[:, -1] - alpha).argmin()])
-    before, after = (completed_point(system, point) for point in _around(piece.points, alpha))
-    moved, scale = MOVED * np.abs(after - before), Metric.of(system, interval).scale
     if unexplained(system, piece.character, x, scale, moved):
-        name = type(system).__name__
         raise InvalidSystemError(
-            f"{name} has changed since the graph was made: it does not have the solution of piece "
-            f"{piece.id} at alpha = {x[-1]:.10g} any more; explore again, or change a copy of it"
+            f"{type(system).__name__} has changed since the graph was made: it does not have the "
+            f"solution of piece {piece.id} at alpha = {x[-1]:.10g} any more; explore again, or "
+            "change a copy of it"
         )
 
 

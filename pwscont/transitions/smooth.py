@@ -22,7 +22,7 @@ from typing import final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, product
+from pwscont.basics.arrays import Array, Matrix, product
 from pwscont.basics.outcome import TOUCH, Failure, FailureReason, Kind
 from pwscont.basics.rounding import CONFIDENCE, CONVERGED, EPS, GUARD, SAME_ALPHA
 from pwscont.curve.corrector import polished
@@ -237,8 +237,7 @@ class SmoothBranchPoints(TransitionDetector):
         """Go on along the same curve, and in both directions along the crossing curve."""
         if curve.selection.adjacent_cells and (point := branch_point_on_interface(curve, state)):
             return point
-        found = crossing(curve, state.x)
-        if isinstance(found, Crossing) and curve.metric.norm(found.x - state.x) <= LOCATED_AGAIN:
+        if found := _crossing_at(curve, state.x):
             return branch_point(curve, found, state)
         onward = Ray(curve, State(state.x, state.tangent, state.error, -state.orientation))
         rays = Ray(curve, state).reversed(), onward
@@ -254,9 +253,7 @@ def branch_point(curve: Curve, found: Crossing, state: State) -> SpecialPointFou
 
     ``state``: the point as an arrival on either curve, with the sign before the point.
     """
-    cosines = [abs(curve.metric.covector(state.tangent).dot(d)) for d in found.directions]
-    other = found.directions[int(np.argmin(cosines))]
-    sign = state.orientation
+    other, sign = _least_along(found, curve.metric.covector(state.tangent)), state.orientation
     ways = (-state.tangent, -sign), (state.tangent, -sign), (other, sign), (-other, sign)
     rays = tuple(Ray(curve, State(state.x, way, state.error, side)) for way, side in ways)
     message = f"two curves cross on {curve.selection.label}"
@@ -284,33 +281,48 @@ def branch_point_on_interface(curve: Curve, state: State) -> SpecialPointFound |
 
 def path_through(curve: Curve, corner: Corner) -> SpecialPointFound | None:
     """Return the point of a path along an interface at which a curve in a cell arrives, or None."""
-    (test,), x, metric = corner.zero, corner.x, corner.metric
-    found, here = crossing(curve, x), curve.selection
-    if isinstance(found, Failure) or metric.norm(found.x - x) > LOCATED_AGAIN:
+    (test,), x, here = corner.zero, corner.x, curve.selection
+    if here.is_straight or not here.is_bounded_by(test) or not (found := _crossing_at(curve, x)):
         return None
     cells = here.character, here.character.flip(test)
-    path = Curve(Selection(corner.system, cells[0], cells), metric)
+    path = Curve(Selection(corner.system, cells[0], cells), corner.metric)
     row = here.test_gradient(x, int(np.flatnonzero(here.bounding == test)[0]))
-    tangent = min(found.directions, key=lambda way: abs(float(product(row, way).item())))
-    before = here.jacobian(x - DISTANCE_TO_SIGN * tangent)
-    sign = bordered(before, metric.covector(tangent), metric.binary).sign
+    tangent = _least_along(found, row)
+    sign = _sign_before(curve, x, tangent)
     return branch_point_on_interface(path, State(x, tangent, corner.error, sign))
 
 
 def _crossing_rays(own: Curve, state: State) -> list[Ray]:
     """Return the rays into a cell of the curve that crosses a path along the cell's boundary."""
-    found, metric, x = crossing(own, state.x), own.metric, state.x
-    if isinstance(found, Failure) or metric.norm(found.x - x) > LOCATED_AGAIN:
+    metric, x = own.metric, state.x
+    if not (found := _crossing_at(own, x)):
         return []
-    row = metric.covector(state.tangent)
-    before = own.selection.jacobian(x - DISTANCE_TO_SIGN * state.tangent)
-    sign = bordered(before, row, metric.binary).sign
-    other = min(found.directions, key=lambda direction: abs(float(row.dot(direction))))
+    other = _least_along(found, metric.covector(state.tangent))
+    sign = _sign_before(own, x, state.tangent)
     gradients = own.selection.test_gradients(x)
     rounding = rounding_of_tests(gradients, x, state.error, metric.scale)
     vanish = np.abs(own.selection.tests(x)) <= rounding
     ways = [way for way in (other, -other) if (product(gradients, way)[vanish] > 0.0).all()]
     return [Ray(own, State(x, way, state.error, sign)) for way in ways]
+
+
+def _crossing_at(curve: Curve, x: Array) -> Crossing | None:
+    """Return the branch point that a point is, located again, None if the point is none."""
+    found = crossing(curve, x)
+    if isinstance(found, Failure) or curve.metric.norm(found.x - x) > LOCATED_AGAIN:
+        return None
+    return found
+
+
+def _least_along(found: Crossing, row: Matrix) -> Array:
+    """Return the direction at a branch point whose product with a row is least."""
+    return min(found.directions, key=lambda way: abs(float(product(row, way).item())))
+
+
+def _sign_before(curve: Curve, x: Array, tangent: Array) -> int:
+    """Return the sign of det[J; t^T] just before a branch point."""
+    near, metric = curve.selection.jacobian(x - DISTANCE_TO_SIGN * tangent), curve.metric
+    return bordered(near, metric.covector(tangent), metric.binary).sign
 
 
 def _along(curve: Curve, ray: Ray) -> Ray:
@@ -334,8 +346,7 @@ def at_branch_point(curve: Curve, x: Array) -> SpecialPointFound | None:
     differences = curve.selection.system.differences(float(at[-1]))
     if not differences.contains(at[-1] - DISTANCE_TO_SIGN * tangent[-1]):
         tangent = -tangent
-    near = curve.selection.jacobian(at - DISTANCE_TO_SIGN * tangent)
-    sign = bordered(near, metric.covector(tangent), metric.binary).sign
+    sign = _sign_before(curve, at, tangent)
     error = np.vstack([found.error, at - found.x])
     return branch_point(curve, found, State(at, tangent, error, sign))
 
