@@ -62,7 +62,7 @@ BUDGET = {
     "notation": (13, 2880),
     "curve": (14, 2937),
     "enumeration": (11, 2583),
-    "transitions": (12, 3661),
+    "transitions": (12, 3770),
     "graph": (10, 2639),
     "search": (7, 1672),
     "continuation": (8, 2768),

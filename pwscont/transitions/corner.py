@@ -16,7 +16,7 @@ All rays are found, the extreme rays where a cone of dimension two or more solve
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from itertools import chain, product
@@ -52,6 +52,7 @@ from pwscont.system.system import (
 from pwscont.system.values import refuse_infinite
 from pwscont.transitions.corner_paths import rays_by_perturbation
 from pwscont.transitions.rays import (
+    ASTRAY,
     SLANT,
     Corner,
     Direction,
@@ -129,7 +130,7 @@ def tangent_cone(corner: Corner, back: Ray | None = None) -> TangentCone:
 def _rays(corner: Corner, directions: Sequence[Direction]) -> tuple[Ray, ...]:
     """Return rays in some directions, one ray for parallel directions."""
     rays: list[Ray] = []
-    for found in directions:
+    for found in _completed(corner, directions):
         ray = _ray(corner, found)
         if not any(parallel(ray, other) for other in rays):
             along = ray.interface_cells
@@ -154,7 +155,55 @@ def _ray(corner: Corner, found: Direction) -> Ray:
             ray = on(Selection(system, character))
             if _bends_into(ray.curve, ray.state):
                 return ray
+        characters = tuple(c for c in characters if _is_solid(corner, c)) or characters
     return replace(on(Selection(system, characters[0], characters)), interface_cells=characters)
+
+
+def _completed(corner: Corner, directions: Sequence[Direction]) -> Iterator[Direction]:
+    """Yield directions with all cells to which each belongs, and the opposite of a direction.
+
+    Slopes of tests that are rounding, or the error of differences, have a sign all the same: a
+    direction along interfaces may seem to lie in a single cell, and the opposite direction in none.
+    """
+    for direction, cells in directions:
+        if len(cells) > 1 or isinstance(corner.system, PiecewiseLinearSystem):
+            yield direction, cells
+            continue
+        (cell,) = cells
+        selection = Selection(corner.system, cell)
+        vanish = [int(test) for test in selection.bounding if int(test) in corner.zero]
+        slopes = corner.slopes_along(selection, direction)
+        level = [test for test, slope in zip(vanish, slopes, strict=True) if not slope]
+        others = (cell.flip(test) for test in level)
+        every = cell, *(other for other in others if _is_null(corner, direction, other))
+        yield direction, every
+        if len(every) > 1 and not slopes.any():
+            yield -direction, every
+
+
+def _is_null(corner: Corner, direction: Array, cell: Character) -> bool:
+    """Tell whether a direction is a null vector of the Jacobian in a cell."""
+    jacobian = Selection(corner.system, cell).jacobian(corner.x)
+    terms = abs(jacobian) @ np.abs(direction)
+    return bool((np.abs(jacobian @ direction) <= ASTRAY * terms).all())
+
+
+def _is_solid(corner: Corner, character: Character) -> bool:
+    """Tell whether a cell has points inside next to the corner, as not all patterns of signs have.
+
+    By Gordan's theorem no direction makes all tests positive only if a combination of the gradients
+    with weights of at least zero, and with sum one, is zero.
+    """
+    from scipy.optimize import nnls  # noqa: PLC0415  the import takes long
+
+    selection = Selection(corner.system, character)
+    vanish = [int(test) in corner.zero for test in selection.bounding]
+    rows = dense(selection.test_gradients(corner.x))[vanish] * corner.metric.scale
+    sizes = np.linalg.norm(rows, axis=1)
+    if len(rows) < 2 or not sizes.all():
+        return True
+    weights = np.vstack([(rows / sizes[:, np.newaxis]).T, np.ones(len(rows))])
+    return bool(nnls(weights, last_unit(len(weights)))[1] > SLANT)
 
 
 def _bends_into(curve: Curve, state: State) -> bool:
@@ -279,15 +328,7 @@ def _in_parts(corner: Corner) -> ConeProblem | None:
 
 
 def index_along(ray: Ray, zero: frozenset[int]) -> int:
-    """Return the index of a ray along interfaces, from where the tests ``zero`` vanish.
-
-    Where tests vanish all along a ray, small changes of H move the path into one cell or into
-    several, or leave no solution there. The index is the sum of the signs of det(dH/dz) over the
-    solutions nearby, which does not change (docs/theory, "Degenerate paths"): the solutions w of
-    H'(x; (w, 0)) = e for a generic e, a cone problem in which the tests that vanish along the path
-    choose the cell. If a solution lies on an interface or in a singular cell, e is not generic, and
-    another e is tried; if the cells are too many, the sign in the first cell is taken.
-    """
+    """Return the index of a ray along interfaces, from where the tests ``zero`` vanish."""
     system, x, tangent = ray.curve.selection.system, ray.state.x, ray.state.tangent
     scale, which = ray.curve.metric.scale, np.array(sorted(zero), dtype=np.intp)
     rows = system.some_test_gradients(x[:-1], float(x[-1]), which)
@@ -296,8 +337,24 @@ def index_along(ray: Ray, zero: frozenset[int]) -> int:
     stay = frozenset(which[level].tolist())
     near = Corner.at(system, ray.curve.metric, x, ray.state.error, stay)
     near.tests[which] = np.where(level, 0.0, slopes)  # tests that grow along the ray are positive
-    size = abs(ray.curve.selection.jacobian(x)) @ scale
-    metric, row = Metric(np.append(scale, 1.0)), last_unit(len(x))
+    return index_at(ray, near)
+
+
+def index_at(ray: Ray, near: Corner) -> int:
+    """Return the index of a ray along interfaces, near a point of the ray.
+
+    Where tests vanish all along a ray, small changes of H move the path into one cell or into
+    several, or leave no solution there. The index is the sum of the signs of det(dH/dz) over the
+    solutions nearby, which does not change (docs/theory, "Degenerate paths"): the solutions w of
+    H'(x; (w, 0)) = e for a generic e, a cone problem in which the tests that vanish along the path
+    choose the cell. If a solution lies on an interface or in a singular cell, e is not generic, and
+    another e is tried; if the cells are too many, the sign in the first cell is taken.
+
+    ``near``: the point, with only the tests that vanish along the ray as tests that vanish.
+    """
+    scale = ray.curve.metric.scale
+    size = abs(ray.curve.selection.jacobian(ray.state.x)) @ scale
+    metric, row = Metric(np.append(scale, 1.0)), last_unit(len(scale))
     for shift in range(MOST_RIGHT_HAND_SIDES):
         problem = ConeProblem(near, row, generic(len(size), float(shift)) * size)
         if not problem.is_small:

@@ -112,6 +112,10 @@ def inward_ray(curve: Curve, x: Array, error: Array, test: int) -> Ray | None:
     if not metric.norm(defect) <= metric.slack(x, DISAGREE):
         return None
     tangent = metric.normalised(factor.solve(last_unit(len(x))))
+    if not selection.is_straight and abs(gradient.dot(tangent)) <= SLANT * np.abs(gradient).dot(
+        metric.scale
+    ):
+        return None  # the slope may be the error of derivatives
     return Ray(curve, moved(x, defect, tangent, error, factor.sign))
 
 

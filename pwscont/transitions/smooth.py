@@ -17,12 +17,14 @@ number of eigenvalues vanishes together, and where curves touch.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import final
 
 import numpy as np
 
 from pwscont.basics.arrays import Array, Matrix, product
+from pwscont.basics.character import Character
 from pwscont.basics.outcome import TOUCH, Failure, FailureReason, Kind
 from pwscont.basics.rounding import CONFIDENCE, CONVERGED, EPS, GUARD, SAME_ALPHA
 from pwscont.curve.corrector import polished
@@ -32,7 +34,7 @@ from pwscont.curve.newton import uncertainty_beside
 from pwscont.curve.stepper import CurvedSegment, Segment
 from pwscont.linear.factorise import bordered
 from pwscont.system.selection import Selection
-from pwscont.transitions.corner import index_along
+from pwscont.transitions.corner import index_at
 from pwscont.transitions.detector import (
     NARROW_BRACKET,
     UNKNOWN,
@@ -41,7 +43,7 @@ from pwscont.transitions.detector import (
     TransitionDetector,
     locate_sign_change,
 )
-from pwscont.transitions.rays import Corner, Ray, beside, rounding_of_tests
+from pwscont.transitions.rays import Corner, Ray, beside
 
 #: Slopes below this part of the turn of a step are polished where a fold is located: the tangents
 #: of other states are known well enough to tell the side of the fold.
@@ -218,19 +220,27 @@ DISTANCE_TO_SIGN = EPS**0.25
 @final
 @dataclass(frozen=True, slots=True)
 class SmoothBranchPoints(TransitionDetector):
-    """Watches the sign of det[J; t^T], which flips at simple branch points and nowhere else."""
+    """Watches the sign of det[J; t^T], which flips at simple branch points and nowhere else.
+
+    On a path along an interface, the signs in all cells next to the path are watched.
+    """
 
     def read(self, curve: Curve, state: State) -> Reading:
-        """Return the sign and its negative."""
-        sign = float(state.orientation)
-        return Reading(np.array([sign, -sign]), UNKNOWN)
+        """Return each sign and its negative."""
+        signs = state.orientation, *(_sign_around(own, state) for own in _in_other_cells(curve))
+        values = np.array([float(way * sign) for sign in signs for way in (1, -1)])
+        return Reading(values, np.zeros(len(values)) if len(signs) > 1 else UNKNOWN)
 
     def locate(self, segment: Segment, index: int, bracket: tuple[float, float]) -> State | Failure:
         """Solve the extended system from within the bracket."""
         assert isinstance(segment, CurvedSegment)  # straight curves cannot cross
-        found = _locate(segment, bracket, before := 1 if index == 0 else -1)
+        before, orientation = -1 if index % 2 else 1, segment.start.orientation
+        if index >= len(UNKNOWN):
+            own = _in_other_cells(segment.curve)[index // 2 - 1]
+            segment = CurvedSegment.between(own, segment.start, segment.end, segment.suggestion)
+        found = _locate(segment, bracket, before)
         if isinstance(found, Crossing):
-            return State(found.x, _own(segment, found), found.error, before)
+            return State(found.x, _own(segment, found), found.error, orientation)
         return found
 
     def arrive(self, curve: Curve, state: State, index: int) -> SpecialPointFound:
@@ -239,7 +249,8 @@ class SmoothBranchPoints(TransitionDetector):
             return point
         if found := _crossing_at(curve, state.x):
             return branch_point(curve, found, state)
-        onward = Ray(curve, State(state.x, state.tangent, state.error, -state.orientation))
+        after = state.orientation if index >= len(UNKNOWN) else -state.orientation
+        onward = Ray(curve, State(state.x, state.tangent, state.error, after))
         rays = Ray(curve, state).reversed(), onward
         return SpecialPointFound(Kind.DEGENERATE, state.x, TOUCH, rays)
 
@@ -268,12 +279,12 @@ def branch_point_on_interface(curve: Curve, state: State) -> SpecialPointFound |
 
     ``state``: the point as an arrival on the path.
     """
-    system, cells = curve.selection.system, curve.selection.adjacent_cells
-    every = [Curve(Selection(system, cell), curve.metric) for cell in cells]
+    every = _in_cells(curve, curve.selection.adjacent_cells)
     rays = [ray for own in every for ray in _crossing_rays(own, state)]
     if not rays:
         return None
-    onward = State(state.x, state.tangent, state.error, -state.orientation)
+    after = -_sign_before(curve, state.x, -state.tangent)
+    onward = State(state.x, state.tangent, state.error, after)
     path = [_along(curve, Ray(curve, state).reversed()), _along(curve, Ray(curve, onward))]
     message = f"curves cross on the boundary of {curve.selection.label}"
     return SpecialPointFound(Kind.BRANCH_POINT, state.x, message, (*path, *rays))
@@ -292,6 +303,28 @@ def path_through(curve: Curve, corner: Corner) -> SpecialPointFound | None:
     return branch_point_on_interface(path, State(x, tangent, corner.error, sign))
 
 
+def _in_cells(curve: Curve, cells: Iterable[Character]) -> list[Curve]:
+    """Return a path along an interface as a curve of each of these cells."""
+    selections = (Selection(curve.selection.system, cell) for cell in cells)
+    return [Curve(selection, curve.metric) for selection in selections]
+
+
+def _in_other_cells(curve: Curve) -> list[Curve]:
+    """Return a path along an interface as a curve of each cell except the cell that is followed."""
+    here = curve.selection
+    if not here.adjacent_cells:
+        return []  # nearly always
+    pairs = zip(here.adjacent_cells, here.adjacent_names, strict=True)
+    followed = here.system.cell(here.character)
+    return _in_cells(curve, (cell for cell, name in pairs if name != followed))
+
+
+def _sign_around(own: Curve, state: State) -> int:
+    """Return the sign of det[J; t^T] in a cell, zero where the sign differs on both sides."""
+    before = _sign_before(own, state.x, state.tangent)
+    return before if before == -_sign_before(own, state.x, -state.tangent) else 0
+
+
 def _crossing_rays(own: Curve, state: State) -> list[Ray]:
     """Return the rays into a cell of the curve that crosses a path along the cell's boundary."""
     metric, x = own.metric, state.x
@@ -300,8 +333,7 @@ def _crossing_rays(own: Curve, state: State) -> list[Ray]:
     other = _least_along(found, metric.covector(state.tangent))
     sign = _sign_before(own, x, state.tangent)
     gradients = own.selection.test_gradients(x)
-    rounding = rounding_of_tests(gradients, x, state.error, metric.scale)
-    vanish = np.abs(own.selection.tests(x)) <= rounding
+    vanish = np.abs(own.selection.tests(x)) <= LOCATED_AGAIN * (abs(gradients) @ metric.scale)
     ways = [way for way in (other, -other) if (product(gradients, way)[vanish] > 0.0).all()]
     return [Ray(own, State(x, way, state.error, sign)) for way in ways]
 
@@ -320,9 +352,11 @@ def _least_along(found: Crossing, row: Matrix) -> Array:
 
 
 def _sign_before(curve: Curve, x: Array, tangent: Array) -> int:
-    """Return the sign of det[J; t^T] just before a branch point."""
-    near, metric = curve.selection.jacobian(x - DISTANCE_TO_SIGN * tangent), curve.metric
-    return bordered(near, metric.covector(tangent), metric.binary).sign
+    """Return the sign of det[J; t^T] just before a branch point, zero where J has lower rank."""
+    near, metric = x - DISTANCE_TO_SIGN * tangent, curve.metric
+    near[-1] = np.clip(near[-1], *metric.interval)
+    factor = bordered(curve.selection.jacobian(near), metric.covector(tangent), metric.binary)
+    return 0 if factor.is_singular() else factor.sign
 
 
 def _along(curve: Curve, ray: Ray) -> Ray:
@@ -331,7 +365,7 @@ def _along(curve: Curve, ray: Ray) -> Ray:
     if isinstance(beyond, Failure):
         beyond = ray.state
     corner = Corner.at(curve.selection.system, curve.metric, beyond.x, beyond.error)
-    index = index_along(Ray(curve, beyond), corner.zero)
+    index = index_at(Ray(curve, beyond), corner)
     return Ray(curve, ray.state, curve.selection.adjacent_cells, index)
 
 

@@ -1,0 +1,119 @@
+"""Paths that run along a kink: curves of single cells that cross the path, and curved kinks."""
+
+import numpy as np
+import pytest
+
+from pwscont import PiecewiseSystem, Switched, explore, trace
+
+
+def on_kink(t, a, sw, above, below):
+    """Return H with the path t = 0 on a kink, and the curves ``above = 0`` and ``below = 0``."""
+    return sw.max(t, 0.0) * above(t, a) + sw.min(t, 0.0) * below(t, a)
+
+
+def one(t, a):
+    return 1.0 + 0.0 * t
+
+
+#: The factors above and below the kink, and the number of solutions.
+PATHS = {
+    "above": (lambda t, a: t - a, one, lambda a: 1 + (a > 0.0)),
+    "below": (one, lambda t, a: t - a, lambda a: 1 + (a < 0.0)),
+    "both at different alphas": (
+        lambda t, a: t - a + 0.3,
+        lambda t, a: t - a - 0.4,
+        lambda a: 1 + (a > 0.3) + (a < -0.4),
+    ),
+    "a parabola": (lambda t, a: t - a * a + 0.25, one, lambda a: 1 + (abs(a) > 0.5)),
+    "a fold from the path": (lambda t, a: t * t - a, one, lambda a: 1 + (a > 0.0)),
+    "a product close to zero between": (
+        lambda t, a: t - a - 0.78,
+        lambda t, a: t + a + 0.68,
+        lambda a: 1 + (a > -0.78) + (a > -0.68),
+    ),
+}
+ALPHAS = (-0.93, -0.61, -0.13, 0.07, 0.44, 0.77)
+
+
+#: Where the kink lies: straight, oblique and curved.
+KINKS = {
+    "straight": lambda a: 0.0 * a,
+    "oblique": lambda a: 0.37 * a + 0.21,
+    "curved": lambda a: np.sin(a),
+}
+
+
+@pytest.mark.parametrize("kink", KINKS)
+@pytest.mark.parametrize("path", PATHS)
+@pytest.mark.parametrize("begin", [-1.0, 1.0])
+def test_curves_of_one_cell_cross_a_path_on_a_kink(path, kink, begin):
+    """The path is followed by the selection of one cell; a curve of another cell crosses."""
+    above, below, count = PATHS[path]
+    place = KINKS[kink]
+    system = Switched(1, lambda z, a, sw: on_kink(z - place(a), a, sw, above, below))
+    graph = trace(system, ([place(begin)], begin), (-1.0, 1.0))
+    assert [graph.count(alpha) for alpha in ALPHAS] == [count(alpha) for alpha in ALPHAS]
+    assert graph.is_balanced()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("path", PATHS)
+def test_search_finds_the_path_and_the_curves(path):
+    above, below, count = PATHS[path]
+    system = Switched(1, lambda z, a, sw: on_kink(1.3 * z - 0.4 * a, a, sw, above, below))
+    graph = explore(system, (-1.0, 1.0))
+    assert [graph.count(alpha) for alpha in ALPHAS] == [count(alpha) for alpha in ALPHAS]
+    assert graph.is_balanced()
+
+
+def test_a_path_among_other_unknowns():
+    """The kink is oblique, so that the test is zero to rounding only."""
+
+    def equations(z, a, sw):
+        t = z[0] - 2.0 * z[1] / 3.0 + 0.1
+        return [on_kink(t, a, sw, lambda t, a: t - a, one), z[1] - a / 3.0 - 0.1 * z[0]]
+
+    start = np.linalg.solve([[1.0, -2.0 / 3.0], [-0.1, 1.0]], [-0.1, -1.0 / 3.0])
+    graph = trace(Switched(2, equations), (start, -1.0), (-1.0, 1.0))
+    assert [graph.count(alpha) for alpha in ALPHAS] == [1 + (alpha > 0.0) for alpha in ALPHAS]
+    assert graph.is_balanced()
+
+
+class OnSine(PiecewiseSystem):
+    """The path z = sin(alpha) on a curved kink; all derivatives are differences."""
+
+    size, number_of_tests = 1, 1
+
+    def test_functions(self, z, alpha):
+        return np.array([z[0] - np.sin(alpha)])
+
+    def residual(self, z, alpha, character):
+        t = z[0] - np.sin(alpha)
+        return np.array([t * (t - alpha + (0.3 if character.signs[0] else -0.4))])
+
+
+class OnSineWithTests(OnSine):
+    def test_jacobian(self, z, alpha):
+        return np.array([[1.0, -np.cos(alpha)]])
+
+
+class OnSineWithJacobian(OnSine):
+    def jacobian(self, z, alpha, character):
+        t, c = z[0] - np.sin(alpha), np.cos(alpha)
+        slope = 2.0 * t - alpha + (0.3 if character.signs[0] else -0.4)
+        return np.array([[slope, -c * slope - t]])
+
+
+@pytest.mark.parametrize("system", [OnSine, OnSineWithTests, OnSineWithJacobian])
+@pytest.mark.parametrize("begin", [-1.0, -0.1, "explore"])
+def test_derivatives_by_differences_on_a_curved_kink(system, begin):
+    """Slopes of the test along the path are errors of differences, and larger than rounding."""
+    if begin == "explore":
+        graph = explore(system(), (-1.0, 1.0))
+    else:
+        graph = trace(system(), ([np.sin(begin)], begin), (-1.0, 1.0))
+    alphas = (-0.9, -0.5, -0.1, 0.2, 0.33, 0.8)
+    wanted = [1 + (alpha > 0.3) + (alpha < -0.4) for alpha in alphas]
+    assert [graph.count(alpha) for alpha in alphas] == wanted
+    assert graph.is_balanced()
+    assert len(graph.special_points("branch point")) == 2
