@@ -39,7 +39,7 @@ ALPHAS = (-0.93, -0.61, -0.13, 0.07, 0.44, 0.77)
 KINKS = {
     "straight": lambda a: 0.0 * a,
     "oblique": lambda a: 0.37 * a + 0.21,
-    "curved": lambda a: np.sin(a),
+    "curved": np.sin,
 }
 
 
