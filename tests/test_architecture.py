@@ -68,13 +68,13 @@ BUDGET = {
     "continuation": (8, 2768),
     "kit": (4, 940),
     "proof": (9, 2213),
-    "scenes": (14, 2650),
-    "view": (6, 938),
+    "scenes": (14, 2652),
+    "view": (6, 940),
     "evolution": (14, 2999),
-    "two_parameters": (16, 3616),
+    "two_parameters": (16, 3622),
     "studies": (11, 2239),
-    "bench": (15, 1839),
-    "commands": (10, 1144),
+    "bench": (15, 1840),
+    "commands": (10, 1158),
 }
 #: Most files and classes that the README's arch meets; a change that needs more says why.
 MOST_FILES_MET, MOST_CLASSES_MET = 50, 55

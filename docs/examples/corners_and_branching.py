@@ -191,7 +191,7 @@ axes[1, 0].set_ylabel("$u_{t,1} + 0.6\\,u_{t,2}$")
 for ax in axes[1]:
     ax.set_xlim(-1.25, 1.25)
     ax.set_ylim(-1.25, 0.25)
-    ax.set_xlabel("α")
+    ax.set_xlabel("$α$")
 for ax in axes.flat:
     ax.set_xticks([-1.0, -0.5, 0.0, 0.5, 1.0])
 for piece in loop:

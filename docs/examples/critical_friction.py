@@ -148,7 +148,7 @@ ax.axhline(critical, color="0.3", linestyle="--", linewidth=0.8)
 ax.annotate(f"critical F = {critical:g}", (0.1, critical), (0, 4), textcoords="offset points")
 for text, alpha, F in (("3", -1.0, 3.4), ("5", -1.4, 3.83), ("3", -1.37, 2.8), ("1", 0.2, 3.2)):
     ax.text(alpha, F, text, ha="center", va="center")
-ax.set(xlabel="α", ylabel="F", ylim=(0.5, 4.0), title="number of solutions")
+ax.set(xlabel="$α$", ylabel="$F$", ylim=(0.5, 4.0), title="number of solutions")
 
 # %%
 # The same from the command line, with the regions shaded by their exact counts; ``fig4``, ``fig5``

@@ -37,7 +37,9 @@ for ax, c2 in zip(axes, (0.3, -2.0), strict=True):
     plot(graph, "x2", ax=ax)
     ax.set_title(f"$f^- = (1, {c2:g})$")
     print()
+marks = {mark.get_label(): mark for ax in axes for mark in ax.get_legend().legend_handles}
 axes[0].get_legend().remove()
+axes[1].legend(handles=[*marks.values()], loc="upper left", bbox_to_anchor=(1.0, 1.0))
 
 # %%
 # Stability is recorded with every state: ``growth`` is the largest real part of an eigenvalue, for

@@ -214,6 +214,6 @@ axes[0, 1].set_ylabel("$z$")
 for ax, counted in zip(axes[1], (graph, loop_graph), strict=True):
     draw_counts(counted, ax)
     ax.set_ylim(0.0, 5.8)
-    ax.set_xlabel("α")
+    ax.set_xlabel("$α$")
 for ax in axes[0]:
     ax.set_xlabel("")

@@ -110,7 +110,7 @@ def read_netlist(path: str | Path) -> Netlist:
     Raises
     ------
     InvalidInputError
-        If the file cannot be read, too.
+        If the file cannot be read, or the text is refused; the message names the file.
 
     Examples
     --------
@@ -121,8 +121,10 @@ def read_netlist(path: str | Path) -> Netlist:
     """
     try:
         return parse_netlist(Path(path).read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError) as error:
-        raise InvalidInputError(f"netlist {path} cannot be read: {error}") from error
+    except OSError as error:
+        raise InvalidInputError(f"cannot read {path}: {error.strerror}") from error
+    except (InvalidInputError, UnicodeDecodeError) as error:
+        raise InvalidInputError(f"netlist {path}: {error}") from error
 
 
 def parse_netlist(text: str) -> Netlist:
