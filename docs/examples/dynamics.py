@@ -18,10 +18,10 @@ as continuous piecewise-smooth systems, which are followed like any other.
 #
 # .. math:: s f^+(x) + (1 - s) f^-(x) = 0, \qquad h(x) = y - s.
 #
-# A focus that meets the border at :math:`\mu = 0` either goes on as a pseudo-equilibrium, or meets
-# one and both vanish: the two cases of M. di Bernardo, A. Nordmark and G. Olivar
-# (*Discontinuity-induced bifurcations of equilibria in piecewise-smooth and impacting dynamical
-# systems*, Physica D 237, 2008). Here the field beyond the border decides which.
+# A focus that meets the border at :math:`\mu = 0` either goes on as a pseudo-equilibrium, or
+# meets a pseudo-equilibrium and the two vanish: the two cases of M. di Bernardo, A. Nordmark and
+# G. Olivar (*Discontinuity-induced bifurcations of equilibria in piecewise-smooth and impacting
+# dynamical systems*, Physica D 237, 2008). Here the field beyond the border decides which.
 import matplotlib.pyplot as plt
 import numpy as np
 from pwscont_dynamics import AffinePeriodicPoints, PeriodicPoints
