@@ -63,7 +63,7 @@ BUDGET = {
     "curve": (14, 2937),
     "enumeration": (11, 2583),
     "transitions": (12, 3661),
-    "graph": (10, 2639),
+    "graph": (10, 2661),
     "search": (7, 1672),
     "continuation": (8, 2768),
     "kit": (4, 940),
@@ -72,7 +72,7 @@ BUDGET = {
     "view": (6, 940),
     "evolution": (14, 2999),
     "two_parameters": (16, 3622),
-    "studies": (11, 2239),
+    "studies": (11, 2249),
     "bench": (15, 1840),
     "commands": (10, 1158),
 }
