@@ -48,7 +48,8 @@ class Element(ABC):
         if not self.name or not isinstance(self.name, str):
             raise InvalidInputError(f"the name of an element must be a text, got {self.name!r}")
         for field, value in vars(self).items():
-            if not isinstance(value, str | Polyline):
+            is_number = field in (*self.positive, *self.not_negative)
+            if is_number or not isinstance(value, str | Polyline):
                 finite_array(f"{field} of {self.name}", value, ())
             if field in self.positive and not value > 0.0:
                 self._refuse(f"{field} must be positive, got {value:g}")

@@ -142,6 +142,10 @@ def parse_netlist(text: str) -> Netlist:
     >>> len(parse_netlist("divider\nVE a 0 1\nR1 a b 1k\nR2 b 0 1k\n.end\n").circuit.elements)
     3
     """
+    if not isinstance(text, str):
+        raise InvalidInputError(
+            f"a netlist must be a text, got {text!r}; read_netlist takes a path"
+        )
     every = text.removeprefix("\ufeff").splitlines()
     before = next((i for i, line in enumerate(every) if line.strip()), 0)
     title, *rest = every[before:] or [""]
