@@ -247,6 +247,13 @@ def test_what_is_drawn_is_clipped_and_said(cases):
     assert any(f"{FLOOR:.0e}" in text.get_text() for text in figure.legends[0].get_texts())
 
 
+def test_other_programs_do_not_look_like_steppers(cases):
+    row = measure(cases["fig7"], Contestant(EXACT, None, ExactLinear()), quick=True)
+    figure = draw(["fig7"], [row, *(replace(row, stepper=f"program {k}") for k in range(12))])
+    lines = [(h.get_color(), h.get_marker()) for h in figure.legends[0].legend_handles[:13]]
+    assert len(set(lines)) == 13
+
+
 # -- the command ----------------------------------------------------------------------------------
 
 

@@ -299,7 +299,7 @@ def test_a_netlist_with_comments_and_lines_that_go_on_is_read():
 
 def test_a_netlist_is_read_from_a_file(tmp_path):
     assert read_netlist(INVERTER).sweep == ("VIN", 0.0, 5.0)
-    with pytest.raises(InvalidInputError, match=r"netlist .*nothing\.cir cannot be read"):
+    with pytest.raises(InvalidInputError, match=r"cannot read .*nothing\.cir: No such file"):
         read_netlist(tmp_path / "nothing.cir")
     without = tmp_path / "without.cir"
     without.write_text("no sweep\nV1 a 0 1\nR1 a 0 1\n", encoding="utf-8")
@@ -414,3 +414,16 @@ def test_a_resistor_of_any_characteristic_may_have_negative_slopes():
     (found,) = graph.solutions(1.0)
     assert found["V(a)"] + float(curve(found["V(a)"])) == pytest.approx(1.0)
     assert "N on segment" in graph.system.label(found.character)
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda: Resistor("R", "a", "0", "many"), "resistance of R must be an array of numbers"),
+        (lambda: Circuit(3), "elements must be a sequence of elements, got 3"),
+        (lambda: parse_netlist(3), "a netlist must be a text, got 3; read_netlist takes a path"),
+    ],
+)
+def test_what_is_no_circuit_is_refused_in_words(make, words):
+    with pytest.raises(InvalidInputError, match=words):
+        make()

@@ -301,6 +301,23 @@ def test_wrong_usage_ends_with_status_2(capsys, arguments):
     assert "usage: pwscont" in capsys.readouterr().err
 
 
+@pytest.mark.usefixtures("idle")
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["run", "fig7", "--ta", "0.3"], "pwscont run: error: unrecognized arguments: --ta 0.3; "),
+        (["run", "fig7", "--ta", "0.3"], "did you mean --at?"),
+        (["run", "fig7", "--interval", "2", "-2"], "unrecognized arguments: --interval 2 -2\n"),
+        (["scenes", "fig7"], "usage: pwscont scenes"),
+    ],
+)
+def test_unknown_arguments_are_refused_by_their_command(capsys, arguments, words):
+    with pytest.raises(SystemExit) as stop:
+        main(arguments)
+    assert stop.value.code == 2
+    assert words in capsys.readouterr().err
+
+
 # -- scenes and directories that are not there -------------------------------------------------
 
 
@@ -398,6 +415,7 @@ def test_looks_that_fit_no_picture_are_refused_before_any_work(
     [
         (["--format", "jpg"], "choose from"),
         (["--dpi", "0"], "must be a whole number from 20 to 1200, got '0'"),
+        (["--dpi", "-3"], "must be a whole number from 20 to 1200, got '-3'"),
         (["--dpi", "many"], "must be a whole number from 20 to 1200, got 'many'"),
         (["--dpi", "100000"], "must be a whole number"),
         (["--scale", "0"], "must be a positive number, got '0'"),

@@ -59,7 +59,19 @@ def test_a_public_name_has_an_example_that_runs(package, name):
     it = public(package)[name]
     tests = doctest.DocTestFinder(recurse=False).find(it, name, globs={})
     assert any(test.examples for test in tests)
+    assert failures(tests) == 0
+
+
+def failures(tests):
+    """Return how many examples fail."""
     runner = doctest.DocTestRunner(optionflags=doctest.NORMALIZE_WHITESPACE)
     for test in tests:
         runner.run(test)
-    assert runner.failures == 0
+    return runner.failures
+
+
+def test_examples_for_those_who_extend_run():
+    finder, found = doctest.DocTestFinder(), public("pwscont.extending")
+    tests = [test for name, it in found.items() for test in finder.find(it, name, globs={})]
+    assert len([test for test in tests if test.examples]) >= 10
+    assert failures(tests) == 0

@@ -225,7 +225,7 @@ def test_negative_friction_interval(interval):
         (([0.0, np.inf, 0.0, 0.0], 0.0), "z of the start must be finite"),
         ((["a"] * 4, 0.0), "z of the start must be an array of numbers"),
         (3.0, "start must be a pair"),
-        ((np.zeros(4),), "start must be a pair"),
+        ((np.zeros(4),), r"start must be a pair \(z, alpha\), got \(array"),
         ((np.zeros(4), 0.0, 1.0), "start must be a pair"),
         ((np.zeros(4), "here"), "start must be a pair"),
         ((np.zeros(4), 10**400), "start must be a pair"),

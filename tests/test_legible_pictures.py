@@ -5,13 +5,16 @@ from itertools import combinations
 import matplotlib
 import numpy as np
 import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_rgb
+from matplotlib.lines import Line2D
 
 from pwscont import LCP, Switched, explore, plot
-from pwscont.scenes.plotting import draw_scene, told_apart
+from pwscont.scenes.plotting import arrange, draw_scene, place_legend, told_apart
 from pwscont.scenes.registry import load_scene
 from pwscont.scenes.styles import COLORS, color_of, in_letters, in_notation, symbol
-from pwscont.two_parameters.plotting import draw_plane
+from pwscont.two_parameters.plane import Region
+from pwscont.two_parameters.plotting import _off_line, draw_plane
 
 
 @pytest.fixture(autouse=True)
@@ -101,6 +104,28 @@ def test_labels_stand_clear_of_the_frame():
         for text in ax.texts:
             box = text.get_window_extent()
             assert frame.x0 + 1 < box.x0 < box.x1 < frame.x1 - 1
+
+
+@pytest.mark.parametrize("longest", ["G2 at Q max", "G2, G3, G6, G8 at Q max, too", "stick, " * 5])
+def test_no_word_of_a_legend_is_cut(longest):
+    figure, axes = arrange(2, 2, counted=True)
+    for ax in axes.flat:
+        ax.set(ylabel="V14", ylim=(0.7, 0.75))
+    words = ["G2, G3 at Q max"] * 5 + [longest] * 5
+    place_legend(figure, axes[-1, 1:], [Line2D([], [], label=word) for word in words])
+    FigureCanvasAgg(figure).draw()
+    (legend,) = [*figure.legends, *filter(None, [axes[-1, 1].get_legend()])]
+    assert max(text.get_window_extent().x1 for text in legend.get_texts()) <= figure.bbox.x1
+
+
+def test_a_number_stands_apart_from_a_line_across_the_plane_and_in_its_region():
+    corners = np.array([[0.0, 0.0], [4.0, 0.0], [0.0, 4.0]])
+    triangle = Region(corners, corners.mean(axis=0), corners)
+    near, far = np.array([1.0, 1.1]), np.array([1.0, 0.3])
+    assert _off_line(near, 1.0, 0.5, [triangle]).tolist() == [1.0, 0.5]
+    assert _off_line(near, 0.4, 0.8, [triangle]).tolist() == [1.0, 2.0]  # below lies no region
+    assert _off_line(near, 2.0, 3.0, [triangle]).tolist() == near.tolist()  # nor above
+    assert _off_line(far, 1.0, 0.5, [triangle]) is far
 
 
 @pytest.mark.slow

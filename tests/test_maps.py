@@ -453,3 +453,8 @@ def test_other_units_leave_loci_as_they_are(unit):
     assert [s.count for s in other.sectors] == [s.count for s in one.sectors]
     assert other.guarantee == one.guarantee
     assert len(other.loci) == len(one.loci) > 0
+
+
+def test_a_family_is_a_function():
+    with pytest.raises(InvalidInputError, match="family must be a function of mu, got Hinge"):
+        plane(Hinge(3.0, 0.0), UNIT, UNIT)

@@ -380,3 +380,8 @@ class WarmStart:
 def test_a_function_that_keeps_numbers_for_the_next_call_is_refused():
     with pytest.raises(InvalidSystemError, match="keeps numbers of one call for the next"):
         explore(Switched(1, WarmStart()), (-1.0, 1.0))
+
+
+def test_bounds_that_are_no_numbers_are_refused_in_words():
+    with pytest.raises(InvalidInputError, match=r"a bound must be numbers, got \['x'\]"):
+        Complementarity(lambda z, t: z - t, lower=[0.0], upper=["x"])

@@ -132,6 +132,12 @@ def test_what_is_not_there_is_refused(what):
     assert not plt.get_fignums()
 
 
+@pytest.mark.parametrize("graph", [3, None, []])
+def test_only_graphs_are_drawn(graph):
+    with pytest.raises(InvalidInputError, match="graph must be a BranchGraph, got"):
+        plot(graph)
+
+
 # -- colours, styles, widths -----------------------------------------------------------------------
 
 

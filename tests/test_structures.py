@@ -447,7 +447,7 @@ def test_the_scene_of_the_strut():
         (lambda: TrussChain([]), "stiffness of trusses must be positive numbers, at least one"),
         (lambda: TrussChain([1.0], {2: (1.0, 1.0)}), "no node 2; there are nodes 1 to 1"),
         (lambda: TrussChain([1.0], {1: 3.0}), "a stop is a pair of place and stiffness"),
-        (lambda: SofteningBar(0.0), "must be positive"),
+        (lambda: SofteningBar(0.0), r"must be positive numbers, .* got \[0.\]"),
         (lambda: SofteningBar([0.5, 1.0]), r"spring has shape \(2,\)"),
         (lambda: SofteningBar(1.0, [1.0, 1.1]), "several elements need a remaining slope"),
         (lambda: SofteningBar(1.0, [1.0, 1.1], [1.0] * 3), "numbers of elements"),

@@ -164,6 +164,8 @@ def test_what_is_shown_first_must_be_there(cubic):
     assert View(cubic, "square").what == "square"
     with pytest.raises(UnknownNameError, match="did you mean square"):
         View(cubic, "sqare")
+    with pytest.raises(InvalidInputError, match="graph must be a BranchGraph, got 3"):
+        View(3)
 
 
 def test_without_bokeh_one_line_says_what_to_install(monkeypatch, capsys, tmp_path):

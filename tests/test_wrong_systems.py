@@ -232,7 +232,7 @@ def test_a_graph_without_its_functions_says_how_to_give_them(tmp_path):
         ({"label": "x"}, r"Mine.label must be a method, def label\(self, character\)"),
         ({"degree": lambda self: 1}, "Mine.degree must be a value, not a method"),
         ({"unique": lambda self: True}, "Mine.unique must be a value, not a method"),
-        ({"size": 0}, "Mine.size must be the number of unknowns, got 0"),
+        ({"size": 0}, "Mine.size must be an int, the number of unknowns, got 0"),
         (
             {"cells": lambda self: None},
             r"Mine.cells\(\) must yield a Character for each cell, got None",

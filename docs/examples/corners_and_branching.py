@@ -12,9 +12,9 @@ let alone which. This page shows how all of them are found.
 # ---------------------
 #
 # One contact node with friction :math:`F = 4`. The load grows in proportion,
-# :math:`f(\alpha) = \alpha\,(1, -3)`: it presses the node against the floor and pulls it
-# sideways. Without load the body is in no definite mode: it is free, it sticks, and it slips, all
-# with zero forces. Every test function vanishes.
+# :math:`f(\alpha) = \alpha\,(1, -3)`: the load presses the node against the floor and pulls
+# sideways. Without load the body is in no definite mode: free, stick and slip hold at once, with
+# zero forces. Every test function vanishes.
 from itertools import product
 
 import matplotlib.pyplot as plt
@@ -60,7 +60,7 @@ for piece in one.pieces:
 # -------------------------
 #
 # At a simple transition one test function vanishes, two cells meet, and the way on is one linear
-# solve (:doc:`paper_curve`). Where several vanish, take all cells that meet at the point.
+# solve (:doc:`paper_curve`). Where several tests vanish, all cells that meet at the point count.
 # In each of them a direction :math:`d` leads on if :math:`J_\chi d = 0`, and if the derivatives
 # of the vanishing test functions along :math:`d` have the signs of that cell. This is a
 # piecewise-linear problem for :math:`d` (fact F8 of :doc:`/theory`), and it is solved by the same
@@ -75,8 +75,9 @@ for piece in one.pieces:
 #
 # Take two such parts, or three, which know nothing of each other. A state of the whole is any
 # combination of states of the parts: :math:`3^k` of them for :math:`\alpha > 0`, and the sign of
-# its determinant is the product of theirs. That is easy to predict, and hard to follow: at the
-# unloaded body :math:`3^k + 1` pieces meet.
+# the determinant of the whole is the product of the signs of the parts. The number of solutions
+# is easy to predict, and the branches are hard to follow: at the unloaded body :math:`3^k + 1`
+# pieces meet.
 for count in (1, 2, 3):
     many = explore(from_no_load(count, [1.0, -3.0]), (-1.0, 1.0))
     (unloaded,) = many.special_points("nonsmooth branch point")
@@ -111,8 +112,8 @@ for point in symmetric.special_points():
 
 # %%
 # Nine solutions between the folds, :math:`2^2 = 4` at either. Where both nodes are at their folds
-# together, four pieces meet. Where one of them is in its third state meanwhile, the fold stays a
-# simple one. At :math:`\alpha = 1` both begin to slip: a corner, with one way on.
+# together, four pieces meet. Where one of the nodes is in its third state meanwhile, the fold stays
+# simple. At :math:`\alpha = 1` both nodes begin to slip: a corner, with one way on.
 print([symmetric.count(alpha) for alpha in (-1.5, -1.0, -0.75, -0.5, 1.5)])
 
 # %%
@@ -191,7 +192,7 @@ axes[1, 0].set_ylabel("$u_{t,1} + 0.6\\,u_{t,2}$")
 for ax in axes[1]:
     ax.set_xlim(-1.25, 1.25)
     ax.set_ylim(-1.25, 0.25)
-    ax.set_xlabel("α")
+    ax.set_xlabel("$α$")
 for ax in axes.flat:
     ax.set_xticks([-1.0, -0.5, 0.0, 0.5, 1.0])
 for piece in loop:

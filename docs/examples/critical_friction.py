@@ -47,9 +47,9 @@ for fold in folds:
 #
 # .. math:: H_\chi(z, \alpha; F) = 0, \qquad \kappa_i(z, \alpha; F) = 0
 #
-# are a curve in one more unknown: :math:`(z, \alpha)`, with :math:`F` as the parameter. It is
-# piecewise smooth again, because other test functions may vanish along it. So it is one more
-# system for :func:`~pwscont.trace`, and nothing new has to be invented.
+# are a curve in one more unknown: :math:`(z, \alpha)`, with :math:`F` as the parameter. The
+# curve is piecewise smooth again, because other test functions may vanish along the curve. So these
+# equations are one more system for :func:`~pwscont.trace`, and nothing new has to be invented.
 fold = min(folds, key=lambda point: point.alpha)
 vanishing = int(np.argmin(np.abs(family(4.0).test_functions(fold.z, fold.alpha))))
 locus = TransitionLocus(family, vanishing, mu=4.0, alphas=(-8.0, 2.0))
@@ -125,9 +125,9 @@ for node in (0, 1):
         print(f"node {node + 1}, while the other {words}: {critical_ratio(node, others_free):.6f}")
 
 # %%
-# Our path meets node 1 beside a stuck node 2, and node 2 beside a free node 1: both give 2. The
-# smaller 4/3 is for loads that lift node 2 while node 1 slips. That never happens on this path,
-# but it does on others: the critical friction belongs to a load path, not to a body alone.
+# Our path meets node 1 beside a stuck node 2, and node 2 beside a free node 1: 2 in either case.
+# The smaller 4/3 is for loads that lift node 2 while node 1 slips. That never happens on this path,
+# but happens on other paths: the critical friction belongs to a load path, not to a body alone.
 #
 # Just above, there are loads with three solutions; just below, every load of the path has one.
 for F in (2.01, 1.99):
@@ -148,7 +148,7 @@ ax.axhline(critical, color="0.3", linestyle="--", linewidth=0.8)
 ax.annotate(f"critical F = {critical:g}", (0.1, critical), (0, 4), textcoords="offset points")
 for text, alpha, F in (("3", -1.0, 3.4), ("5", -1.4, 3.83), ("3", -1.37, 2.8), ("1", 0.2, 3.2)):
     ax.text(alpha, F, text, ha="center", va="center")
-ax.set(xlabel="α", ylabel="F", ylim=(0.5, 4.0), title="number of solutions")
+ax.set(xlabel="$α$", ylabel="$F$", ylim=(0.5, 4.0), title="number of solutions")
 
 # %%
 # The same from the command line, with the regions shaded by their exact counts; ``fig4``, ``fig5``

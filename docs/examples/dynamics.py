@@ -18,10 +18,10 @@ as continuous piecewise-smooth systems, which are followed like any other.
 #
 # .. math:: s f^+(x) + (1 - s) f^-(x) = 0, \qquad h(x) = y - s.
 #
-# A focus that meets the border at :math:`\mu = 0` either goes on as a pseudo-equilibrium, or meets
-# one and both vanish: the two cases of M. di Bernardo, A. Nordmark and G. Olivar
-# (*Discontinuity-induced bifurcations of equilibria in piecewise-smooth and impacting dynamical
-# systems*, Physica D 237, 2008). Here the field beyond the border decides which.
+# A focus that meets the border at :math:`\mu = 0` either goes on as a pseudo-equilibrium, or
+# meets a pseudo-equilibrium and the two vanish: the two cases of M. di Bernardo, A. Nordmark and
+# G. Olivar (*Discontinuity-induced bifurcations of equilibria in piecewise-smooth and impacting
+# dynamical systems*, Physica D 237, 2008). Here the field beyond the border decides which.
 import matplotlib.pyplot as plt
 import numpy as np
 from pwscont_dynamics import AffinePeriodicPoints, PeriodicPoints
@@ -37,7 +37,9 @@ for ax, c2 in zip(axes, (0.3, -2.0), strict=True):
     plot(graph, "x2", ax=ax)
     ax.set_title(f"$f^- = (1, {c2:g})$")
     print()
+marks = {mark.get_label(): mark for ax in axes for mark in ax.get_legend().legend_handles}
 axes[0].get_legend().remove()
+axes[1].legend(handles=[*marks.values()], loc="upper left", bbox_to_anchor=(1.0, 1.0))
 
 # %%
 # Stability is recorded with every state: ``growth`` is the largest real part of an eigenvalue, for

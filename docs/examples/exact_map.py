@@ -68,8 +68,8 @@ for edge in found.transitions:
 for edge in found.folds:
     ax.plot(*edge.plane.T, color="#D55E00", linewidth=2.0)
 ax.axhline(0.4, color="0.3", linestyle="--", linewidth=0.8)
-ax.annotate("the paper's path", (0.2, 0.4), (0, 4), textcoords="offset points")
-ax.set(xlabel="α", ylabel="normal load on node 1", xlim=(-8, 2), ylim=(-2, 3))
+ax.annotate("the paper's path", (-7.8, 0.4), (0, 4), textcoords="offset points")
+ax.set(xlabel="$α$", ylabel="normal load on node 1", xlim=(-8, 2), ylim=(-2, 3))
 
 # %%
 # The same from the command line, with the solutions of every region as text::

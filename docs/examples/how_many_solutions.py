@@ -12,7 +12,7 @@ missing.
 # A body with two contact nodes
 # -----------------------------
 #
-# The chain of Janovský and Ligurský (2012) touches the floor with two nodes. Both are pressed
+# The chain of Janovský and Ligurský (2012) touches the floor with two nodes. Each node is pressed
 # against the floor with 1; the first is pulled sideways with :math:`\alpha`, the second with
 # :math:`2\alpha`. The coefficient of friction is :math:`F = 4`.
 import matplotlib.pyplot as plt
@@ -67,12 +67,12 @@ for distance in (-1e-12, 0.0, 1e-12):
     print(f"alpha = -2 {distance:+g}: {len(found)} solutions", *kinds)
 
 # %%
-# Three, four, five: two solutions are born at the fold. At the fold itself they are one, which is
-# counted once. Its ``det_sign`` is 0, the sum of the two that meet.
+# Three, four, five: two solutions are born at the fold. At the fold itself the two are one
+# solution, which is counted once. Its ``det_sign`` is 0, the sum of the two signs.
 #
-# How close may one come? Each candidate is refined on the full system, and the signs of
-# its tests decide to within the rounding of their own terms. There is no fixed tolerance, so what
-# holds here holds in other units, too.
+# How close to a fold may :math:`\alpha` come? Each candidate is refined on the full system, and
+# the signs of its tests decide to within the rounding of their own terms. There is no fixed
+# tolerance, so what holds here holds in other units, too.
 #
 # Under all loads
 # ---------------
@@ -83,7 +83,7 @@ print(graph)
 
 # %%
 # The entries of ``multiplicity`` are triples that know whether their number holds at both of
-# their ends. ``with_count`` asks the other way round: where are there exactly so many?
+# their ends. ``with_count`` asks the other way round: where are there exactly this many?
 for stretch in graph.multiplicity():
     print(f"{stretch.ends:<13} {stretch[2]}")
 for number in (2, 4, 5):
@@ -123,25 +123,27 @@ for name, search in searches.items():
 #
 # * :class:`~pwscont.AllTransitions` lists every point at which any node changes its mode, in the
 #   whole interval, and all solutions at its lower end. On straight pieces this leaves nothing
-#   out: *complete*. It is the default for small piecewise-linear systems.
+#   out: *complete*. The default for small piecewise-linear systems.
 # * :class:`~pwscont.EndPoints` lists all solutions at both ends. Every branch but a closed loop
-#   reaches an end (fact F5): *complete but for closed loops*. It is the default for larger
+#   reaches an end (fact F5): *complete but for closed loops*. The default for larger
 #   systems that are affine in :math:`z`, such as curved load paths or a varying :math:`F`.
-# * :class:`~pwscont.Slices` looks at the values of alpha that you name. What passes between them
-#   is missed, so it promises nothing.
-# * :class:`~pwscont.MultiStart` runs Newton from random starts and divides out what it has found.
+# * :class:`~pwscont.Slices` looks at the values of alpha that you name. What passes between the
+#   slices is missed, so slices promise nothing.
+# * :class:`~pwscont.MultiStart` runs Newton from random starts and divides out what was found.
 #   ``FromFrictionless`` follows the only solution at :math:`F = 0` up to the :math:`F` asked for.
-#   Both work for any size and promise nothing; the default for large systems adds them up.
+#   The last two searches work for any size and promise nothing; the default for large systems adds
+#   them up.
 #
 # If a search promises nothing, paths that leave the interval are followed a little further. So the
 # one solution from :math:`F = 0` became two: its path leaves at -1.3, turns at the fold at -1.2 and
 # comes back. The other three lie farther along the curve, and were not reached.
 #
-# Then the balance is left as a check. It may tell that a branch is missing, as it does here. It
-# cannot tell that none is: a single solution of sign +1 has the right sum as well, and the four
-# others here cancel. Then the graph says "balanced", and that is all it means.
+# Then the balance is left as a check. The balance may tell that a branch is missing, as here. The
+# balance cannot tell that nothing is missing: a single solution of sign +1 has the right sum as
+# well, and the four other solutions here cancel. Then the graph says "balanced", and means no
+# more.
 #
-# ``graph.searched`` keeps the words and the promise of the search; both are saved with the graph.
+# ``graph.searched`` keeps the words and the promise of the search, and is saved with the graph.
 print(graph.searched.what, "->", graph.guarantee)
 
 
@@ -181,9 +183,9 @@ for name, search in loop_searches.items():
     print(f"{name:<29} {part.count(0.0)} at 0, balance {part.balance(0.3)}: {part.guarantee}")
 
 # %%
-# At :math:`\alpha = \pm 2` there is no trace of the loop, and the balance does not miss it either:
-# what it adds is +1 - 1. Searches add up with ``+``; a slice through the loop finds it, although
-# one must know where to cut, and the promise stays what it was. A closed polygon has
+# At :math:`\alpha = \pm 2` there is no trace of the loop, and the balance does not miss the loop
+# either: the loop adds +1 - 1. Searches add up with ``+``; a slice through the loop finds the
+# loop, if the user knows where to cut, and the promise stays the same. A closed polygon has
 # corners, and corners are transitions: ``AllTransitions`` finds every loop of a piecewise-linear
 # system.
 loop_graph = explore(loop_system, (-2.0, 2.0))  # AllTransitions by default
@@ -214,6 +216,6 @@ axes[0, 1].set_ylabel("$z$")
 for ax, counted in zip(axes[1], (graph, loop_graph), strict=True):
     draw_counts(counted, ax)
     ax.set_ylim(0.0, 5.8)
-    ax.set_xlabel("α")
+    ax.set_xlabel("$α$")
 for ax in axes[0]:
     ax.set_xlabel("")

@@ -96,8 +96,8 @@ print([stretch.ends for stretch in jam.with_count(3)])
 #
 # :class:`pwscont.extending.BodyPicture` has two methods: ``shapes`` returns the body in several
 # states (where its nodes are drawn, how elements are coloured, pressure and shear of the contact
-# nodes), and ``contact_states`` what each contact node does in a cell. ``ElasticPicture`` is one of
-# them:
+# nodes), and ``contact_states`` what each contact node does in a cell. ``ElasticPicture`` is
+# the picture of finite element bodies:
 picture = ElasticPicture(problem)
 middle = jam.solutions(0.07)[1]
 shapes = picture.shapes(np.append(middle.z, middle.alpha)[np.newaxis])

@@ -125,8 +125,8 @@ for point in graph.special_points():
 # One thing to know about completeness. For a nonlinear system like this one the search tries Newton
 # at both ends, once per cell and from random starts, which may miss solutions. The balance helps to
 # judge: the deflections are bounded under bounded loads, so the signs of
-# :math:`\det(\partial H/\partial z)` must have the same sum at every :math:`\alpha`. That is
-# necessary, not sufficient: a missed pair of opposite signs goes unnoticed.
+# :math:`\det(\partial H/\partial z)` must have the same sum at every :math:`\alpha`. A constant
+# sum is necessary, not sufficient: a missed pair of opposite signs goes unnoticed.
 print(graph.balances(), graph.is_balanced())
 
 # %%

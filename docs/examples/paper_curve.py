@@ -130,8 +130,8 @@ for solution in graph.solutions(-0.75):
 
 # %%
 # The signs of the three determinants sum to +1. For Coulomb friction the sum is +1 under every
-# load (fact F4), whatever the number of solutions. If it were not constant, a branch would be
-# missing. The converse does not hold: two missing solutions of opposite sign go unnoticed.
+# load (fact F4), whatever the number of solutions. If the sum were not constant, a branch
+# would be missing. The converse does not hold: two missing solutions of opposite sign go unnoticed.
 print(graph.balances(), graph.is_balanced())
 
 # %%
@@ -139,7 +139,7 @@ print(graph.balances(), graph.is_balanced())
 # ------------------------
 #
 # :func:`~pwscont.explore` does not need a start. It lists all solutions at both ends of the
-# interval, mode by mode, and follows each. That gives every branch but closed loops.
+# interval, mode by mode, and follows each solution: every branch except closed loops.
 everything = explore(system, (-2.0, 2.0))
 print(len(everything.components()), "component,", len(everything.pieces), "pieces")
 

@@ -97,7 +97,7 @@ ax.plot(*answer.loci.meetings.T, "ko")
 ax.text(1.1, 0.55, "limit", ha="right")
 ax.text(2.55, 1.2, "nose", color=colors["nose"])
 ax.text(2.9, 2.75, "both at once", color=colors["limit and nose at once"], ha="right")
-ax.set(xlabel="λ", ylabel="Q max", xlim=(0.2, 3.2), ylim=(0.0, 4.0))
+ax.set(xlabel="$λ$", ylabel="Q max", xlim=(0.2, 3.2), ylim=(0.0, 4.0))
 
 # %%
 # A test case

@@ -45,12 +45,16 @@ pieces = {piece.id for piece in loop}
 print("on the loop:", sum(solution.piece in pieces for solution in stopped.solutions(0.2)))
 
 
-def legend_below(figure, ax):
-    """Move the legend of one diagram below all."""
-    handles = ax.get_legend().legend_handles
-    for each in figure.axes:
-        each.get_legend().remove()
-    figure.legend(handles=handles, loc="outside lower center", ncols=4, fontsize="small")
+def legend_below(figure):
+    """Join the legends of all diagrams below the diagrams."""
+    handles = {}
+    for ax in figure.axes:
+        for handle in ax.get_legend().legend_handles:
+            handles.setdefault(handle.get_label(), handle)
+        ax.get_legend().remove()
+    figure.legend(
+        handles=[*handles.values()], loc="outside lower center", ncols=4, fontsize="small"
+    )
 
 
 figure, axes = plt.subplots(1, 2, figsize=(9.5, 4.8), layout="constrained")
@@ -60,7 +64,7 @@ for ax, title in zip(axes, ("three trusses", "two trusses and a stop"), strict=T
     ax.set_title(title, fontsize="medium")
     for text in list(ax.texts):  # the loads are printed above
         text.remove()
-legend_below(figure, axes[1])
+legend_below(figure)
 
 # %%
 # A bar that softens
@@ -89,7 +93,7 @@ plot(bar, SofteningBar().force, ax=axes[0])
 axes[0].set(title="one element", ylabel="force")
 plot(torn, "force", ax=axes[1])
 axes[1].set(title="two elements")
-legend_below(figure, axes[0])
+legend_below(figure)
 
 # %%
 # A string and a membrane over an obstacle
@@ -174,7 +178,7 @@ for solution in held.solutions(20.0):
 for support in strut.supports:
     axes[1].plot([0.5], [support.height * 1.08], "kv" if support.height > 0 else "k^", ms=9)
 axes[1].legend()
-legend_below(figure, axes[0])
+legend_below(figure)
 axes[1].set(xlabel="x", ylabel="w")
 axes[1].set_title("the three states at P = 20, height exaggerated", fontsize="medium")
 axes[1].legend(fontsize="small", loc="upper right")

@@ -68,7 +68,7 @@ ax.legend()
 plt.show()
 
 # %%
-# The body with the most equilibria is one call away, for its settings are all that it is made of:
+# The body with the most equilibria is one call away, for a body follows from its settings alone:
 worst = max((row for row in result if not row.failure), key=lambda row: row.values["max-count"])
 graph = explore(*random_body(**worst.settings))
 print(dict(worst.settings), [(p.kind.value, round(p.alpha, 4)) for p in graph.special_points()][:4])
@@ -89,7 +89,7 @@ print(dict(worst.settings), [(p.kind.value, round(p.alpha, 4)) for p in graph.sp
 #         result.write_csv("bodies.csv")
 #
 # One process a core is best: each keeps its linear algebra to one thread, since threads of small
-# matrices only wait for each other. Every row is in the file as soon as it is finished. After
+# matrices only wait for each other. Every row is in the file as soon as its body is finished. After
 # Ctrl-C, a power cut or ``kill -9`` add ``resume=True``: finished rows are kept, and one of them is
 # run again to see that the function is still the same.
 #

@@ -40,6 +40,8 @@ class Circuit:
     """
 
     def __init__(self, elements: Iterable[Element]) -> None:
+        if not isinstance(elements, Iterable):
+            raise InvalidInputError(f"elements must be a sequence of elements, got {elements!r}")
         self.elements = tuple(elements)
         for element in self.elements:
             if not isinstance(element, Element):

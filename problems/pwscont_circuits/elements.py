@@ -25,6 +25,11 @@ States: TypeAlias = Mapping[tuple[int, ...], tuple[str, str]]
 class Element(ABC):
     """A named element between named nodes; all numbers of an element must be finite.
 
+    Raises
+    ------
+    InvalidInputError
+        If the name is no text, or a number is not finite or has the wrong sign.
+
     Examples
     --------
     >>> from pwscont_circuits import Element, Resistor
@@ -43,7 +48,8 @@ class Element(ABC):
         if not self.name or not isinstance(self.name, str):
             raise InvalidInputError(f"the name of an element must be a text, got {self.name!r}")
         for field, value in vars(self).items():
-            if not isinstance(value, str | Polyline):
+            is_number = field in (*self.positive, *self.not_negative)
+            if is_number or not isinstance(value, str | Polyline):
                 finite_array(f"{field} of {self.name}", value, ())
             if field in self.positive and not value > 0.0:
                 self._refuse(f"{field} must be positive, got {value:g}")
@@ -259,6 +265,11 @@ class BipolarTransistor(Element):
     i_E = i_F - reverse_alpha i_R (Ebers and Moll, *Large-signal behavior of junction transistors*,
     Proceedings of the IRE 42, 1954). A PNP transistor has all voltages and currents reversed.
 
+    Raises
+    ------
+    InvalidInputError
+        If ``kind`` is another word, a gain is 1 or more, or as for Element.
+
     Examples
     --------
     >>> from pwscont_circuits import BipolarTransistor
@@ -313,6 +324,11 @@ class MosfetSwitch(Element):
     g = 1 / resistance: a resistor where drain and source conduct (on), a constant current where a
     single end conducts (saturated), no current where no end conducts (off). The gate takes no
     current. In a PMOS switch all voltages and currents are reversed.
+
+    Raises
+    ------
+    InvalidInputError
+        If ``kind`` is neither "nmos" nor "pmos", or as for Element.
 
     Examples
     --------

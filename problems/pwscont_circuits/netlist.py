@@ -110,7 +110,7 @@ def read_netlist(path: str | Path) -> Netlist:
     Raises
     ------
     InvalidInputError
-        If the file cannot be read, too.
+        If the file cannot be read, or the text is refused; the message names the file.
 
     Examples
     --------
@@ -121,8 +121,10 @@ def read_netlist(path: str | Path) -> Netlist:
     """
     try:
         return parse_netlist(Path(path).read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError) as error:
-        raise InvalidInputError(f"netlist {path} cannot be read: {error}") from error
+    except OSError as error:
+        raise InvalidInputError(f"cannot read {path}: {error.strerror}") from error
+    except (InvalidInputError, UnicodeDecodeError) as error:
+        raise InvalidInputError(f"netlist {path}: {error}") from error
 
 
 def parse_netlist(text: str) -> Netlist:
@@ -140,6 +142,10 @@ def parse_netlist(text: str) -> Netlist:
     >>> len(parse_netlist("divider\nVE a 0 1\nR1 a b 1k\nR2 b 0 1k\n.end\n").circuit.elements)
     3
     """
+    if not isinstance(text, str):
+        raise InvalidInputError(
+            f"a netlist must be a text, got {text!r}; read_netlist takes a path"
+        )
     every = text.removeprefix("\ufeff").splitlines()
     before = next((i for i, line in enumerate(every) if line.strip()), 0)
     title, *rest = every[before:] or [""]

@@ -32,6 +32,11 @@ class CoulombFriction(Coulomb):
     profile : float or array_like, shape (p,), optional
         Ratios between the nodes' coefficients, not negative; default all 1.
 
+    Raises
+    ------
+    InvalidInputError
+        If shapes do not fit the body, a ratio is negative, or the load moves a guided node.
+
     Examples
     --------
     >>> from pwscont import explore

@@ -20,6 +20,11 @@ class AffineLoad(Fixed):
     f0, f1 : array_like, shape (n,)
         Load at alpha = 0 and load per unit of alpha.
 
+    Raises
+    ------
+    InvalidInputError
+        If ``f0`` and ``f1`` are no finite arrays of one shape.
+
     Examples
     --------
     >>> from pwscont_coulomb import AffineLoad
@@ -57,6 +62,11 @@ class HarmonicLoad(Fixed):
         Angle per unit of alpha; default 1.
     phase : float, optional
         Angle at alpha = 0; default 0.
+
+    Raises
+    ------
+    InvalidInputError
+        If ``f0``, ``fc`` and ``fs`` are no finite arrays of one shape, or w or phase is no number.
 
     Examples
     --------

@@ -18,7 +18,7 @@ from pwscont.extending import Matrix
 NO_NUMBER = re.compile(rb"^[^%\n]*?([0-9eE+.\-]*[^%\s0-9eE+.\-]\S*)", re.MULTILINE)
 #: What else lines of numbers are made of.
 NUMBERS = b"0123456789eE+-. \t\r\n"
-#: So many bytes of a file are looked at, at once.
+#: Number of bytes of a file that are looked at together.
 TOGETHER = 2**24
 
 

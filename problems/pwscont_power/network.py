@@ -78,6 +78,11 @@ class Generator:
     Q_min, Q_max : float
         Limits of the reactive power, Q_min < Q_max; a limit may be infinite.
 
+    Raises
+    ------
+    InvalidInputError
+        If V is not positive, or Q_min is not below Q_max.
+
     Examples
     --------
     >>> from pwscont_power import Generator

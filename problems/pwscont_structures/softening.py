@@ -161,6 +161,8 @@ def _alike(*numbers: float | Sequence[float] | Array) -> list[Array]:
     except ValueError as error:
         raise InvalidInputError(f"numbers of elements: {error}") from error
     checked = [finite_array("numbers of a softening bar", each) for each in given]
-    if any(each.ndim != 1 or (each <= 0.0).any() for each in checked):
-        raise InvalidInputError("spring, strength, modulus and softening must be positive")
+    for each in checked:
+        if each.ndim != 1 or (each <= 0.0).any():
+            words = "spring, strength, modulus and softening must be positive numbers"
+            raise InvalidInputError(f"{words}, one for each element or one for all, got {each}")
     return checked

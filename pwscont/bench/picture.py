@@ -30,7 +30,7 @@ LEGEND, LEGEND_ROW, LEGEND_COLUMNS = 0.3, 0.22, 3  # inches, inches a row, and n
 LEAST_WIDTH = 10.0  # inches, for the three columns of the legend
 COLOURS = [*(f"C{i}" for i in range(7)), *map(to_hex, colormaps["Dark2"](np.arange(7)))]
 #: Looks by the place of a name in ``NAMES``, so that a stepper always has the same look; further
-#: programs come after all steppers.
+#: programs take looks that are free.
 LOOKS = [{"color": c, "marker": m} for c, m in zip(COLOURS, "*opsD^vP<>hd8H", strict=True)]
 Kind = Callable[[Errors], float]
 Look = dict[str, Any]
@@ -91,9 +91,10 @@ def _labelled(low: float, high: float) -> tuple[float, ...]:
 def _looks(rows: Sequence[Row]) -> dict[str, Look]:
     """Return colour and marker of every name that occurs, steppers first."""
     found = dict.fromkeys(row.stepper for row in rows)
-    others = [name for name in found if name not in NAMES]
-    looks = zip((*NAMES, *others), cycle(LOOKS), strict=False)
-    return {name: look for name, look in looks if name in found}
+    own = {name: look for name, look in zip(NAMES, LOOKS, strict=False) if name in found}
+    free = [look for look in LOOKS if look not in own.values()]
+    others = [name for name in found if name not in own]
+    return own | dict(zip(others, cycle(free), strict=False))
 
 
 def _line(ax: Axes, rows: Sequence[Row], kind: Kind, **look: Any) -> None:

@@ -11,7 +11,7 @@ from io import TextIOWrapper
 from pathlib import Path
 
 from pwscont import PwscontError
-from pwscont.commands.options import add_looks, add_scene, complete, spread, with_examples
+from pwscont.commands.options import Parser, add_looks, add_scene, complete, spread, with_examples
 from pwscont.commands.run import run_scene
 from pwscont.commands.subcommands import add_bench, add_sweep, add_view
 from pwscont.scenes.registry import (
@@ -73,7 +73,7 @@ def _close_output() -> None:
 
 def _parser() -> argparse.ArgumentParser:
     words = "Follow the solutions of piecewise-smooth systems."
-    parser = argparse.ArgumentParser(prog="pwscont", **with_examples("", description=words))
+    parser = Parser(prog="pwscont", **with_examples("", description=words))
     parser.add_argument("--version", action="version", version=f"pwscont {version('pwscont')}")
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
     scenes = commands.add_parser("scenes", help="list the scenes")

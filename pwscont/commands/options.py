@@ -12,6 +12,7 @@ from __future__ import annotations
 import argparse
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from difflib import get_close_matches
 from importlib import import_module
 from math import inf
 from typing import Any
@@ -19,6 +20,19 @@ from typing import Any
 from pwscont import InvalidInputError
 from pwscont.scenes.answer import FORMATS, Look, Runnable
 from pwscont.scenes.registry import scene_names
+
+
+class Parser(argparse.ArgumentParser):
+    """A parser, also of each command, that refuses what it does not know, with similar options."""
+
+    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
+        """Return the options and no further arguments: the usage shown is that of the command."""
+        options, unknown = super().parse_known_args(args, namespace)
+        if unknown:
+            near = get_close_matches(unknown[0], self._option_string_actions, n=1)
+            hint = f"; did you mean {near[0]}?" if near else ""
+            self.error(f"unrecognized arguments: {' '.join(map(str.strip, unknown))}{hint}")
+        return options, unknown
 
 
 def _is_number(argument: str) -> bool:
@@ -151,7 +165,7 @@ def _dots(text: str) -> int:
     least, most = DPI
     if not (text.strip().isdecimal() and least <= int(text) <= most):
         raise argparse.ArgumentTypeError(
-            f"must be a whole number from {least} to {most}, got {text!r}"
+            f"must be a whole number from {least} to {most}, got {text.strip()!r}"
         )
     return int(text)
 
@@ -162,7 +176,7 @@ def _factor(text: str) -> float:
     except ValueError:
         factor = -1.0
     if not 0.0 < factor < inf:
-        raise argparse.ArgumentTypeError(f"must be a positive number, got {text!r}")
+        raise argparse.ArgumentTypeError(f"must be a positive number, got {text.strip()!r}")
     return factor
 
 

@@ -21,7 +21,7 @@ from pwscont.studies.study import Study
 DEFAULT_MEASURE = "max-count"
 #: Most rows that are printed one by one; more rows are summed up.
 MOST_ROWS = 24
-#: The number of failures, and of different values of a measure, that are listed at most.
+#: Most failures, and most different values of a measure, that are listed.
 MOST_LISTED = 5
 
 

@@ -14,7 +14,7 @@ from pwscont.basics.arrays import Array, finite_array
 from pwscont.basics.budget import Budget, Limits
 from pwscont.basics.errors import InvalidInputError, StartNotFoundError
 from pwscont.basics.outcome import Failure, SearchScope
-from pwscont.basics.printing import counted
+from pwscont.basics.printing import counted, short
 from pwscont.basics.quantities import Function, checked_record
 from pwscont.continuation.journal import Journal
 from pwscont.continuation.run import (
@@ -61,10 +61,10 @@ def checked_start(
 ) -> Start:
     """Return z, with hidden unknowns, and alpha of a start, or say what is wrong with it."""
     try:
-        z, alpha = start[0], float(start[1])
-        pair = len(start) == 2
+        z, alpha, pair = start[0], float(start[1]), len(start) == 2
     except (TypeError, ValueError, OverflowError, LookupError) as error:
-        raise InvalidInputError(f"{name} must be a pair (z, alpha): {error}") from error
+        got = short(repr(start))
+        raise InvalidInputError(f"{name} must be a pair (z, alpha), got {got}") from error
     if not pair:
         raise InvalidInputError(f"{name} must be a pair (z, alpha), got {len(start)} entries")
     if not interval[0] <= alpha <= interval[1]:

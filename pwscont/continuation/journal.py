@@ -8,9 +8,9 @@ The file is an SQLite database of numbered records, each written in a transactio
 checksum over its number and content. A journal without the last records (after a power failure, or
 without the log of SQLite, ``NAME-wal``) is the journal of a run that was stopped earlier, and leads
 to the same graph, to rounding. Every other change is refused, and so is the journal of another
-problem, perhaps one that begins alike: names, interval, stepper, and the values of H and of the
-tests at generic points are compared before any work, and each piece with the ray that begins
-the piece.
+problem, even if that problem begins alike: names, interval, stepper, and the values of H and of the
+tests at generic points are compared before any work, and each piece with the ray that begins the
+piece.
 """
 
 from __future__ import annotations

@@ -256,7 +256,7 @@ def plan_in_words(
 
 
 def default_search_of(plan: Plan, around: Sequence[Array] = ()) -> Search:
-    """Return the default search; if the system is a formula, with proofs where these are quick.
+    """Return the default search; of a formula, with proofs where proofs are quick.
 
     ``around``: states from which starts are tried.
     """
@@ -320,7 +320,7 @@ def follow_starts(plan: Plan, starts: Iterable[Found], searched: SearchScope) ->
 def _follow_from(
     starts: Iterable[Found], plan: Plan, discovery: Discovery, without_digits: list[Array]
 ) -> None:
-    """Follow the starts within the bounds, and keep those of which no digit is certain."""
+    """Follow the starts within the bounds, and collect starts without a certain digit."""
     scale = plan.metric.scale
     for x, given in starts:
         error = np.atleast_2d(given)  # searches may give one sample as a vector

@@ -255,7 +255,7 @@ class Known:
 
     x: Array
     error: Array
-    holds: list[Signs]  # of which options of each block the inequalities hold
+    holds: list[Signs]  # per block, the options whose inequalities hold
     det_sign: int
     picks: list[Indices]
 

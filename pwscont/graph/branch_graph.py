@@ -162,7 +162,7 @@ class BranchGraph(ConnectedPieces):
 
     @property
     def _promise(self) -> str:
-        """The guarantee, and of which box it is where a proof holds."""
+        """The guarantee, and the box of the proof where a proof holds."""
         words = self.guarantee
         is_of_box = self.pieces and "in the box, proved" in words
         return f"{words}\n  {self.proof.where}" if is_of_box else words

@@ -255,7 +255,7 @@ def with_slack(solution: Solution, typical: Any, part: float = NEAR_A_PROVED_SOL
 def are_matched(proved: Sequence[Corners], found: Sequence[Corners]) -> bool:
     """Tell whether solutions proved, between corners, are those found with slack, one to one.
 
-    A solution found belongs to the nearest one proved: none is listed twice for a close one.
+    A solution found belongs to the nearest proved solution, so that no solution is counted twice.
     """
     left = dict(enumerate(proved))
     for z, slack in found:

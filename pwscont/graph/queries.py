@@ -32,7 +32,7 @@ from pwscont.transitions.detector import locate_zero
 
 #: A step is halved at most this often where the cubic is too far from the curve to tell the sheet.
 MOST_HALVINGS_OF_STEP = 8
-#: A solution that is farther from its place than this part of a step is one of a changed system.
+#: A solution farther from its place than this part of a step belongs to a changed system.
 MOVED = 1e-3
 
 

@@ -111,6 +111,13 @@ class SpecialPoint:
     events : str
         The names of the events, and the words of users' detectors, that are zero here, where the
         point is of another kind.
+
+    Examples
+    --------
+    >>> from pwscont import LCP, explore
+    >>> graph = explore(LCP([[2.0]], q=[0.0], d=[-1.0]), (-1.0, 1.0))
+    >>> [(str(point.kind), point.alpha) for point in graph.special_points()]
+    [('start', -1.0), ('transition', 0.0), ('end', 1.0)]
     """
 
     id: int
@@ -181,6 +188,13 @@ class Piece:
         Sign of det(dH/dz) inside the piece, 0 on a vertical piece. Along interfaces the index: the
         sum of the signs of the solutions into which a small change of H splits the piece, so 0
         where two solutions of opposite signs coincide.
+
+    Examples
+    --------
+    >>> from pwscont import LCP, explore
+    >>> graph = explore(LCP([[2.0]], q=[0.0], d=[-1.0]), (-1.0, 1.0))
+    >>> [(piece.label, piece.det_sign, len(piece.points)) for piece in graph.pieces]
+    [('at its lower bound: z[0]', 1, 2), ('above its lower bound: z[0]', 1, 2)]
     """
 
     id: int
@@ -259,6 +273,14 @@ class Solution:
         Number of significant decimal digits, by the estimate of the error.
     quantities : Quantities
         The unknowns and recorded quantities by name.
+
+    Examples
+    --------
+    >>> from pwscont import LCP, explore
+    >>> graph = explore(LCP([[2.0]], q=[0.0], d=[-1.0]), (-1.0, 1.0))
+    >>> (solution,) = graph.solutions(0.5)
+    >>> solution["z[0]"], solution.det_sign, solution.label
+    (0.25, 1, 'above its lower bound: z[0]')
     """
 
     z: Array

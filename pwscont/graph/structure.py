@@ -146,7 +146,7 @@ class ConnectedPieces:
         Parameters
         ----------
         component : sequence of Piece
-            One of :meth:`components`, without branch points.
+            A component of :meth:`components`, without branch points.
         orientation : int
             +1 or -1 (Janovsky and Ligursky 2012, Definition 1).
         """

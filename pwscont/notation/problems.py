@@ -213,7 +213,10 @@ class _Constant:
     """A bound that does not depend on alpha."""
 
     def __init__(self, values: Any) -> None:
-        self._values = np.asarray(values, dtype=float)
+        try:
+            self._values = np.asarray(values, dtype=float)
+        except (TypeError, ValueError) as error:
+            raise InvalidInputError(f"a bound must be numbers, got {values!r}") from error
 
     def __call__(self, alpha: Any) -> Array:
         return self._values

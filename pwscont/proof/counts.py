@@ -30,7 +30,7 @@ from pwscont.proof.tape import Tape, evaluated, with_slopes
 
 #: How often the derivatives are taken anew when solutions are enclosed.
 NEWTONS = 3
-#: Parts of a stretch where solutions are counted, until they are told apart.
+#: Parts of a stretch at which solutions are counted, in turn, until all are told apart.
 PLACES = (0.5, 0.381966, 0.61803, 0.26, 0.74)
 ASSUMED = (
     "assumed: a formula without state, the same for numbers and for the tape; arithmetic of "

@@ -304,7 +304,7 @@ RISING_COSH = _increasing("cosh", 1.0, INF, 0.0, INF)
 
 
 def branch(test: Interval, a: Interval, b: Interval, either: Interval | None = None) -> Interval:
-    """Return the branch of a switch in its mode; ``either``, or the hull, if it is not certain."""
+    """Return the branch that a test's sign chooses; ``either``, or the hull, without a sign."""
     return chosen(test.lo >= 0.0, a, chosen(test.hi < 0.0, b, either or a.hull(b)))
 
 

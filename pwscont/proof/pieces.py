@@ -205,7 +205,7 @@ class _Pieces:
         off = np.abs(values) <= HOLDS * sizes[:, np.newaxis]
         room = values / (sizes + (sizes == 0.0))[:, np.newaxis]
 
-        def mark(own: Indices, sides: Indices) -> Array:  # of several that hold, the most room
+        def mark(own: Indices, sides: Indices) -> Array:  # most room of those that hold
             best: Array = 2.0 * off[own].all(axis=0) + room[sides].min(axis=0, initial=1.0)
             return best
 

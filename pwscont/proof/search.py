@@ -27,8 +27,8 @@ TOGETHER = 2048
 MOST_BOXES = 300_000
 #: A tube is tried where the mean value form, as unknowns, is narrower than this part of the box.
 TRIED = 2.0
-#: The widest coordinate is halved, in magnitudes, among those that change preconditioned rows at
-#: least this part as much as another one does.
+#: The widest coordinate, in magnitudes, is halved among the coordinates that change preconditioned
+#: rows by at least this part of the largest change by a coordinate.
 MATTERS = 0.5
 #: How much wider than the box a tube is tried.
 WIDER = 1.25

@@ -18,7 +18,7 @@ from matplotlib.figure import Figure, SubFigure
 from matplotlib.lines import Line2D
 
 from pwscont import BranchGraph
-from pwscont.extending import Kind
+from pwscont.extending import Kind, checked_kind
 from pwscont.scenes.diagram import Diagram, draw_inset, mode_of
 from pwscont.scenes.labels import label_marks
 from pwscont.scenes.marks import UNLABELLED, marked, markers_of
@@ -119,8 +119,9 @@ Content: TypeAlias = Panel | ParameterPath
 ROW, COUNTS, COLUMN, ALONE, LINE = 2.9, 1.8, 3.9, 6.4, 0.22  # inches
 #: Most diagrams side by side, and most rows of a legend beside the counts.
 MOST_COLUMNS, LEGEND_ROWS = 3, 6
-#: Width of a handle in a legend in inches, and letters per inch of a legend.
-HANDLE, SMALL_LETTERS = 0.6, 16
+#: Width of a handle in a legend and of the labels of an axis in inches, and letters per inch of a
+#: legend.
+HANDLE, TICKS, SMALL_LETTERS = 0.6, 0.5, 16
 #: Most constant quantities that a title names, and letters per inch of a title.
 MOST_CONSTANTS, LETTERS = 4, 12
 
@@ -151,8 +152,8 @@ def constant_value(graph: BranchGraph, panel: Panel) -> float | None:
 def place_title(figure: Figure, scene: Shown, graph: BranchGraph) -> None:
     """Write the title of a scene, and the values of the quantities that are not drawn."""
     said = "; ".join([*_constants(scene, graph), *_number(graph)])
-    lines = wrap(in_letters(scene.title), int(figure.get_figwidth() * LETTERS))
-    lines += [said] if said else []
+    wrapped = wrap(in_letters(scene.title), int(figure.get_figwidth() * LETTERS))
+    lines = [*map(in_notation, wrapped), *([said] if said else [])]
     figure.set_figheight(figure.get_figheight() + LINE * len(lines))
     figure.suptitle("\n".join(lines), fontsize="medium")
 
@@ -200,7 +201,7 @@ def place_legend(figure: Figure, free: Sequence[Axes], handles: Sequence[Line2D]
         ax.set_axis_off()
     style: dict[str, Any] = {"handles": handles, "frameon": False, "handlelength": 3.2}
     columns = -(-len(handles) // LEGEND_ROWS)
-    if _legend_width(handles, columns) <= COLUMN * len(free):
+    if _legend_width(handles, columns) <= COLUMN * len(free) - TICKS:
         free[0].legend(loc="center left", ncols=columns, fontsize="small", **style)
         return
     columns = max(1, min(int(figure.get_figwidth() // 2.1), len(handles)))
@@ -254,7 +255,7 @@ def plot(
     Raises
     ------
     InvalidInputError
-        If there is no such quantity; the message lists similar names.
+        If ``graph`` is none, or there is no such quantity; the message lists similar names.
 
     Examples
     --------
@@ -267,6 +268,7 @@ def plot(
     >>> plot(graph, x=0, y=1).get_ylabel()
     '$z$[1]'
     """
+    checked_kind("graph", graph, BranchGraph, is_needed=True)
     panel = Panel(what if y is None else y)
     across = None if isinstance(x, str) and is_parameter(graph, x) else x
     for quantity in (panel.component, *(() if across is None else (across,))):

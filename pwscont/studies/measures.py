@@ -130,6 +130,11 @@ class OfGraph(Measure):
 class CountAt(Measure):
     """The number of solutions at one alpha; infinite on a vertical piece.
 
+    Raises
+    ------
+    InvalidInputError
+        If alpha is no finite number.
+
     Examples
     --------
     >>> from pwscont import CountAt, Study
@@ -253,6 +258,11 @@ class QuantityAt(Measure):
     alpha : float
     of_all : callable
         Values at all solutions -> the value of the measure: ``max``, ``min``, ``tuple``, ...
+
+    Raises
+    ------
+    InvalidInputError
+        If alpha is no finite number.
 
     Examples
     --------

@@ -131,7 +131,7 @@ def check_attributes(system: PiecewiseSystem) -> None:
     """Refuse a value where a method belongs, a method where a value does, and a wrong size."""
     size = getattr(system, "size", None)
     if isinstance(size, bool) or not isinstance(size, int | np.integer) or size < 1:
-        raise broken(system, "size", f"must be the number of unknowns, got {size!r}")
+        raise broken(system, "size", f"must be an int, the number of unknowns, got {size!r}")
     if size > MOST_UNKNOWNS:
         words = f"is {size}; more than {MOST_UNKNOWNS} do not fit into the memory of a computer"
         raise broken(system, "size", words)

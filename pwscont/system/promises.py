@@ -262,9 +262,9 @@ def refuse_undefined(system: PiecewiseSystem, interval: tuple[float, float]) -> 
         if np.isfinite(tests).all() and np.isfinite(residual).all():
             values.append(residual)
     if not values:
-        words = f"is finite at none of {len(probes)} points of typical magnitudes, such as z = 0 at"
-        what = "no solution can be searched; trace() from a point where H is defined"
-        raise broken(system, "residual or test_functions", f"{words} alpha = {lo:.6g}: {what}")
+        words = f"is finite at none of {len(probes)} points, such as z = 0 at alpha = {lo:.6g}"
+        words += " (1 / 0 counts as infinite): trace() from a point where H is defined, or mend H"
+        raise broken(system, "residual or test_functions", words)
     if len(values) == len(probes) and not np.any(values):
         words = f"is zero at all of {len(probes)} points that were tried: every z is a solution"
         raise broken(system, "residual", words)

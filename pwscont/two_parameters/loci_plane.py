@@ -195,7 +195,7 @@ def _kinds(solutions: Sequence[Found]) -> set[tuple[str, int]]:
 
 
 def _solutions(family: MakeLinear, point: Array) -> tuple[tuple[Found, ...], bool, bool]:
-    """Return the isolated solutions at (alpha, mu), if these are all, and if that is proven."""
+    """Return the isolated solutions at (alpha, mu), whether no others exist, whether proven."""
     alpha, mu = map(float, point)
     found = enumerate_solutions(family(mu), alpha)
     is_isolated = (found.is_finite or one.kind != Kind.DEGENERATE for one in found)

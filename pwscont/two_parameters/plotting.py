@@ -6,6 +6,7 @@ thin lines are transitions; points of double lines have infinitely many solution
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -17,7 +18,7 @@ from matplotlib.path import Path
 from matplotlib.patheffects import Normal, Stroke
 
 from pwscont.extending import Array, number
-from pwscont.scenes.styles import in_letters, symbol
+from pwscont.scenes.styles import in_notation, symbol
 from pwscont.two_parameters.axes import PlaneShown
 from pwscont.two_parameters.loci import Passing
 from pwscont.two_parameters.plane import Meeting, Plane, Region, Sector, area_and_centre
@@ -50,6 +51,7 @@ ROOM = 0.003
 #: A named sector with less area than the first part of the window has the label beside the sector,
 #: at a distance of the second part of the width.
 NARROW, ASIDE = 0.08, 0.22
+OFF = 0.05  # least distance of a number from the line at the lowest fold, as a part of the height
 MARGIN = 0.12  # left and right of the loci, as a part of the range of the loci
 #: More meeting points than this are drawn smaller.
 MANY = 20
@@ -71,16 +73,11 @@ def draw_plane(scene: PlaneShown, plane: Plane) -> Figure:
     _mark_lowest_fold(ax, scene, plane)
     _set_axes(ax, scene, window)
     ax.set_title(f"Guarantee: {plane.guarantee}", fontsize="x-small", wrap=True)
-    figure.suptitle(in_letters(scene.title), fontsize="medium")
+    figure.suptitle(in_notation(scene.title), fontsize="medium")
     handles = _legend(plane)
     columns = len(handles) if len(handles) < 5 else -(-len(handles) // 2)
-    figure.legend(
-        handles=handles,
-        loc="outside lower center",
-        ncols=columns,
-        fontsize="small",
-        frameon=False,
-    )
+    style: dict[str, Any] = {"loc": "outside lower center", "fontsize": "small", "frameon": False}
+    figure.legend(handles=handles, ncols=columns, **style)
     return figure
 
 
@@ -119,6 +116,8 @@ def _write_names(
         largest = int(np.argmax([area for area, _ in sizes]))
         at = _centre(sizes) if scene.sectors else _within(sector.regions[largest], sizes[largest])
         narrow = scene.sectors and sum(area for area, _ in sizes) < NARROW * width * height
+        if scene.lowest_fold and plane.lowest_folds:
+            at = _off_line(at, float(plane.lowest_folds[0][-1]), OFF * height, sector.regions)
         caption = _caption(scene, sector, "\n" if narrow else " / ")
         _write(ax, caption, at, ASIDE * width if narrow else 0.0, _shade(sector))
 
@@ -152,12 +151,19 @@ def _within(region: Region, size: tuple[float, Array]) -> Array:
     return centre if contains else region.inside
 
 
+def _off_line(at: Array, mu: float, apart: float, regions: Sequence[Region]) -> Array:
+    """Return a place in the same sector, below or above the line at mu, if a place is too near."""
+    if abs(at[1] - mu) >= apart:
+        return at
+    places = np.array([[at[0], mu - apart], [at[0], mu + 2.0 * apart]])  # words stand above
+    inside = [Path(region.polygon).contains_points(places) for region in regions]
+    return next((p for p, is_in in zip(places, np.any(inside, axis=0), strict=True) if is_in), at)
+
+
 def _centre(sizes: list[tuple[float, Array]]) -> Array:
     """Return the common centre of several polygons."""
-    areas = np.array([area for area, _ in sizes])
-    centres = np.array([centre for _, centre in sizes])
-    middle: Array = areas @ centres / areas.sum()
-    return middle
+    areas, centres = zip(*sizes, strict=True)
+    return np.average(centres, axis=0, weights=areas)
 
 
 def _caption(scene: PlaneShown, sector: Sector, between: str) -> str:

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any, Protocol, final
 
 from pwscont import BranchGraph, InvalidInputError, MissingPackageError
-from pwscont.extending import Quantities, counted, named
+from pwscont.extending import Quantities, checked_kind, counted, named
 from pwscont.scenes.panels import BodyPicture, Panel, Shown, quantity_named
 from pwscont.view.body import body_records
 from pwscont.view.numbers import Numbers
@@ -67,7 +67,7 @@ class View:
     Raises
     ------
     InvalidInputError
-        If evolutions are to be shown on a body.
+        If ``graph`` is no graph, or evolutions are to be shown on a body.
     UnknownNameError
         If there is no such quantity.
     MissingPackageError
@@ -91,7 +91,9 @@ class View:
         check_bokeh()
         self.graph, self.title, self.panels, self.body = graph, title, tuple(panels), body
         self.styles = dict(styles or {})
-        if body is not None and not isinstance(graph, BranchGraph):
+        if not hasattr(graph, "page_records"):
+            checked_kind("graph", graph, BranchGraph, is_needed=True)
+        elif body is not None:
             raise InvalidInputError("only solutions of a branch graph are shown on a body")
         self.what = quantity_named(str(what), graph.names, graph.quantities.record)
 

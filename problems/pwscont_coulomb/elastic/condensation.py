@@ -34,6 +34,11 @@ class CondensedProblem(ElasticProblem):
     elimination : Elimination, optional
         Default :class:`~pwscont_coulomb.elastic.Multifrontal`.
 
+    Raises
+    ------
+    InvalidInputError
+        If ``elimination`` is no Elimination.
+
     Examples
     --------
     >>> from pwscont_coulomb.elastic import CondensedProblem

@@ -35,6 +35,11 @@ class Support:
     directions : str
         ``"xy"``, or ``"x"`` or ``"y"`` for a roller that leaves the other direction free.
 
+    Raises
+    ------
+    InvalidInputError
+        If ``directions`` are other letters.
+
     Examples
     --------
     >>> from pwscont_coulomb.elastic import Support
