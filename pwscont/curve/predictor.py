@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import final
 
@@ -66,13 +67,19 @@ class Secant(Predictor):
         return state.x + length * direction, direction
 
 
+#: Three points are used where neither of the two steps between the points is more than this many
+#: times the other: of a short step a polynomial sees rounding.
+ALIKE = 4.0
+
+
 @final
 @dataclass(frozen=True, slots=True)
 class Hermite(Predictor):
-    """Along the cubic through the last two points and tangents: of fourth order.
+    """Along the quintic through the last three points and tangents: of sixth order.
 
-    Newton often needs a single Jacobian from there (higher order predictors: Allgower and Georg
-    1990, section 6.3; Lundberg and Poore 1991).
+    With two points only, or with Jacobians by differences, along the cubic, of fourth order. Newton
+    often needs a single Jacobian from there (higher order predictors: Allgower and Georg 1990,
+    section 6.3; Lundberg and Poore 1991).
 
     Examples
     --------
@@ -84,17 +91,43 @@ class Hermite(Predictor):
     def predict(
         self, curve: Curve, previous: State | None, state: State, length: float
     ) -> tuple[Array, Array]:
-        """Return a point of the cubic; of the tangent on the first step and on a straight curve."""
-        on_tangent = plus(state.x.copy(), length, state.tangent), state.tangent
+        """Return a point of the polynomial; of the tangent on the first step and if straight."""
+        nodes, tangent = [(0.0, state.x, state.tangent)], state.tangent
         if previous is None or curve.selection.is_straight:
-            return on_tangent
-        chord = curve.metric.norm(state.x - previous.x)
-        if chord < CONVERGED:
-            return on_tangent
-        cosine = dot(curve.metric.covector(previous.tangent), state.tangent)
-        # arc length, whose relative error is of fourth order in the angle between the tangents
-        s, u = chord * (1.0 + (1.0 - cosine) / 12.0), length
-        here, there = ((u + s) / s) ** 2, (u / s) ** 2
-        point = plus(state.x.copy(), (3.0 + 2.0 * u / s) * there, previous.x - state.x)
-        point = plus(point, u * here, state.tangent)
-        return plus(point, (u + s) * there, previous.tangent), state.tangent
+            return _polynomial(nodes, length), tangent
+        cosine = dot(curve.metric.covector(previous.tangent), tangent)
+        s = arc(curve.metric.norm(state.x - previous.x), cosine)
+        if s >= CONVERGED:
+            nodes.append((-s, previous.x, previous.tangent))
+            r, x, along = previous.behind or nodes[0]
+            if s <= ALIKE * r <= ALIKE**2 * s and curve.selection.system.knows_jacobian:
+                nodes.append((-s - r, x, along))
+        return _polynomial(nodes, length), tangent
+
+
+def arc(chord: float, cosine: float) -> float:
+    """Return the length of a curve from the chord and the angle between the tangents at the ends.
+
+    The relative error is of fourth order in the angle.
+    """
+    return chord * (1.0 + (1.0 - cosine) / 12.0)
+
+
+def _polynomial(nodes: Sequence[tuple[float, Array, Array]], u: float) -> Array:
+    """Return Hermite's polynomial at ``u``, from places, points and tangents; the first place is 0.
+
+    The polynomial is made of the squares of Lagrange's polynomials.
+    """
+    _, origin, _ = nodes[0]
+    point = origin.copy()
+    for s, x, tangent in nodes:
+        lagrange, steepness = 1.0, 0.0
+        for r, _, _ in nodes:
+            if r != s:
+                lagrange *= (u - r) / (s - r)
+                steepness += 2.0 / (s - r)
+        square = lagrange * lagrange
+        point = plus(point, (u - s) * square, tangent)
+        if s:
+            point = plus(point, (1.0 - (u - s) * steepness) * square, x - origin)
+    return point

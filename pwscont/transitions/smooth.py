@@ -89,8 +89,11 @@ class SmoothFolds(TransitionDetector):
         turn = abs(float(segment.end.tangent[-1] - segment.start.tangent[-1]))
 
         def exact_slope(state: State) -> float:
-            rough = slope(state)
-            return slope(polished(curve, state)[0]) if abs(rough) <= NEARLY_LEVEL * turn else rough
+            value, known = slope(state), 0.0
+            if abs(value) <= NEARLY_LEVEL * turn:
+                state, known = polished(curve, state)
+                value = slope(state)
+            return value if abs(value) > known * curve.metric.width else 0.0
 
         narrow = _place(segment, GUARD * EPS)
         found = locate_sign_change(segment, exact_slope, bracket, narrow)

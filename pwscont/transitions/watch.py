@@ -83,6 +83,10 @@ class Watch:
         self, detectors: Sequence[TransitionDetector], added: Sequence[TransitionDetector] = ()
     ) -> None:
         self._detectors, self._added = detectors, added
+        base, every = TransitionDetector, list(enumerate(detectors))
+        self._aimed_at = [(i, d) for i, d in every if type(d).border is not base.border]
+        asks = base.needs_shorter_step
+        self._looking = [(i, d) for i, d in every if type(d).needs_shorter_step is not asks]
 
     def read(self, curve: Curve, state: State) -> Reading:
         """Return what all detectors read at a state, in new arrays; refuse wrong readings."""
@@ -92,8 +96,9 @@ class Watch:
                 raise broken(detector, "read", "a Reading", part)
             if np.ndim(part.values) != 1 or np.shape(part.values) != np.shape(part.slopes):
                 raise broken(detector, "read", "values and slopes that are vectors alike", part)
-        joined = np.concatenate([part.values for part in parts] + [part.slopes for part in parts])
-        begins = tuple(accumulate((len(part.values) for part in parts), initial=0))
+        values = [part.values for part in parts]
+        joined = np.concatenate(values + [part.slopes for part in parts])
+        begins = tuple(accumulate(map(len, values), initial=0))
         return Reading(joined[: begins[-1]], joined[begins[-1] :], begins)
 
     def is_rounding(self, event: Event, curve: Curve) -> bool:
@@ -137,7 +142,7 @@ class Watch:
         self, segment: CurvedSegment, start: Reading, end: Reading
     ) -> Failure | None:
         """Return the reason for which a detector asks for a shorter step, None without one."""
-        for i, detector in enumerate(self._detectors):
+        for i, detector in self._looking:
             if failure := detector.needs_shorter_step(segment, start.part(i), end.part(i)):
                 return failure
         return None
@@ -148,9 +153,9 @@ class Watch:
         The distance is along the tangent. None where no such function falls.
         """
         soonest = None
-        for i, detector in enumerate(self._detectors):
+        for i, detector in self._aimed_at:
             values, slopes = (part := reading.part(i)).values, part.slopes
-            if not len(values) or type(detector).border is TransitionDetector.border:
+            if not len(values):
                 continue
             rates = np.divide(slopes, values, out=np.zeros(len(values)), where=values > 0.0)
             fastest = rates.argmin()
