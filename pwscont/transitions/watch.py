@@ -19,7 +19,6 @@ import math
 from bisect import bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import accumulate
 from typing import final
 
 import numpy as np
@@ -96,10 +95,11 @@ class Watch:
                 raise broken(detector, "read", "a Reading", part)
             if np.ndim(part.values) != 1 or np.shape(part.values) != np.shape(part.slopes):
                 raise broken(detector, "read", "values and slopes that are vectors alike", part)
-        values = [part.values for part in parts]
-        joined = np.concatenate(values + [part.slopes for part in parts])
-        begins = tuple(accumulate(map(len, values), initial=0))
-        return Reading(joined[: begins[-1]], joined[begins[-1] :], begins)
+        joined = np.concatenate([part.values for part in parts] + [part.slopes for part in parts])
+        half = len(joined) // 2
+        reading = Reading(joined[:half], joined[half:], parts)
+        # a user's detector may read into the same arrays again
+        return reading.having(reading.values, reading.slopes) if self._added else reading
 
     def is_rounding(self, event: Event, curve: Curve) -> bool:
         """Tell whether the event of a user's detector is the beginning of the piece, to rounding.
@@ -117,13 +117,13 @@ class Watch:
         """
         values, slopes = reading.values.copy(), reading.slopes.copy()
         values[self._index(reading, event)] = slopes[self._index(reading, event)] = 0.0
-        return Reading(values, slopes, reading.begins)
+        return reading.having(values, slopes)
 
     def before(self, reading: Reading, event: Event) -> Reading:
         """Return the reading just before an event: functions that vanish there are positive."""
         values = np.where(reading.values == 0.0, JUST_POSITIVE, reading.values)
         values[self._index(reading, event)] = JUST_POSITIVE
-        return Reading(values, reading.slopes, reading.begins)
+        return reading.having(values, reading.slopes)
 
     def _index(self, reading: Reading, event: Event) -> int:
         return reading.begins[self._detectors.index(event.detector)] + event.index
@@ -131,19 +131,19 @@ class Watch:
     def check(self, start: Reading, end: Reading) -> None:
         """Refuse detectors whose number of functions changed, or whose values are nan."""
         for i, detector in enumerate(self._detectors):
-            first, last = start.part(i).values, end.part(i).values
+            first, last = start.parts[i].values, end.parts[i].values
             if len(first) != len(last):
                 what = f"{len(first)} functions all along a piece"
-                raise broken(detector, "read", what, end.part(i))
+                raise broken(detector, "read", what, end.parts[i])
             if detector in self._added and np.isnan(last).any():
-                raise broken(detector, "read", "finite values", end.part(i))
+                raise broken(detector, "read", "finite values", end.parts[i])
 
     def needs_shorter_step(
         self, segment: CurvedSegment, start: Reading, end: Reading
     ) -> Failure | None:
         """Return the reason for which a detector asks for a shorter step, None without one."""
         for i, detector in self._looking:
-            if failure := detector.needs_shorter_step(segment, start.part(i), end.part(i)):
+            if failure := detector.needs_shorter_step(segment, start.parts[i], end.parts[i]):
                 return failure
         return None
 
@@ -154,7 +154,7 @@ class Watch:
         """
         soonest = None
         for i, detector in self._aimed_at:
-            values, slopes = (part := reading.part(i)).values, part.slopes
+            values, slopes = (part := reading.parts[i]).values, part.slopes
             if not len(values):
                 continue
             rates = np.divide(slopes, values, out=np.zeros(len(values)), where=values > 0.0)
@@ -172,7 +172,7 @@ class Watch:
         """
         distances, farthest = [], np.inf
         for i, detector in enumerate(self._detectors):
-            distances.append(detector.falls(segment, start.part(i), farthest))
+            distances.append(detector.falls(segment, start.parts[i], farthest))
             farthest = min(farthest, distances[-1].min(initial=np.inf))
         return np.concatenate(distances)
 
