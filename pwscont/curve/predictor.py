@@ -61,14 +61,11 @@ class Secant(Predictor):
         self, curve: Curve, previous: State | None, state: State, length: float
     ) -> tuple[Array, Array]:
         """Return a point of the line through the points of the two states."""
-        direction = state.tangent
-        if previous is not None:
-            direction = curve.metric.normalised(state.x - previous.x)
+        direction = curve.metric.normalised(state.x - previous.x) if previous else state.tangent
         return state.x + length * direction, direction
 
 
-#: Three points are used where neither of the two steps between the points is more than this many
-#: times the other: of a short step a polynomial sees rounding.
+#: Three points are used if neither step between these is longer than this many times the other.
 ALIKE = 4.0
 
 
@@ -77,9 +74,8 @@ ALIKE = 4.0
 class Hermite(Predictor):
     """Along the quintic through the last three points and tangents: of sixth order.
 
-    With two points only, or with Jacobians by differences, along the cubic, of fourth order. Newton
-    often needs a single Jacobian from there (higher order predictors: Allgower and Georg 1990,
-    section 6.3; Lundberg and Poore 1991).
+    Along the cubic with two points or with differences. Newton often needs a single Jacobian from
+    there (higher order predictors: Allgower and Georg 1990, section 6.3; Lundberg and Poore 1991).
 
     Examples
     --------
@@ -93,33 +89,25 @@ class Hermite(Predictor):
     ) -> tuple[Array, Array]:
         """Return a point of the polynomial; of the tangent on the first step and if straight."""
         nodes, tangent = [(0.0, state.x, state.tangent)], state.tangent
-        if previous is None or curve.selection.is_straight:
-            return _polynomial(nodes, length), tangent
-        cosine = dot(curve.metric.covector(previous.tangent), tangent)
-        s = arc(curve.metric.norm(state.x - previous.x), cosine)
-        if s >= CONVERGED:
-            nodes.append((-s, previous.x, previous.tangent))
+        if previous is not None and not curve.selection.is_straight:
+            cosine = dot(curve.metric.covector(previous.tangent), tangent)
+            s = arc(curve.metric.norm(state.x - previous.x), cosine)
             r, x, along = previous.behind or nodes[0]
-            if s <= ALIKE * r <= ALIKE**2 * s and curve.selection.system.knows_jacobian:
-                nodes.append((-s - r, x, along))
+            is_alike = s <= ALIKE * r <= ALIKE**2 * s and curve.selection.system.knows_jacobian
+            if s >= CONVERGED:
+                earlier = [(-s - r, x, along)] if is_alike else []
+                nodes += [(-s, previous.x, previous.tangent), *earlier]
         return _polynomial(nodes, length), tangent
 
 
 def arc(chord: float, cosine: float) -> float:
-    """Return the length of a curve from the chord and the angle between the tangents at the ends.
-
-    The relative error is of fourth order in the angle.
-    """
+    """Return arc length from chord and tangents, with an error of fourth order in the angle."""
     return chord * (1.0 + (1.0 - cosine) / 12.0)
 
 
 def _polynomial(nodes: Sequence[tuple[float, Array, Array]], u: float) -> Array:
-    """Return Hermite's polynomial at ``u``, from places, points and tangents; the first place is 0.
-
-    The polynomial is made of the squares of Lagrange's polynomials.
-    """
-    _, origin, _ = nodes[0]
-    point = origin.copy()
+    """Return Hermite's polynomial at ``u``; nodes are places, points, tangents; the first is at 0."""
+    point = (origin := nodes[0][1]).copy()
     for s, x, tangent in nodes:
         lagrange, steepness = 1.0, 0.0
         for r, _, _ in nodes:

@@ -21,14 +21,12 @@ dot: Callable[[Array, Array], float] = blas.ddot
 
 def times(factor: float, vector: Array) -> Array:
     """Multiply a vector in place, and return the vector."""
-    scaled: Array = blas.dscal(factor, vector)
-    return scaled
+    return np.asarray(blas.dscal(factor, vector))
 
 
 def plus(point: Array, factor: float, direction: Array) -> Array:
     """Add a multiple of a direction to a point, in place, and return the point."""
-    moved: Array = blas.daxpy(direction, point, a=factor)
-    return moved
+    return np.asarray(blas.daxpy(direction, point, a=factor))
 
 
 def add_multiples(rows: Array, factors: Array, row: Array) -> None:

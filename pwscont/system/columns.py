@@ -18,7 +18,6 @@ import numpy as np
 from pwscont.basics.arrays import Array, are_finite, generic
 from pwscont.system.abilities import formula_of
 from pwscont.system.system import PiecewiseSystem
-from pwscont.system.values import GUARD
 
 #: Most unknowns, and fewest points, for which columns are faster than H of a point at a time.
 MOST_UNKNOWNS, FEWEST_POINTS = 8, 4
@@ -160,9 +159,7 @@ def _within_reach(roots: list[Any]) -> list[Any]:
         if id(each) in seen or isinstance(each, (type, ModuleType)):
             continue
         seen.add(id(each))
-        if isinstance(each, FunctionType) and each.__code__ is GUARD:
-            found.append(getattr(each, "__wrapped__", None))
-        elif isinstance(each, FunctionType):
+        if isinstance(each, FunctionType):
             known = each.__globals__
             found += [known[name] for name in each.__code__.co_names if name in known]
             found += [each.__closure__, each.__defaults__, each.__kwdefaults__, each.__dict__]

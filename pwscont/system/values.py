@@ -134,10 +134,6 @@ def _guarded(method: Callable[..., Any], name: str) -> Callable[..., Any]:
     return guarded
 
 
-#: The code of all guards, whose attributes and globals are no user's.
-GUARD = _guarded(len, "").__code__
-
-
 def _number_of_tests(system: Any, args: tuple[Any, ...], error: Exception) -> int:
     """Return the number of test functions, from the first point where the tests are defined."""
     tests, alpha = type(system).test_functions, args[1] if len(args) > 1 else system.somewhere

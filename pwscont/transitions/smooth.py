@@ -89,11 +89,10 @@ class SmoothFolds(TransitionDetector):
         turn = abs(float(segment.end.tangent[-1] - segment.start.tangent[-1]))
 
         def exact_slope(state: State) -> float:
-            value, known = slope(state), 0.0
-            if abs(value) <= NEARLY_LEVEL * turn:
-                state, known = polished(curve, state)
-                value = slope(state)
-            return value if abs(value) > known * curve.metric.width else 0.0
+            if abs(slope(state)) > NEARLY_LEVEL * turn:
+                return slope(state)
+            state, off = polished(curve, state)
+            return slope(state) if abs(slope(state)) > off * curve.metric.width else 0.0
 
         narrow = _place(segment, GUARD * EPS)
         found = locate_sign_change(segment, exact_slope, bracket, narrow)

@@ -82,10 +82,6 @@ class Watch:
         self, detectors: Sequence[TransitionDetector], added: Sequence[TransitionDetector] = ()
     ) -> None:
         self._detectors, self._added = detectors, added
-        base, every = TransitionDetector, list(enumerate(detectors))
-        self._aimed_at = [(i, d) for i, d in every if type(d).border is not base.border]
-        asks = base.needs_shorter_step
-        self._looking = [(i, d) for i, d in every if type(d).needs_shorter_step is not asks]
 
     def read(self, curve: Curve, state: State) -> Reading:
         """Return what all detectors read at a state, in new arrays; refuse wrong readings."""
@@ -96,10 +92,9 @@ class Watch:
             if np.ndim(part.values) != 1 or np.shape(part.values) != np.shape(part.slopes):
                 raise broken(detector, "read", "values and slopes that are vectors alike", part)
         joined = np.concatenate([part.values for part in parts] + [part.slopes for part in parts])
-        half = len(joined) // 2
-        reading = Reading(joined[:half], joined[half:], parts)
-        # a user's detector may read into the same arrays again
-        return reading.having(reading.values, reading.slopes) if self._added else reading
+        values, slopes = joined.reshape(2, -1)
+        reading = Reading(values, slopes, parts)
+        return reading.having(values, slopes) if self._added else reading  # in new arrays
 
     def is_rounding(self, event: Event, curve: Curve) -> bool:
         """Tell whether the event of a user's detector is the beginning of the piece, to rounding.
@@ -142,7 +137,7 @@ class Watch:
         self, segment: CurvedSegment, start: Reading, end: Reading
     ) -> Failure | None:
         """Return the reason for which a detector asks for a shorter step, None without one."""
-        for i, detector in self._looking:
+        for i, detector in enumerate(self._detectors):
             if failure := detector.needs_shorter_step(segment, start.parts[i], end.parts[i]):
                 return failure
         return None
@@ -153,9 +148,9 @@ class Watch:
         The distance is along the tangent. None where no such function falls.
         """
         soonest = None
-        for i, detector in self._aimed_at:
-            values, slopes = (part := reading.parts[i]).values, part.slopes
-            if not len(values):
+        for part, detector in zip(reading.parts, self._detectors, strict=True):
+            values, slopes = part.values, part.slopes
+            if not len(values) or type(detector).border is TransitionDetector.border:
                 continue
             rates = np.divide(slopes, values, out=np.zeros(len(values)), where=values > 0.0)
             fastest = rates.argmin()
