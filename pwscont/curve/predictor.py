@@ -106,7 +106,7 @@ def arc(chord: float, cosine: float) -> float:
 
 
 def _polynomial(nodes: Sequence[tuple[float, Array, Array]], u: float) -> Array:
-    """Return Hermite's polynomial at ``u``; nodes are places, points, tangents; the first is at 0."""
+    """Return Hermite's polynomial at ``u``; nodes are places, points, tangents, the first at 0."""
     point = (origin := nodes[0][1]).copy()
     for s, x, tangent in nodes:
         lagrange, steepness = 1.0, 0.0
