@@ -140,8 +140,8 @@ def _looked_at(segment: CurvedSegment, factor: Factor, weights: Array) -> tuple[
     """
     metric, (lo, hi) = segment.curve.metric, segment.curve.metric.interval
     (leaving, by), (arriving, to), length = segment.leaving, segment.arriving, segment.length
-    ways = np.array([segment.chord, leaving, arriving])
-    points: Array = (weights * (length, length * by, length * to)).dot(ways)
+    ways = np.array([length * segment.chord, length * by * leaving, length * to * arriving])
+    points: Array = weights.dot(ways)
     points += segment.start.x
     alphas = points[:, -1]
     if not lo <= smallest(alphas) <= largest(alphas) <= hi:

@@ -140,7 +140,7 @@ def sign_of_pivots(pivots: Array, exchanges: Indices) -> int:
     """Return the sign of a determinant from the pivots and the row exchange of each pivot."""
     if len(pivots) <= ROWS_IN_TURN:  # numbers of Python take a third of the time
         odd = sum(map(ne, exchanges.tolist(), count()))
-        return -1 if (odd + sum(pivot < 0.0 for pivot in pivots.tolist())) % 2 else 1
+        return -1 if (odd + sum(map((0.0).__gt__, pivots.tolist()))) % 2 else 1
     negative = np.count_nonzero(np.signbit(pivots))
     odd = np.count_nonzero(exchanges != np.arange(len(exchanges)))
     return -1 if (negative + odd) % 2 else 1

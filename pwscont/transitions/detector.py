@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
+from itertools import accumulate, pairwise, starmap
 from typing import final
 
 import numpy as np
@@ -60,18 +61,23 @@ class Reading:
         Positive while nothing happens; a change to zero or below is an event.
     slopes : ndarray, shape (k,)
         Derivatives along the tangent; zero where unknown.
-    begins : tuple of int
-        Where the functions of each detector begin and end, in a reading of several detectors.
+    parts : sequence of Reading
+        What each detector read, in a reading of several detectors.
     """
 
     values: Array
     slopes: Array
-    begins: tuple[int, ...] = ()
+    parts: Sequence[Reading] = ()
 
-    def part(self, place: int) -> Reading:
-        """Return what the detector at a place read."""
-        own = slice(self.begins[place], self.begins[place + 1])
-        return Reading(self.values[own], self.slopes[own])
+    @property
+    def begins(self) -> tuple[int, ...]:
+        """Where the functions of each detector begin and end."""
+        return tuple(accumulate((len(part.values) for part in self.parts), initial=0))
+
+    def having(self, values: Array, slopes: Array) -> Reading:
+        """Return a reading of the same detectors, with other values and slopes."""
+        own = starmap(slice, pairwise(self.begins))
+        return Reading(values, slopes, [Reading(values[i], slopes[i]) for i in own])
 
 
 @final

@@ -91,8 +91,10 @@ class SmoothFolds(TransitionDetector):
         turn = abs(float(segment.end.tangent[-1] - segment.start.tangent[-1]))
 
         def exact_slope(state: State) -> float:
-            rough = slope(state)
-            return slope(polished(curve, state)[0]) if abs(rough) <= NEARLY_LEVEL * turn else rough
+            if abs(slope(state)) > NEARLY_LEVEL * turn:
+                return slope(state)
+            state, off = polished(curve, state)
+            return slope(state) if abs(slope(state)) > off * curve.metric.width else 0.0
 
         narrow = _place(segment, GUARD * EPS)
         found = locate_sign_change(segment, exact_slope, bracket, narrow)

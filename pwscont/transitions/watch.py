@@ -19,7 +19,6 @@ import math
 from bisect import bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import accumulate
 from typing import final
 
 import numpy as np
@@ -93,8 +92,9 @@ class Watch:
             if np.ndim(part.values) != 1 or np.shape(part.values) != np.shape(part.slopes):
                 raise broken(detector, "read", "values and slopes that are vectors alike", part)
         joined = np.concatenate([part.values for part in parts] + [part.slopes for part in parts])
-        begins = tuple(accumulate((len(part.values) for part in parts), initial=0))
-        return Reading(joined[: begins[-1]], joined[begins[-1] :], begins)
+        values, slopes = joined.reshape(2, -1)
+        reading = Reading(values, slopes, parts)
+        return reading.having(values, slopes) if self._added else reading  # in new arrays
 
     def is_rounding(self, event: Event, curve: Curve) -> bool:
         """Tell whether the event of a user's detector is the beginning of the piece, to rounding.
@@ -112,13 +112,13 @@ class Watch:
         """
         values, slopes = reading.values.copy(), reading.slopes.copy()
         values[self._index(reading, event)] = slopes[self._index(reading, event)] = 0.0
-        return Reading(values, slopes, reading.begins)
+        return reading.having(values, slopes)
 
     def before(self, reading: Reading, event: Event) -> Reading:
         """Return the reading just before an event: functions that vanish there are positive."""
         values = np.where(reading.values == 0.0, JUST_POSITIVE, reading.values)
         values[self._index(reading, event)] = JUST_POSITIVE
-        return Reading(values, reading.slopes, reading.begins)
+        return reading.having(values, reading.slopes)
 
     def _index(self, reading: Reading, event: Event) -> int:
         return reading.begins[self._detectors.index(event.detector)] + event.index
@@ -126,19 +126,19 @@ class Watch:
     def check(self, start: Reading, end: Reading) -> None:
         """Refuse detectors whose number of functions changed, or whose values are nan."""
         for i, detector in enumerate(self._detectors):
-            first, last = start.part(i).values, end.part(i).values
+            first, last = start.parts[i].values, end.parts[i].values
             if len(first) != len(last):
                 what = f"{len(first)} functions all along a piece"
-                raise broken(detector, "read", what, end.part(i))
+                raise broken(detector, "read", what, end.parts[i])
             if detector in self._added and np.isnan(last).any():
-                raise broken(detector, "read", "finite values", end.part(i))
+                raise broken(detector, "read", "finite values", end.parts[i])
 
     def needs_shorter_step(
         self, segment: CurvedSegment, start: Reading, end: Reading
     ) -> Failure | None:
         """Return the reason for which a detector asks for a shorter step, None without one."""
         for i, detector in enumerate(self._detectors):
-            if failure := detector.needs_shorter_step(segment, start.part(i), end.part(i)):
+            if failure := detector.needs_shorter_step(segment, start.parts[i], end.parts[i]):
                 return failure
         return None
 
@@ -148,8 +148,8 @@ class Watch:
         The distance is along the tangent. None where no such function falls.
         """
         soonest = None
-        for i, detector in enumerate(self._detectors):
-            values, slopes = (part := reading.part(i)).values, part.slopes
+        for part, detector in zip(reading.parts, self._detectors, strict=True):
+            values, slopes = part.values, part.slopes
             if not len(values) or type(detector).border is TransitionDetector.border:
                 continue
             rates = np.divide(slopes, values, out=np.zeros(len(values)), where=values > 0.0)
@@ -167,7 +167,7 @@ class Watch:
         """
         distances, farthest = [], np.inf
         for i, detector in enumerate(self._detectors):
-            distances.append(detector.falls(segment, start.part(i), farthest))
+            distances.append(detector.falls(segment, start.parts[i], farthest))
             farthest = min(farthest, distances[-1].min(initial=np.inf))
         return np.concatenate(distances)
 
