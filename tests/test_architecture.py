@@ -63,7 +63,7 @@ BUDGET = {
     "curve": (14, 2962),
     "enumeration": (11, 2583),
     "transitions": (12, 3778),
-    "graph": (10, 2661),
+    "graph": (10, 2681),
     "search": (7, 1672),
     "continuation": (8, 2768),
     "kit": (4, 940),

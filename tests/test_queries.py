@@ -12,7 +12,7 @@ from pwscont_coulomb import AffineLoad, CoulombLoad
 from random_bodies import contact_body, random_body, random_vector
 from reference_enumeration import exact_pieces
 
-from pwscont import AllTransitions, BranchGraph, PiecewiseSystem, explore, trace
+from pwscont import AllTransitions, BranchGraph, PiecewiseSystem, Switched, explore, trace
 from pwscont.basics.errors import InvalidInputError, InvalidSystemError, SystemNeededError
 
 pytestmark = pytest.mark.sweep(2)  # the others take too long for the README's command
@@ -365,3 +365,20 @@ def test_a_system_that_was_changed_after_the_run_is_refused(bend, by):
         graph.solutions(alpha)
     system.stop -= by
     assert graph.solutions(alpha)[0].z[0] == pytest.approx(1.0, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("equation", "alpha"),
+    [
+        (lambda z, a, sw: z**2 - sw.abs(a), 0.0),
+        (lambda z, a, sw: z**2 + a**2 - sw.abs(a), 0.0),
+        (lambda z, a, sw: (z - 0.3) ** 2 - sw.relu(a - 0.2) - 3.0 * sw.relu(0.2 - a), 0.2),
+        (lambda z, a, sw: np.exp(z) - 1.0 - z - sw.abs(a), 0.0),
+    ],
+)
+def test_two_folds_on_both_sides_of_a_kink_in_alpha_are_one_solution(equation, alpha):
+    """Both curves end their turn at the same point, where z solves the equation once."""
+    graph = explore(Switched(1, equation), (-1.0, 1.0))
+    assert [graph.count(alpha + step) for step in (-0.1, 0.0, 0.1)] == [2, 1, 2]
+    assert len(graph.solutions(alpha)) == 1
+    assert graph.is_balanced()

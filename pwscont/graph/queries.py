@@ -15,6 +15,7 @@ from pwscont.basics.arrays import Array
 from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidInputError, InvalidSystemError, SystemNeededError
 from pwscont.basics.outcome import Failure, FailureReason
+from pwscont.basics.rounding import CONFIDENCE
 from pwscont.curve.corrector import MOST_NEWTON, BorderedNewton
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.metric import Metric, Range
@@ -264,7 +265,7 @@ def count_at(graph: ConnectedPieces, alpha: float) -> int | float:
     check_inside(graph, alpha)
     if is_infinite(graph, alpha):
         return math.inf
-    return len(pieces_through(graph, alpha)) + len(nodes_at(graph, alpha))
+    return len(pieces_through(graph, alpha)) + len(apart_at(graph, alpha))
 
 
 def solutions_at(graph: ConnectedPieces, alpha: float) -> list[Solution]:
@@ -281,7 +282,7 @@ def solutions_at(graph: ConnectedPieces, alpha: float) -> list[Solution]:
         If a curved piece must be corrected and the graph was loaded without a system.
     """
     check_inside(graph, alpha)
-    at_nodes = [solution_at(graph, node) for node in nodes_at(graph, alpha)]
+    at_nodes = [solution_at(graph, node) for node in apart_at(graph, alpha)]
     between = [_refined(graph, piece, alpha) for piece in pieces_through(graph, alpha)]
     return sorted(at_nodes + between, key=lambda solution: solution.piece)
 
@@ -407,3 +408,22 @@ def pieces_through(graph: ConnectedPieces, alpha: float) -> list[Piece]:
 def nodes_at(graph: ConnectedPieces, alpha: float) -> list[int]:
     """Return the ids of the special points at an alpha."""
     return [graph.nodes[i].id for i in np.flatnonzero(graph.same(graph.alphas, alpha))]
+
+
+def apart_at(graph: ConnectedPieces, alpha: float) -> list[int]:
+    """Return the ids of the special points at an alpha, one id for points that errors explain.
+
+    Two folds on both sides of a kink in alpha, as of z^2 = |alpha|, are one solution.
+    """
+    apart: list[int] = []
+    for node in nodes_at(graph, alpha):
+        if not any(_are_one(graph.point(node), graph.point(other)) for other in apart):
+            apart.append(node)
+    return apart
+
+
+def _are_one(a: SpecialPoint, b: SpecialPoint) -> bool:
+    """Tell whether the errors of two special points explain the difference of their states."""
+    if not (len(a.error) and len(b.error)):
+        return False
+    return bool((np.abs(a.z - b.z) <= CONFIDENCE * (a.error + b.error)[:-1]).all())
