@@ -214,6 +214,12 @@ class PiecewiseSystem(Undefined, ABC):
         return getattr(self.jacobian, "__func__", None) is not PiecewiseSystem.jacobian
 
     @property
+    def knows_derivatives(self) -> bool:
+        """Whether the derivatives of H and of the tests are the system's own."""
+        tests = getattr(self.test_jacobian, "__func__", None)
+        return self.knows_jacobian and tests is not PiecewiseSystem.test_jacobian
+
+    @property
     def _is_fitted(self) -> bool:
         return hasattr(self, "_differences_of_run")
 

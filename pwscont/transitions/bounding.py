@@ -276,11 +276,13 @@ def at_corner(corner: Corner, curve: Curve, back: Ray | None = None) -> SpecialP
     if back is None and not found.rays and found.exact:
         return SpecialPointFound(Kind.ISOLATED, x, "no piece leaves from this solution", ())
     lost = back is not None and len(others) == len(found.rays)
+    is_doubtful = lost or len(rays) < 2 or found.along_interface
+    if back is not None and is_doubtful and (point := path_through(curve, corner)):
+        # the tangent of the arrival is rounding: the ray in the same cell is the piece
+        own = [r for r in point.rays if r.cells == back.cells] or [back]
+        return point.leading((own[0], *(ray for ray in point.rays if ray is not own[0])))
     tests = ", ".join(map(system.test_name, sorted(zero)))
     if lost or (len(rays) < 2 and not found.along_interface):
-        if back is not None and len(zero) == 1 and (point := path_through(curve, corner)):
-            others = tuple(ray for ray in point.rays if not same_piece(ray, back))
-            return point.leading((back, *others))
         why = NO_WAY_ON.format(tests, here.label) if found.exact else NO_WAY_FOUND.format(len(zero))
         return SpecialPointFound(Kind.STOPPED, x, why, rays[:1])
     is_path = len(rays) == 2 and found.dimension == 1 and opposite(*rays)

@@ -155,18 +155,19 @@ def _ray(corner: Corner, found: Direction) -> Ray:
             ray = on(Selection(system, character))
             if _bends_into(ray.curve, ray.state):
                 return ray
-        characters = tuple(c for c in characters if _is_solid(corner, c)) or characters
+        characters = tuple(c for c in characters if is_solid(corner, c)) or characters
     return replace(on(Selection(system, characters[0], characters)), interface_cells=characters)
 
 
 def _completed(corner: Corner, directions: Sequence[Direction]) -> Iterator[Direction]:
     """Yield directions with all cells to which each belongs, and the opposite of a direction.
 
-    Slopes of tests that are rounding, or the error of differences, have a sign all the same: a
-    direction along interfaces may seem to lie in a single cell, and the opposite direction in none.
+    Slopes of tests that are the error of differences have a sign all the same: a direction along
+    interfaces may seem to lie in a single cell, and the opposite direction in none.
     """
+    is_exact = corner.system.knows_derivatives
     for direction, cells in directions:
-        if len(cells) > 1 or isinstance(corner.system, PiecewiseLinearSystem):
+        if len(cells) > 1 or is_exact:
             yield direction, cells
             continue
         (cell,) = cells
@@ -188,7 +189,7 @@ def _is_null(corner: Corner, direction: Array, cell: Character) -> bool:
     return bool((np.abs(jacobian @ direction) <= ASTRAY * terms).all())
 
 
-def _is_solid(corner: Corner, character: Character) -> bool:
+def is_solid(corner: Corner, character: Character) -> bool:
     """Tell whether a cell has points inside next to the corner, as not all patterns of signs have.
 
     By Gordan's theorem no direction makes all tests positive only if a combination of the gradients

@@ -38,6 +38,8 @@ from pwscont.system.system import Block, PiecewiseSystem, SlicewiseLinearSystem
 ASTRAY = EPS**0.5
 #: Selections that differ by more than this (relative) at a common point do not agree there.
 DISAGREE = EPS**0.5
+#: Slope of a test along a curve, as a part of the terms, that differences may have wrong.
+SLOPE_OF_DIFFERENCES = GUARD * EPS ** (2.0 / 3.0)
 
 
 @final
@@ -112,10 +114,9 @@ def inward_ray(curve: Curve, x: Array, error: Array, test: int) -> Ray | None:
     if not metric.norm(defect) <= metric.slack(x, DISAGREE):
         return None
     tangent = metric.normalised(factor.solve(last_unit(len(x))))
-    if not selection.is_straight and abs(gradient.dot(tangent)) <= SLANT * np.abs(gradient).dot(
-        metric.scale
-    ):
-        return None  # the slope may be the error of derivatives
+    slope, terms = abs(gradient.dot(tangent)), np.abs(gradient).dot(metric.scale)
+    if not selection.system.knows_derivatives and slope <= SLOPE_OF_DIFFERENCES * terms:
+        return None
     return Ray(curve, moved(x, defect, tangent, error, factor.sign))
 
 

@@ -23,7 +23,7 @@ from typing import final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Matrix, product
+from pwscont.basics.arrays import Array, Matrix, dense, product
 from pwscont.basics.character import Character
 from pwscont.basics.outcome import TOUCH, Failure, FailureReason, Kind
 from pwscont.basics.rounding import CONFIDENCE, CONVERGED, EPS, GUARD, SAME_ALPHA
@@ -34,7 +34,7 @@ from pwscont.curve.newton import uncertainty_beside
 from pwscont.curve.stepper import CurvedSegment, Segment
 from pwscont.linear.factorise import bordered
 from pwscont.system.selection import Selection
-from pwscont.transitions.corner import index_at
+from pwscont.transitions.corner import index_at, is_solid
 from pwscont.transitions.detector import (
     NARROW_BRACKET,
     UNKNOWN,
@@ -215,6 +215,8 @@ OUTSIDE_STEP = 0.1
 MOST_BISECTIONS = 10
 #: Largest distance, in the metric, of a branch point from where it was located before.
 LOCATED_AGAIN = EPS**0.5
+#: Most tests that vanish along a path of which all adjacent cells are tried.
+MOST_TESTS_ON_PATH = 4
 #: Distance at which the sign of det[J; t^T] is evaluated if no piece carries the sign along.
 DISTANCE_TO_SIGN = EPS**0.25
 
@@ -293,14 +295,18 @@ def branch_point_on_interface(curve: Curve, state: State) -> SpecialPointFound |
 
 
 def path_through(curve: Curve, corner: Corner) -> SpecialPointFound | None:
-    """Return the point of a path along an interface at which a curve in a cell arrives, or None."""
-    (test,), x, here = corner.zero, corner.x, curve.selection
-    if here.is_straight or not here.is_bounded_by(test) or not (found := _crossing_at(curve, x)):
+    """Return the point of a path along interfaces at which a curve in a cell arrives, or None."""
+    here, x, scale = curve.selection, corner.x, corner.metric.scale
+    if here.is_straight or not 0 < len(corner.zero) <= MOST_TESTS_ON_PATH:
         return None
-    cells = here.character, here.character.flip(test)
-    path = Curve(Selection(corner.system, cells[0], cells), corner.metric)
-    row = here.test_gradient(x, int(np.flatnonzero(here.bounding == test)[0]))
-    tangent = _least_along(found, row)
+    rows = dense(here.test_gradients(x))[np.isin(here.bounding, list(corner.zero))]
+    if not len(rows) or not (found := _crossing_at(curve, x)):
+        return None
+    tangent = _least_along(found, rows)
+    if (np.abs(rows @ tangent) > DISTANCE_TO_SIGN * (np.abs(rows) @ scale)).any():
+        return None
+    cells = tuple(cell for cell in corner.all_cells() if is_solid(corner, cell))
+    path = Curve(Selection(corner.system, here.character, cells), corner.metric)
     sign = _sign_before(curve, x, tangent)
     return branch_point_on_interface(path, State(x, tangent, corner.error, sign))
 
@@ -348,9 +354,9 @@ def _crossing_at(curve: Curve, x: Array) -> Crossing | None:
     return found
 
 
-def _least_along(found: Crossing, row: Matrix) -> Array:
-    """Return the direction at a branch point whose product with a row is least."""
-    return min(found.directions, key=lambda way: abs(float(product(row, way).item())))
+def _least_along(found: Crossing, rows: Matrix) -> Array:
+    """Return the direction at a branch point whose products with rows are least."""
+    return min(found.directions, key=lambda way: float(np.linalg.norm(product(rows, way))))
 
 
 def _sign_before(curve: Curve, x: Array, tangent: Array) -> int:

@@ -25,7 +25,7 @@ import numpy as np
 
 from pwscont.basics.arrays import Array, are_finite, largest, smallest
 from pwscont.basics.errors import InvalidInputError
-from pwscont.basics.outcome import Failure, FailureReason
+from pwscont.basics.outcome import Failure, FailureReason, Kind
 from pwscont.basics.rounding import CONFIDENCE, EPS
 from pwscont.curve.corrector import corrected_again
 from pwscont.curve.curve import Curve, State
@@ -69,7 +69,8 @@ class Event:
         if np.shape(found.x) != self.state.x.shape or not are_finite(found.x):
             what = f"a special point at {len(self.state.x)} finite numbers (z, alpha)"
             raise broken(self.detector, "arrive", what, found.x)
-        if float(curve.metric.covector(self.state.tangent).dot(found.rays[0].state.tangent)) > 0.0:
+        back = float(curve.metric.covector(self.state.tangent).dot(found.rays[0].state.tangent))
+        if back > 0.0 and found.kind != Kind.BRANCH_POINT:  # where a tangent may be rounding
             raise broken(self.detector, "arrive", "the ray back before all others", found)
         return found
 
