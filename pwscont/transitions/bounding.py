@@ -38,7 +38,7 @@ from pwscont.transitions.rays import (
     inward_ray,
     rounding_of_tests,
 )
-from pwscont.transitions.smooth import path_through
+from pwscont.transitions.smooth import path_from, path_through
 
 #: A place with an error below this bound belongs to a test that falls clearly: touching would need
 #: a curvature of more than 1 / EPS^(1/2).
@@ -277,10 +277,10 @@ def at_corner(corner: Corner, curve: Curve, back: Ray | None = None) -> SpecialP
         return SpecialPointFound(Kind.ISOLATED, x, "no piece leaves from this solution", ())
     lost = back is not None and len(others) == len(found.rays)
     is_doubtful = lost or len(rays) < 2 or found.along_interface
-    if back is not None and is_doubtful and (point := path_through(curve, corner)):
-        # the tangent of the arrival is rounding: the ray in the same cell is the piece
-        own = [r for r in point.rays if r.cells == back.cells] or [back]
-        return point.leading((own[0], *(ray for ray in point.rays if ray is not own[0])))
+    if is_doubtful or found.dimension > 1:
+        point = path_from(corner) if back is None else path_through(curve, corner)
+        if point:
+            return point
     tests = ", ".join(map(system.test_name, sorted(zero)))
     if lost or (len(rays) < 2 and not found.along_interface):
         why = NO_WAY_ON.format(tests, here.label) if found.exact else NO_WAY_FOUND.format(len(zero))

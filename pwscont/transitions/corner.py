@@ -57,6 +57,7 @@ from pwscont.transitions.rays import (
     Corner,
     Direction,
     Ray,
+    are_level,
     beside,
     has_named_cells,
     rounding_of_tests,
@@ -162,23 +163,24 @@ def _ray(corner: Corner, found: Direction) -> Ray:
 def _completed(corner: Corner, directions: Sequence[Direction]) -> Iterator[Direction]:
     """Yield directions with all cells to which each belongs, and the opposite of a direction.
 
-    Slopes of tests that are the error of differences have a sign all the same: a direction along
+    Slopes of tests that are errors of derivatives have a sign all the same: a direction along
     interfaces may seem to lie in a single cell, and the opposite direction in none.
     """
-    is_exact = corner.system.knows_derivatives
     for direction, cells in directions:
-        if len(cells) > 1 or is_exact:
+        if len(cells) > 1 or isinstance(corner.system, PiecewiseLinearSystem):
             yield direction, cells
             continue
-        (cell,) = cells
-        selection = Selection(corner.system, cell)
-        vanish = [int(test) for test in selection.bounding if int(test) in corner.zero]
-        slopes = corner.slopes_along(selection, direction)
-        level = [test for test, slope in zip(vanish, slopes, strict=True) if not slope]
-        others = (cell.flip(test) for test in level)
-        every = cell, *(other for other in others if _is_null(corner, direction, other))
+        selection = Selection(corner.system, cells[0])
+        vanish = np.isin(selection.bounding, list(corner.zero))
+        rows = dense(selection.test_gradients(corner.x))[vanish]
+        level = are_level(selection, rows, corner.metric.normalised(direction), corner.metric.scale)
+        tests = selection.bounding[vanish][level].tolist()[:MOST_PATTERN_TESTS]
+        signs = product((False, True), repeat=len(tests))
+        others = (cells[0].with_signs(tests, some) for some in signs) if tests else ()
+        more = (cell for cell in others if cell != cells[0] and _is_null(corner, direction, cell))
+        every = cells[0], *more
         yield direction, every
-        if len(every) > 1 and not slopes.any():
+        if len(every) > 1 and level.all():
             yield -direction, every
 
 

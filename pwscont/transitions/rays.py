@@ -15,7 +15,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from itertools import product
-from typing import TypeAlias, final
+from typing import Any, TypeAlias, final
 
 import numpy as np
 
@@ -114,10 +114,15 @@ def inward_ray(curve: Curve, x: Array, error: Array, test: int) -> Ray | None:
     if not metric.norm(defect) <= metric.slack(x, DISAGREE):
         return None
     tangent = metric.normalised(factor.solve(last_unit(len(x))))
-    slope, terms = abs(gradient.dot(tangent)), np.abs(gradient).dot(metric.scale)
-    if not selection.system.knows_derivatives and slope <= SLOPE_OF_DIFFERENCES * terms:
+    if not selection.is_straight and are_level(selection, gradient, tangent, metric.scale):
         return None
     return Ray(curve, moved(x, defect, tangent, error, factor.sign))
+
+
+def are_level(selection: Selection, gradients: Array, tangent: Array, scale: Array) -> Any:
+    """Tell whether the slopes of tests along a unit tangent may be errors of the derivatives."""
+    error = GUARD * EPS if selection.system.knows_derivatives else SLOPE_OF_DIFFERENCES
+    return np.abs(gradients @ tangent) <= error * (np.abs(gradients) @ scale)
 
 
 def check_continuity(

@@ -249,7 +249,11 @@ class SmoothBranchPoints(TransitionDetector):
 
     def arrive(self, curve: Curve, state: State, index: int) -> SpecialPointFound:
         """Go on along the same curve, and in both directions along the crossing curve."""
-        if curve.selection.adjacent_cells and (point := branch_point_on_interface(curve, state)):
+        here, metric = curve.selection, curve.metric
+        if here.adjacent_cells and (point := branch_point_on_interface(curve, state)):
+            return point
+        corner = Corner.at(here.system, metric, state.x, state.error)
+        if not here.adjacent_cells and (point := path_through(curve, corner)):
             return point
         if found := _crossing_at(curve, state.x):
             return branch_point(curve, found, state)
@@ -287,15 +291,18 @@ def branch_point_on_interface(curve: Curve, state: State) -> SpecialPointFound |
     rays = [ray for own in every for ray in _crossing_rays(own, state)]
     if not rays:
         return None
-    after = -_sign_before(curve, state.x, -state.tangent)
-    onward = State(state.x, state.tangent, state.error, after)
+    after = _sign_beside(curve, state.x, state.tangent, 1.0)
+    onward = State(state.x, state.tangent, state.error, after or -state.orientation)
     path = [_along(curve, Ray(curve, state).reversed()), _along(curve, Ray(curve, onward))]
     message = f"curves cross on the boundary of {curve.selection.label}"
     return SpecialPointFound(Kind.BRANCH_POINT, state.x, message, (*path, *rays))
 
 
 def path_through(curve: Curve, corner: Corner) -> SpecialPointFound | None:
-    """Return the point of a path along interfaces at which a curve in a cell arrives, or None."""
+    """Return the point of a path along interfaces at which a curve in a cell arrives, or None.
+
+    The first ray leads back on the curve: the tangent with which the curve arrived is rounding.
+    """
     here, x, scale = curve.selection, corner.x, corner.metric.scale
     if here.is_straight or not 0 < len(corner.zero) <= MOST_TESTS_ON_PATH:
         return None
@@ -308,7 +315,19 @@ def path_through(curve: Curve, corner: Corner) -> SpecialPointFound | None:
     cells = tuple(cell for cell in corner.all_cells() if is_solid(corner, cell))
     path = Curve(Selection(corner.system, here.character, cells), corner.metric)
     sign = _sign_before(curve, x, tangent)
-    return branch_point_on_interface(path, State(x, tangent, corner.error, sign))
+    point = branch_point_on_interface(path, State(x, tangent, corner.error, sign))
+    own = [ray for ray in point.rays if ray.cells == (here.cell,)] if point else []
+    if not (point and own):
+        return None
+    return point.leading((own[0], *(ray for ray in point.rays if ray is not own[0])))
+
+
+def path_from(corner: Corner) -> SpecialPointFound | None:
+    """Return a start that is a branch point of a path along interfaces, None if there is none."""
+    if not len(corner.zero) <= MOST_TESTS_ON_PATH:
+        return None
+    cells = (Curve(Selection(corner.system, cell), corner.metric) for cell in corner.all_cells())
+    return next(filter(None, (path_through(curve, corner) for curve in cells)), None)
 
 
 def _in_cells(curve: Curve, cells: Iterable[Character]) -> list[Curve]:
@@ -329,8 +348,8 @@ def _in_other_cells(curve: Curve) -> list[Curve]:
 
 def _sign_around(own: Curve, state: State) -> int:
     """Return the sign of det[J; t^T] in a cell, zero where the sign differs on both sides."""
-    before = _sign_before(own, state.x, state.tangent)
-    return before if before == -_sign_before(own, state.x, -state.tangent) else 0
+    signs = {_sign_beside(own, state.x, state.tangent, side) for side in (-1.0, 1.0)} - {None}
+    return signs.pop() or 0 if len(signs) == 1 else 0
 
 
 def _crossing_rays(own: Curve, state: State) -> list[Ray]:
@@ -360,9 +379,19 @@ def _least_along(found: Crossing, rows: Matrix) -> Array:
 
 
 def _sign_before(curve: Curve, x: Array, tangent: Array) -> int:
-    """Return the sign of det[J; t^T] just before a branch point, zero where J has lower rank."""
-    near, metric = x - DISTANCE_TO_SIGN * tangent, curve.metric
-    near[-1] = np.clip(near[-1], *metric.interval)
+    """Return the sign of det[J; t^T] just before a branch point, where the sign flips."""
+    before = _sign_beside(curve, x, tangent, -1.0)
+    return -(_sign_beside(curve, x, tangent, 1.0) or 0) if before is None else before
+
+
+def _sign_beside(curve: Curve, x: Array, tangent: Array, side: float) -> int | None:
+    """Return the sign of det[J; t^T] before or after a point, for a side of -1 or +1.
+
+    Zero where J has lower rank, None outside the interval.
+    """
+    near, metric = x + side * DISTANCE_TO_SIGN * tangent, curve.metric
+    if not metric.interval[0] <= near[-1] <= metric.interval[1]:
+        return None
     factor = bordered(curve.selection.jacobian(near), metric.covector(tangent), metric.binary)
     return 0 if factor.is_singular() else factor.sign
 
