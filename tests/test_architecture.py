@@ -62,7 +62,7 @@ BUDGET = {
     "notation": (13, 2883),
     "curve": (14, 2962),
     "enumeration": (11, 2583),
-    "transitions": (12, 3778),
+    "transitions": (12, 3779),
     "graph": (10, 2661),
     "search": (7, 1672),
     "continuation": (8, 2768),
