@@ -59,7 +59,7 @@ BUDGET = {
     "basics": (10, 1184),
     "system": (10, 2190),
     "linear": (11, 1484),
-    "notation": (13, 2883),
+    "notation": (13, 2884),
     "curve": (14, 2962),
     "enumeration": (11, 2583),
     "transitions": (12, 3779),
