@@ -303,10 +303,14 @@ def test_a_residual_that_is_zero_everywhere_is_refused():
 
 @pytest.mark.slow
 def test_many_branch_points_at_one_point_end_in_words():
-    """Three pitchforks meet in one point: 27 branches leave to the right."""
+    """Three pitchforks meet in one point: 27 branches leave to the right.
+
+    The signs of the 27 branches sum to (1 - 1 - 1)^3 = -1, as the sign of the branch on the left.
+    """
     graph = explore(Switched(3, lambda z, alpha, sw: alpha * z - z**3), (-1.0, 1.0))
-    assert 20 <= graph.count(0.3) <= 27
-    assert "missing in (0, 1); curves touch, or more than two cross, at alpha = " in graph.guarantee
+    assert [graph.count(alpha) for alpha in (-0.5, 0.3)] == [1, 27]
+    assert graph.guarantee.startswith("balanced; ")
+    assert "curves touch, or more than two cross, at alpha = " in graph.guarantee
 
 
 @pytest.mark.slow

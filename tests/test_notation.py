@@ -28,6 +28,7 @@ from pwscont import (
     LCP,
     AbsNormal,
     BranchGraph,
+    Character,
     Complementarity,
     Switched,
     check_system,
@@ -402,3 +403,13 @@ def test_powers_of_magnitudes_pass_zero(law, p):
         z1 = brentq(lambda y, alpha: odd(odd(y + 0.3)) + y - alpha, -9.0, 9.0, (alpha,), 1e-14)
         (found,) = graph.solutions(alpha)
         np.testing.assert_allclose(found.z, [odd(z1 + 0.3), z1], atol=1e-9)
+
+
+@pytest.mark.parametrize("p", [1.1, 1.2, 2.5])
+@pytest.mark.parametrize("y", [-0.5, -1e-3])
+def test_slopes_beyond_the_cell_of_a_power_are_those_of_the_values(p, y):
+    """z |z|^(p - 1) with a frozen magnitude: z stays, and the power is mirrored at zero."""
+    law = Switched(1, lambda z, t, sw: z * sw.abs(z) ** (p - 1.0) - t)
+    inside = Character.of(law.test_functions(np.array([0.5]), 0.0))
+    slope = law.jacobian(np.array([y]), 0.0, inside)[0, 0]
+    assert slope == pytest.approx(-p * abs(y) ** (p - 1.0), rel=1e-12)

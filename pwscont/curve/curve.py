@@ -108,8 +108,6 @@ class State:
     located_by : Factor, optional
         A factorisation of [J; gradient of the function], for a state at which a function vanishes;
         corrects points of the curve close by. A reversed state has none.
-    behind : tuple of float, ndarray and ndarray, optional
-        Arc length from the state before on the same piece, and that state's point and tangent.
     """
 
     x: Array
@@ -118,7 +116,6 @@ class State:
     orientation: int
     _size: Array | None = field(default=None, repr=False)
     located_by: Factor | None = field(default=None, repr=False)
-    behind: tuple[float, Array, Array] | None = field(default=None, repr=False)
 
     @property
     def size(self) -> Array:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import final
 
@@ -61,21 +60,19 @@ class Secant(Predictor):
         self, curve: Curve, previous: State | None, state: State, length: float
     ) -> tuple[Array, Array]:
         """Return a point of the line through the points of the two states."""
-        direction = curve.metric.normalised(state.x - previous.x) if previous else state.tangent
+        direction = state.tangent
+        if previous is not None:
+            direction = curve.metric.normalised(state.x - previous.x)
         return state.x + length * direction, direction
-
-
-#: Three points are used if neither step between these is longer than this many times the other.
-ALIKE = 4.0
 
 
 @final
 @dataclass(frozen=True, slots=True)
 class Hermite(Predictor):
-    """Along the quintic through the last three points and tangents: of sixth order.
+    """Along the cubic through the last two points and tangents: of fourth order.
 
-    Along the cubic with two points or with differences. Newton often needs a single Jacobian from
-    there (higher order predictors: Allgower and Georg 1990, section 6.3; Lundberg and Poore 1991).
+    Newton often needs a single Jacobian from there (higher order predictors: Allgower and Georg
+    1990, section 6.3; Lundberg and Poore 1991).
 
     Examples
     --------
@@ -87,35 +84,17 @@ class Hermite(Predictor):
     def predict(
         self, curve: Curve, previous: State | None, state: State, length: float
     ) -> tuple[Array, Array]:
-        """Return a point of the polynomial; of the tangent on the first step and if straight."""
-        nodes, tangent = [(0.0, state.x, state.tangent)], state.tangent
-        if previous is not None and not curve.selection.is_straight:
-            cosine = dot(curve.metric.covector(previous.tangent), tangent)
-            s = arc(curve.metric.norm(state.x - previous.x), cosine)
-            r, x, along = previous.behind or nodes[0]
-            is_alike = s <= ALIKE * r <= ALIKE**2 * s and curve.selection.system.knows_jacobian
-            if s >= CONVERGED:
-                earlier = [(-s - r, x, along)] if is_alike else []
-                nodes += [(-s, previous.x, previous.tangent), *earlier]
-        return _polynomial(nodes, length), tangent
-
-
-def arc(chord: float, cosine: float) -> float:
-    """Return arc length from chord and tangents, with an error of fourth order in the angle."""
-    return chord * (1.0 + (1.0 - cosine) / 12.0)
-
-
-def _polynomial(nodes: Sequence[tuple[float, Array, Array]], u: float) -> Array:
-    """Return Hermite's polynomial at ``u``; nodes are places, points, tangents, the first at 0."""
-    point = (origin := nodes[0][1]).copy()
-    for s, x, tangent in nodes:
-        lagrange, steepness = 1.0, 0.0
-        for r, _, _ in nodes:
-            if r != s:
-                lagrange *= (u - r) / (s - r)
-                steepness += 2.0 / (s - r)
-        square = lagrange * lagrange
-        point = plus(point, (u - s) * square, tangent)
-        if s:
-            point = plus(point, (1.0 - (u - s) * steepness) * square, x - origin)
-    return point
+        """Return a point of the cubic; of the tangent on the first step and on a straight curve."""
+        on_tangent = plus(state.x.copy(), length, state.tangent), state.tangent
+        if previous is None or curve.selection.is_straight:
+            return on_tangent
+        chord = curve.metric.norm(state.x - previous.x)
+        if chord < CONVERGED:
+            return on_tangent
+        cosine = dot(curve.metric.covector(previous.tangent), state.tangent)
+        # arc length, whose relative error is of fourth order in the angle between the tangents
+        s, u = chord * (1.0 + (1.0 - cosine) / 12.0), length
+        here, there = ((u + s) / s) ** 2, (u / s) ** 2
+        point = plus(state.x.copy(), (3.0 + 2.0 * u / s) * there, previous.x - state.x)
+        point = plus(point, u * here, state.tangent)
+        return plus(point, (u + s) * there, previous.tangent), state.tangent

@@ -32,7 +32,7 @@ from pwscont.curve.error_samples import magnitude
 from pwscont.curve.looks import CLOSER_PLACES, farthest_off, gap_of
 from pwscont.curve.metric import Range
 from pwscont.curve.newton import Border, Root, uncertainty
-from pwscont.curve.predictor import Hermite, Predictor, arc
+from pwscont.curve.predictor import Hermite, Predictor
 from pwscont.curve.step_size import StepSize
 from pwscont.curve.stepper import BESIDE, CurvedSegment, ExactLinear, Segment, Stepper
 from pwscont.linear.vectors import dot
@@ -216,7 +216,6 @@ def accepted(
     if not strain <= 1.0:
         return Failure(FailureReason.HIDDEN_FOLDS if off == math.inf else FailureReason.JUMP)
     segment.suggestion = step_size.after(length, strain, cosine)
-    end.behind = arc(segment.length, cosine), state.x, state.tangent
     return segment
 
 

@@ -399,10 +399,14 @@ def pieces_over(graph: ConnectedPieces, alpha: float) -> list[Piece]:
 
 
 def pieces_through(graph: ConnectedPieces, alpha: float) -> list[Piece]:
-    """Return the pieces that have ``alpha`` strictly inside."""
+    """Return the pieces that have ``alpha`` strictly inside.
+
+    A piece may end beyond the node of that end, by less than the errors of piece and node.
+    """
     lo, hi = graph.extent.T
     inside = (lo < alpha) & (alpha < hi) & ~graph.same(lo, alpha) & ~graph.same(hi, alpha)
-    return [graph.pieces[i] for i in np.flatnonzero(inside)]
+    ends = {piece.id for node in nodes_at(graph, alpha) for piece in graph.pieces_at(node)}
+    return [graph.pieces[i] for i in np.flatnonzero(inside) if graph.pieces[i].id not in ends]
 
 
 def nodes_at(graph: ConnectedPieces, alpha: float) -> list[int]:

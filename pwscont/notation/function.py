@@ -302,8 +302,8 @@ def taken(modes: Any, branches: Sequence[Any]) -> Any:
     return found
 
 
-#: The smallest normal number stands for y = 0, at which a slope may be infinite; for derivatives,
-#: rounding of the largest unknown: with larger slopes, all of H would look like rounding.
+#: The smallest normal number stands for y = 0, at which a slope may be infinite; for derivatives
+#: where y is rounding, that rounding: with larger slopes, all of H would look like rounding.
 ZERO = sys.float_info.min
 
 
@@ -335,22 +335,23 @@ class LiftedFunction:
             return found
         if x.dtype == object:
             raise UntraceableError("columns, at some points of which a call is not finite")
-        zero = ZERO + EPS * np.abs(x.value).max() if isinstance(x, Dual) else ZERO
-        picks = (self._beyond(pick, sign, zero) for sign in (0.0, -1.0))
+        rounding = EPS * np.abs(x.value).max() if isinstance(x, Dual) else 0.0
+        picks = (self._beyond(pick, sign, rounding) for sign in (0.0, -1.0))
         at_zero, mirrored = (
             self.function.outcome(x[: self.size], alpha, self.layout, each) for each in picks
         )
         pairs = zip(_parts(at_zero), _parts(mirrored), strict=True)
         return Outcome(*(2.0 * a - b for a, b in pairs))
 
-    def _beyond(self, pick: Pick, sign: float, zero: float) -> Pick:
-        """Return a ``Pick`` that replaces magnitudes y <= 0 by ``zero`` (sign 0) or by -y."""
+    def _beyond(self, pick: Pick, sign: float, rounding: float) -> Pick:
+        """Return a ``Pick`` that replaces magnitudes y <= 0 by zero (sign 0) or by -y."""
 
         def beyond(number: int, tests: Sequence[Any], branches: Sequence[Any]) -> Any:
             y = pick(number, tests, branches)
             if not self._is_magnitude[number]:
                 return y
-            other = zero - y if sign else np.full(np.shape(value_of(y)), zero)
+            near = np.abs(value_of(y)) <= GUARD * rounding
+            other = ZERO + rounding - y if sign else ZERO + rounding * near
             return where(value_of(y) <= 0.0, other, y)
 
         return beyond

@@ -127,7 +127,8 @@ def _turns_twice(segment: CurvedSegment) -> bool:
     if first * last < 0.0 or not 0.0 < -b / (2.0 * a or np.inf) < 1.0:
         return False
     least, largest = first - 0.25 * b * b / a, max(abs(first), abs(last))
-    if segment.length * largest <= GUARD * EPS * segment.curve.metric.width:
+    steepest = max(largest, abs(chord))  # from fold to fold both ends are level
+    if segment.length * steepest <= GUARD * EPS * segment.curve.metric.width:
         return False  # both folds would be at one alpha
     return bool(least * (first + last) < -SHALLOW_TURN * largest * abs(first + last))
 
