@@ -88,3 +88,87 @@ def test_what_underflows_is_no_continuum(factor):
     graph = explore(Switched(2, competing), (0.6, 1.5))
     assert not graph.infinite
     assert [graph.count(alpha) for alpha in (0.7, 1.0, 1.4)] == [4, 4, 4]
+
+
+def bertrand(u, v):
+    """Each price is the other or a bound: all prices z0 = z1 above both bounds."""
+    return lambda z, a, sw: [z[0] - sw.max(z[1], u(a)), z[1] - sw.max(z[0], v(a))]
+
+
+def tied(power):
+    """A pair of complementarity conditions with two equal equations."""
+
+    def rows(z, a, sw):
+        gap = z[0] ** power - z[1] ** power + a
+        return [sw.min(z[0], gap), sw.min(z[1], -gap)]
+
+    return rows
+
+
+@pytest.mark.parametrize(
+    ("rows", "alone"),
+    [
+        (bertrand(lambda a: a, lambda a: -a), 0.0),
+        (bertrand(lambda a: a, lambda a: -2.0 * a), 0.0),
+        (bertrand(lambda a: a * a, lambda a: a), 0.0),
+        (bertrand(lambda a: a - 0.3, lambda a: 0.3 - a), 0.3),
+        (tied(1), 0.0),
+        (tied(3), 0.0),
+    ],
+)
+@pytest.mark.slow
+def test_stretches_join_at_the_alpha_between(rows, alone):
+    """At the alpha at which another bound begins to hold, there are infinitely many, too."""
+    graph = explore(Switched(2, rows), (-1.0, 1.0))
+    assert [graph.count(alpha) for alpha in (-1.0, -0.5, alone, 0.5, 1.0)] == [np.inf] * 5
+    assert "infinitely many solutions for alpha in [-1, 1]" in graph.guarantee
+
+
+def levels(z, a, sw):
+    """(relu(z - 1))^2 - (relu(-z - 1))^2 = alpha: at alpha = 0 all z in [-1, 1]."""
+    return [sw.relu(z[0] - 1.0) ** 2 - sw.relu(-z[0] - 1.0) ** 2 - a]
+
+
+def payoffs(z, a, sw):
+    """Two mixed strategies; at alpha = 0 the first player does not care."""
+    return [
+        z[0] - sw.clip(z[0] + a * (1.0 + z[1] ** 2), 0.0, 1.0),
+        z[1] - sw.clip(z[1] + z[0] - 0.5, 0.0, 1.0),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("size", "rows", "interval"),
+    [
+        (1, lambda z, a, sw: [sw.relu(z[0]) ** 2 - a], (0.0, 1.0)),
+        (1, lambda z, a, sw: [sw.relu(z[0]) ** 2 + a], (-1.0, 0.0)),
+        (1, lambda z, a, sw: [sw.min(z[0], a * (1.0 + z[0] ** 2))], (0.0, 1.0)),
+        (1, levels, (0.0, 1.0)),
+        (1, levels, (-1.0, 1.0)),
+        (2, payoffs, (0.0, 1.0)),
+        (2, payoffs, (-1.0, 1.0)),
+    ],
+)
+@pytest.mark.slow
+def test_infinitely_many_solutions_at_zero_alone(size, rows, interval):
+    """Zero is an end of the interval or lies inside; the guarantee names the value."""
+    graph = explore(Switched(size, rows), interval)
+    expected = {0.0: np.inf} | {alpha: 1 for alpha in interval if alpha}
+    assert {alpha: graph.count(alpha) for alpha in expected} == expected
+    assert "infinitely many solutions at alpha = 0" in graph.guarantee
+    assert "model seems to end" not in graph.guarantee
+
+
+@pytest.mark.parametrize("power", [3, 5])
+@pytest.mark.slow
+def test_a_root_of_high_order_is_no_continuum(power):
+    """y^power = alpha and v = y, in turned unknowns and mixed rows: one solution everywhere."""
+
+    def rows(z, a, _):
+        y, v = 0.6 * z[0] + 0.8 * z[1], 0.8 * z[0] - 0.6 * z[1]
+        one, two = y**power - a, v - y
+        return [one + two, one - 2.0 * two]
+
+    graph = explore(Switched(2, rows), (0.0, 1.0))
+    assert [graph.count(alpha) for alpha in (0.0, 0.5, 1.0)] == [1, 1, 1]
+    assert "infinitely" not in graph.guarantee

@@ -46,6 +46,7 @@ KINKS = {
 @pytest.mark.parametrize("kink", KINKS)
 @pytest.mark.parametrize("path", PATHS)
 @pytest.mark.parametrize("begin", [-1.0, 1.0])
+@pytest.mark.sweep(5)
 def test_curves_of_one_cell_cross_a_path_on_a_kink(path, kink, begin):
     """The path is followed by the selection of one cell; a curve of another cell crosses."""
     above, below, count = PATHS[path]
@@ -79,6 +80,46 @@ def test_a_path_among_other_unknowns():
     assert graph.is_balanced()
 
 
+#: Equations whose curves cross on a kink at a point, and the numbers of solutions before and after.
+CROSSINGS = {
+    "pitchfork": (lambda z, a, sw: z * (sw.abs(z) - a), 0.0, 0.0, (1, 3)),
+    "transcritical": (lambda z, a, sw: sw.abs(z) * (z - a), 0.0, 0.0, (2, 2)),
+    "one side steeper": (
+        lambda z, a, sw: z * (2.0 * sw.relu(z) + sw.relu(-z) - a),
+        0.0,
+        0.0,
+        (1, 3),
+    ),
+    "bent": (lambda z, a, sw: z * (sw.abs(z) - np.sin(a)), 0.0, 0.0, (1, 3)),
+    "elsewhere": (lambda z, a, sw: (z - 0.3) * (sw.abs(z - 0.3) - a + 0.2), 0.3, 0.2, (1, 3)),
+}
+
+
+@pytest.mark.parametrize("name", CROSSINGS)
+@pytest.mark.parametrize("part", ["all", "before", "after"])
+@pytest.mark.sweep(2)
+def test_the_point_where_curves_cross_on_a_kink_is_a_start(name, part):
+    """Inside the interval, and at either end: a start there is followed on every curve."""
+    equation, z, alpha, (before, after) = CROSSINGS[name]
+    lo, hi = {"all": (-1.0, 1.0), "before": (-1.0, alpha), "after": (alpha, 1.0)}[part]
+    graph = trace(Switched(1, equation), ([z], alpha), (lo, hi))
+    if lo < alpha:
+        assert graph.count(-0.7) == before
+    if alpha < hi:
+        assert graph.count(0.7) == after
+    assert graph.is_balanced()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("c", [0.04, 0.25, 0.7])
+def test_arms_that_form_a_loop_between_two_crossings(c):
+    """At both crossings z = 0 is the only solution, wherever between their errors a piece ends."""
+    graph = explore(Switched(1, lambda z, a, sw: z * (sw.abs(z) + a * a - c)), (-1.0, 1.0))
+    end = np.sqrt(c)
+    assert [graph.count(alpha) for alpha in (-0.9, -end, 0.0, end, 0.9)] == [1, 1, 3, 1, 1]
+    assert graph.is_balanced()
+
+
 class OnSine(PiecewiseSystem):
     """The path z = sin(alpha) on a curved kink; all derivatives are differences."""
 
@@ -106,6 +147,7 @@ class OnSineWithJacobian(OnSine):
 
 @pytest.mark.parametrize("system", [OnSine, OnSineWithTests, OnSineWithJacobian])
 @pytest.mark.parametrize("begin", [-1.0, -0.1, "explore"])
+@pytest.mark.sweep(2)
 def test_derivatives_by_differences_on_a_curved_kink(system, begin):
     """Slopes of the test along the path are errors of differences, and larger than rounding."""
     if begin == "explore":

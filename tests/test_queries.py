@@ -376,9 +376,18 @@ def test_a_system_that_was_changed_after_the_run_is_refused(bend, by):
         (lambda z, a, sw: np.exp(z) - 1.0 - z - sw.abs(a), 0.0),
     ],
 )
+@pytest.mark.sweep(4)
 def test_two_folds_on_both_sides_of_a_kink_in_alpha_are_one_solution(equation, alpha):
     """Both curves end their turn at the same point, where z solves the equation once."""
     graph = explore(Switched(1, equation), (-1.0, 1.0))
     assert [graph.count(alpha + step) for step in (-0.1, 0.0, 0.1)] == [2, 1, 2]
     assert len(graph.solutions(alpha)) == 1
     assert graph.is_balanced()
+
+
+def test_no_way_leads_to_a_solution_on_no_piece():
+    """At alpha = 0 every z from -1 to 0 is a solution, and the graph holds points of these."""
+    equation = Switched(1, lambda z, a, sw: sw.relu(z) + sw.min(z + 1.0, 0.0) - a)
+    graph = explore(equation, (0.0, 0.5))
+    first, second, *_ = graph.solutions(0.0)
+    assert graph.path(first, second) == [] or -1 not in {first.piece, second.piece}

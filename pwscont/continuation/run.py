@@ -344,17 +344,19 @@ def _follow_from(
 def _infinite(plan: Plan, discovery: Discovery, is_part: bool) -> tuple[Stretch, ...]:
     """Return the stretches of alpha at which solutions fill more than curves."""
     nodes = list(discovery.nodes.values())
-    signs = (
-        node.lost > 0
+    doubtful = [
+        node.place.x
+        for node in nodes
+        if node.lost > 0
         or node.kind == Kind.STOPPED
         or (node.kind not in CROSSED and FILL in node.message)
-        for node in nodes
-    )
-    if nodes and not (is_part or any(signs)):
+    ]
+    if nodes and not (is_part or doubtful):
         return ()
     alphas = [*plan.interval, *(node.place.alpha for node in nodes)]
     one_of_many = [node.place.x for node in nodes if node.message == FILL_CURVES]
-    return joined(find_continua(plan.reduced_system, plan.metric, alphas, one_of_many), alphas)
+    system, metric = plan.reduced_system, plan.metric
+    return joined(find_continua(system, metric, alphas, one_of_many, doubtful), alphas)
 
 
 def _scope(plan: Plan, searched: SearchScope, lost: int, unmarked: int) -> SearchScope:

@@ -14,9 +14,10 @@ of Jacobians by differences counts as zero.
 
 from __future__ import annotations
 
+from bisect import bisect_left, bisect_right, insort
 from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import pairwise, product
 from math import sqrt
 from typing import final
 
@@ -25,6 +26,7 @@ from scipy.linalg import lstsq, null_space, svd
 
 from pwscont.basics.arrays import Array, are_finite, dense, generic
 from pwscont.basics.budget import check_budget
+from pwscont.basics.character import Character
 from pwscont.basics.rounding import EPS
 from pwscont.curve.metric import Metric
 from pwscont.enumeration.choices import Choices
@@ -44,8 +46,11 @@ from pwscont.system.system import (
 
 #: Largest singular value that counts as zero, as a part of the largest: the error of differences.
 SINGULAR_VALUE = EPS ** (1.0 / 3.0)
-#: Distance at which another solution is looked for, as a part of 1 plus the length of a solution.
-DISTANCE_TO_OTHER = 0.01
+#: Distances at which another solution is looked for, as parts of 1 plus the length of a solution.
+#: The smaller one is for places beside known solutions of the kind: a multiple root looks alike.
+DISTANCES_TO_OTHER = 0.01, 0.001
+#: H at another solution is at most this many times as large as H here, plus what rounding leaves.
+MORE_RESIDUAL, LEFT_OVER = 4.0, 1e-13
 #: Most shortest steps to another solution; beside a double root, steps shrink more slowly.
 MOST_SHORTEST_STEPS = 6
 #: Longest step to a solution that has arrived, as a part of 1 plus the length of the solution.
@@ -54,8 +59,13 @@ LONGEST_LAST_STEP = EPS**0.5
 NEAR_ZERO, TINY = 1e-3, 1e-200
 #: Most cells of a system that is asked for such sets.
 MOST_CELLS_FILLED = 4**10
-#: Distance from an end of a stretch at which the stretch is asked for, as a part of the stretch.
-NEAR_AN_END = 1e-3
+#: Distances from an end of a stretch, as parts of the stretch. That one of these places is filled
+#: is enough, for the solutions may shrink to a point at the end.
+NEAR_AN_END = 1e-1, 1e-2, 1e-3
+#: Most tests near a place of which all cells are looked at.
+MOST_TESTS_NEAR = 6
+#: Number of known places on each side of a gap from which a place in the gap is looked for.
+STARTS = 2
 #: Most unknowns for which a singular value decomposition costs little beside a search.
 MOST_UNKNOWNS_OF_SVD = 200
 #: Cells are cut off by linear programs before anything else is done (see :func:`leaves`).
@@ -74,17 +84,57 @@ def is_one_of_many(system: PiecewiseSystem, metric: Metric, x: Array) -> bool:
         return False
     scale, alpha = metric.scale[:-1], float(x[-1])
     y = x[:-1] / scale
-    null = _null_direction(system, scale, y, alpha)
-    if null is None:
-        return False
-    way = DISTANCE_TO_OTHER * (1.0 + float(np.linalg.norm(y)))
-    for start in (y + way * null, y - way * null):
-        other = solution_near(system, scale, start, alpha)
-        if other is None or np.linalg.norm(other - y) < 0.5 * way:
-            continue
-        if _null_direction(system, scale, other, alpha) is not None:
-            return True
+    return _is_singular(system, scale, y, alpha) and _has_others(system, scale, y, alpha)
+
+
+def _has_others(
+    system: PiecewiseSystem,
+    scale: Array,
+    y: Array,
+    alpha: float,
+    parts: tuple[float, ...] = DISTANCES_TO_OTHER[:1],
+) -> bool:
+    """Tell whether solutions beside a place fill a curve or more, in any of the cells there."""
+    here, size = equations_in_magnitudes(system, y * scale, alpha, scale), 1.0 + _length(y)
+    most = MORE_RESIDUAL * _length(here[0]) / size + LEFT_OVER if here else 0.0
+    for way in (part * size for part in parts):
+        for direction in _level_directions(system, scale, y, alpha, way):
+            other = solution_near(system, scale, y + way * direction, alpha, most)
+            if other is None or not 0.5 * way <= _length(other - y) <= 2.0 * way:
+                continue
+            if _is_singular(system, scale, other, alpha):
+                return True
     return False
+
+
+def _length(y: Array) -> float:
+    return float(np.linalg.norm(y))
+
+
+def _level_directions(
+    system: PiecewiseSystem, scale: Array, y: Array, alpha: float, way: float
+) -> Iterator[Array]:
+    """Yield unit directions of lines in which dH/dz of a cell vanishes and that enter the cell.
+
+    Among the cells are all that meet within the distance ``way``, unless these are too many.
+    """
+    z, here = y * scale, system.character(y * scale, alpha)
+    gradients = dense(system.test_jacobian(z, alpha))[:, :-1] * scale
+    reached = way * np.linalg.norm(gradients, axis=1)
+    near = np.flatnonzero(np.abs(system.test_functions(z, alpha)) <= reached)
+    near = near if len(near) <= MOST_TESTS_NEAR else near[:0]
+    for signs in product((1.0, -1.0), repeat=len(near)):
+        cell = here.with_signs(near.tolist(), [sign > 0.0 for sign in signs])
+        linear = equations_in_magnitudes(system, z, alpha, scale, cell)
+        if linear is None or not (null := _null_space(linear[1])).shape[1]:
+            continue
+        sides = np.array(signs)[:, np.newaxis] * gradients[near] @ null
+        box = np.vstack([np.eye(null.shape[1]), -np.eye(null.shape[1])])
+        values = np.append(np.zeros(len(sides)), np.ones(len(box)))
+        cone = Polyhedron.of(np.vstack([sides, box]), values, SINGULAR_VALUE)
+        inside, along = (cone and cone.inside(SINGULAR_VALUE)) or (np.zeros(0), np.zeros((0, 0)))
+        for end in (inside + w for v in along.T for w in (v, -v)):
+            yield null @ end / _length(end)
 
 
 def underflows(system: PiecewiseSystem, metric: Metric, x: Array) -> bool:
@@ -108,10 +158,12 @@ def underflows(system: PiecewiseSystem, metric: Metric, x: Array) -> bool:
     return size(inside) < sqrt(TINY)
 
 
-def solution_near(system: PiecewiseSystem, scale: Array, y: Array, alpha: float) -> Array | None:
+def solution_near(
+    system: PiecewiseSystem, scale: Array, y: Array, alpha: float, most: float = LONGEST_LAST_STEP
+) -> Array | None:
     """Return the solution to which a few shortest Newton steps lead at fixed alpha, else None.
 
-    States are in typical magnitudes ``scale``.
+    States are in typical magnitudes ``scale``; ``most`` is the largest H of a solution.
     """
     for _ in range(MOST_SHORTEST_STEPS):
         linear = equations_in_magnitudes(system, y * scale, alpha, scale)
@@ -120,10 +172,11 @@ def solution_near(system: PiecewiseSystem, scale: Array, y: Array, alpha: float)
         residual, jacobian, _ = linear
         step = lstsq(jacobian, -residual, cond=SINGULAR_VALUE)[0]
         y = y + step
-        longest = LONGEST_LAST_STEP * (1.0 + np.linalg.norm(y))
-        if np.linalg.norm(step) <= longest:  # a cut off direction may have hidden the residual
+        size = 1.0 + np.linalg.norm(y)
+        if np.linalg.norm(step) <= LONGEST_LAST_STEP * size:
             arrived = equations_in_magnitudes(system, y * scale, alpha, scale)
-            return y if arrived and np.linalg.norm(arrived[0]) <= longest else None
+            # a cut off direction may have hidden the residual
+            return y if arrived and np.linalg.norm(arrived[0]) <= most * size else None
     return None
 
 
@@ -140,7 +193,11 @@ class Continuum:
 
 
 def find_continua(
-    system: PiecewiseSystem, metric: Metric, alphas: list[float], one_of_many: list[Array]
+    system: PiecewiseSystem,
+    metric: Metric,
+    alphas: list[float],
+    one_of_many: list[Array],
+    doubtful: list[Array],
 ) -> Iterator[Continuum]:
     """Yield the parts of the interval with infinitely many solutions.
 
@@ -151,9 +208,11 @@ def find_continua(
     ``alphas``: the values of alpha of special points, and both ends of the interval.
     ``one_of_many``, shape (n + 1,): known solutions of a curved system that belong to infinitely
     many, see :func:`is_one_of_many`.
+    ``doubtful``, shape (n + 1,): special points at which not all ways on are curves.
     """
     if not isinstance(system, SlicewiseLinearSystem):
-        yield from _beside(system, metric, alphas, one_of_many)
+        if system.size <= MOST_UNKNOWNS_OF_SVD:
+            yield from _beside(system, metric, alphas, one_of_many, doubtful)
     elif has_too_many_tests(system) or number_of_cells(system.blocks()) > MOST_CELLS_FILLED:
         return
     elif isinstance(system, PiecewiseLinearSystem):
@@ -175,33 +234,51 @@ def _asked(
 
 
 def _beside(
-    system: PiecewiseSystem, metric: Metric, alphas: list[float], points: list[Array]
+    system: PiecewiseSystem,
+    metric: Metric,
+    alphas: list[float],
+    points: list[Array],
+    doubtful: list[Array],
 ) -> Iterator[Continuum]:
     """Yield the values of alpha of such solutions, and the stretches filled beside them."""
     known, scale = {float(x[-1]): x for x in points}, metric.scale[:-1]
+    for x in doubtful:
+        if x[-1] not in known and _has_others(system, scale, x[:-1] / scale, float(x[-1])):
+            known[float(x[-1])] = x
+    found, every = sorted(known), sorted({*alphas, *known})
 
-    def is_filled(starts: list[Array], alpha: float) -> bool:
-        """Tell whether any of some solutions leads to one of infinitely many at another alpha."""
-        found = (solution_near(system, scale, x[:-1] / scale, alpha) for x in starts)
-        places = (np.append(y * scale, alpha) for y in found if y is not None)
-        return any(is_one_of_many(system, metric, place) for place in places)
+    def is_filled(lo: float, hi: float, alpha: float) -> bool:
+        """Tell whether solutions at the values next to a gap lead to one of many at alpha."""
+        below, above = found[: bisect_right(found, lo)], found[bisect_left(found, hi) :]
+        for end in below[-STARTS:] + above[:STARTS]:
+            y = solution_near(system, scale, known[end][:-1] / scale, alpha)
+            if y is not None and _has_others(system, scale, y, alpha, DISTANCES_TO_OTHER):
+                known[alpha] = np.append(y * scale, alpha)
+                insort(found, alpha)
+                return True
+        return False
 
-    for alpha in known:
+    filled = {alpha for alpha in every if alpha in known or is_filled(alpha, alpha, alpha)}
+    gaps = list(pairwise(every))
+    for lo, hi in (*gaps, *reversed(gaps)):  # from filled gaps to the next, in both directions
+        middle, ends = 0.5 * (lo + hi), ((lo, hi), (hi, lo))
+        if filled.isdisjoint((lo, hi)) or not is_filled(lo, hi, middle):
+            continue
+        places = ([a + part * (b - a) for part in NEAR_AN_END] for a, b in ends if a not in filled)
+        if all(
+            any(is_filled(min(middle, at), max(middle, at), at) for at in row) for row in places
+        ):
+            filled |= {end for end in (lo, hi) if end in filled or is_filled(end, end, end)}
+            yield Continuum(lo, hi, False, False, 0.0)
+    for alpha in filled:
         yield Continuum(alpha, alpha, True, True, 0.0)
-    for lo, hi in pairwise(sorted({*alphas, *known})):
-        starts = [known[end] for end in (lo, hi) if end in known]
-        places = [0.5 * (lo + hi)]
-        places += [] if hi in known else [hi - NEAR_AN_END * (hi - lo)]
-        places += [] if lo in known else [lo + NEAR_AN_END * (hi - lo)]
-        if starts and all(is_filled(starts, alpha) for alpha in places):
-            yield Continuum(lo, hi, lo in known, hi in known, 0.0)
 
 
 def equations_in_magnitudes(
-    system: PiecewiseSystem, z: Array, alpha: float, scale: Array
+    system: PiecewiseSystem, z: Array, alpha: float, scale: Array, cell: Character | None = None
 ) -> tuple[Array, Array, Array] | None:
     """Return scaled H and dH/dz, or dH/d(z, alpha), and the divisors of rows; None if infinite."""
-    character = system.character(z, alpha)
+    character = cell or system.character(z, alpha)
     residual = residual_at(system, z, alpha, character)
     jacobian = dense(jacobian_at(system, z, alpha, character))[:, : len(scale)] * scale
     rows = np.abs(jacobian).max(axis=1)
@@ -212,13 +289,17 @@ def equations_in_magnitudes(
     return (residual, jacobian, rows) if are_finite(residual) else None
 
 
-def _null_direction(system: PiecewiseSystem, scale: Array, y: Array, alpha: float) -> Array | None:
-    """Return the unit direction in which dH/dz vanishes, None where dH/dz is regular."""
+def _is_singular(system: PiecewiseSystem, scale: Array, y: Array, alpha: float) -> bool:
+    """Tell whether dH/dz is singular at a place."""
     linear = equations_in_magnitudes(system, y * scale, alpha, scale)
-    if linear is None:
-        return None
-    _, sizes, directions = svd(linear[1])
-    return directions[-1] if sizes[-1] <= SINGULAR_VALUE * sizes[0] else None
+    return linear is not None and bool(_null_space(linear[1]).shape[1])
+
+
+def _null_space(matrix: Array) -> Array:
+    """Return unit columns that span what the matrix sends to zero, shape (n, d)."""
+    _, sizes, directions = svd(matrix)
+    null: Array = directions[sizes <= SINGULAR_VALUE * sizes[0]].T
+    return null
 
 
 def _in_linear_pieces(system: PiecewiseLinearSystem, metric: Metric) -> Iterator[Continuum]:

@@ -41,7 +41,7 @@ from pwscont.graph.queries import (
     pieces_through,
     solutions_at,
 )
-from pwscont.graph.records import Piece, Solution, SpecialPoint
+from pwscont.graph.records import Piece, Solution, SpecialPoint, Stretch
 from pwscont.graph.structure import ConnectedPieces, connected
 from pwscont.system.system import SlicewiseLinearSystem
 
@@ -52,22 +52,32 @@ EXPLAINING = (Kind.END, Kind.EVENT, Kind.STOPPED)
 def loose_ends(graph: ConnectedPieces) -> dict[SpecialPoint, int]:
     """Return the points within the interval at which the sum of signs jumps, and the jumps.
 
-    Of points that vertical pieces join, the point counts that explains the jump best.
+    Of points that vertical pieces join, or infinitely many solutions between two values of alpha,
+    the point counts that explains the jump best.
     """
     jumps: dict[int, int] = defaultdict(int)
     for piece in graph.pieces:
         sign = piece.det_sign if piece.alpha[0] < piece.alpha[-1] else -piece.det_sign
         jumps[piece.start] += sign
         jumps[piece.end] -= sign
-    verticals = ((piece.start, piece.end) for piece in graph.verticals)
+    jumping = sorted(node for node, jump in jumps.items() if jump)
+    verticals = [(piece.start, piece.end) for piece in graph.verticals]
+    for stretch in graph.infinite:
+        verticals += pairwise(i for i in jumping if _touches_stretch(graph, stretch, i))
     found = {}
-    for nodes in connected((node for node, jump in jumps.items() if jump), verticals):
+    for nodes in connected(jumping, verticals):
         points = [graph.point(node) for node in nodes]
         jump = sum(jumps[node] for node in nodes)
         if jump and not any(graph.same(points[0].alpha, end) for end in graph.interval):
             order = [point for kind in EXPLAINING for point in points if point.kind == kind]
             found[(order or points)[0]] = jump
     return found
+
+
+def _touches_stretch(graph: ConnectedPieces, stretch: Stretch, node: int) -> bool:
+    """Tell whether a point lies in a stretch of alpha or at an end."""
+    lo, hi, alpha = *stretch[:2], graph.point(node).alpha
+    return lo <= alpha <= hi or bool(graph.same(np.array([lo, hi]), alpha).any())
 
 
 def is_on_purpose(graph: ConnectedPieces, point: SpecialPoint) -> bool:
@@ -200,7 +210,17 @@ def verdict(graph: ConnectedPieces) -> str:
     if not found and not promises:
         return "; ".join([f"{NOTHING_FOUND} by {graph.searched.what}", *doubts])
     words = "balanced" if doubts else WORDS[graph.searched.promise]
-    return "; ".join([words, *doubts, *_places("a branch ends on purpose", graph, ends)])
+    ends_said = _places("a branch ends on purpose", graph, ends)
+    return "; ".join([words, *doubts, *_at_single_values(graph), *ends_said])
+
+
+def _at_single_values(graph: ConnectedPieces) -> Iterator[str]:
+    """Yield the values of alpha with infinitely many solutions, unless ends of branches name it."""
+    single = {stretch[0] for stretch in graph.infinite if stretch[0] == stretch[1]}
+    single |= {piece.interval[0] for piece in graph.verticals}
+    single -= {p.alpha for p in graph.nodes if p.kind == Kind.STOPPED and leaves_upright(graph, p)}
+    nodes = [point for point in graph.nodes if point.alpha in single]
+    yield from _places("infinitely many solutions", graph, nodes)
 
 
 # -- why the sum of signs is wrong ----------------------------------------------------------------
@@ -270,8 +290,7 @@ def _doubts(graph: ConnectedPieces) -> Iterator[str]:
     if GIVEN_UP in graph.searched.what:
         yield f"the search was {GIVEN_UP}"
     yield from _places(IN_PART, graph, graph.special_points(Kind.PARTIAL_CORNER))
-    known = [f"{stretch.ends}" for stretch in graph.infinite if stretch[0] < stretch[1]]
-    if known:
+    if known := [stretch.ends for stretch in graph.infinite if stretch[0] < stretch[1]]:
         yield f"infinitely many solutions for {graph.parameter} in {', '.join(known)}"
     filled = [p for p in graph.nodes if FILL in p.message and p not in of_many]
     left = [p for p in filled if not all(piece.is_vertical for piece in graph.pieces_at(p.id))]
@@ -315,7 +334,8 @@ def _what_happened(graph: ConnectedPieces, point: SpecialPoint) -> str:
     near = AT_THE_END * (graph.interval[1] - graph.interval[0])
     domain = graph.system.domain if graph.system else ()
     at_an_end = any(abs(point.alpha - end) <= near for end in (*domain, *graph.interval))
-    if at_an_end and graph.pieces_at(point.id):  # else a start that could not be followed
+    is_arrived = graph.pieces_at(point.id)  # else a start that could not be followed
+    if at_an_end and is_arrived and not is_infinite(graph, point.alpha):
         return "the model seems to end"
     return "a piece was stopped"
 

@@ -169,7 +169,7 @@ class ConnectedPieces:
         -------
         list of Piece
             From the piece of ``a`` to the piece of ``b``; empty where no way connects the
-            solutions.
+            solutions, as where a solution lies on no piece.
         """
         import networkx as nx  # noqa: PLC0415  it takes longer to import than most paths to follow
 
@@ -177,7 +177,7 @@ class ConnectedPieces:
         beside.add_nodes_from(self._by_id)
         for pieces in self._touching.values():
             beside.add_edges_from(combinations([piece.id for piece in pieces], 2))
-        if not nx.has_path(beside, a.piece, b.piece):
+        if not {a.piece, b.piece} <= beside.nodes or not nx.has_path(beside, a.piece, b.piece):
             return []
         return [self._by_id[i] for i in nx.shortest_path(beside, a.piece, b.piece)]
 
