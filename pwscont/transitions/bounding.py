@@ -277,7 +277,7 @@ def at_corner(corner: Corner, curve: Curve, back: Ray | None = None) -> SpecialP
         return SpecialPointFound(Kind.ISOLATED, x, "no piece leaves from this solution", ())
     lost = back is not None and len(others) == len(found.rays)
     is_doubtful = lost or len(rays) < 2 or found.along_interface
-    if is_doubtful or found.dimension > 1:
+    if not here.is_straight and (is_doubtful or found.dimension > 1):
         point = path_from(corner) if back is None else path_through(curve, corner)
         if point:
             return point
