@@ -216,6 +216,8 @@ OUTSIDE_STEP = 0.1
 MOST_BISECTIONS = 10
 #: Largest distance, in the metric, of a branch point from where it was located before.
 LOCATED_AGAIN = EPS**0.5
+#: The functions of a reading that belong to the cell that is followed: the sign and its negative.
+OWN_SIGNS = 2
 #: Most tests that vanish along a path of which all adjacent cells are tried.
 MOST_TESTS_ON_PATH = 4
 #: Distance at which the sign of det[J; t^T] is evaluated if no piece carries the sign along.
@@ -240,7 +242,7 @@ class SmoothBranchPoints(TransitionDetector):
         """Solve the extended system from within the bracket."""
         assert isinstance(segment, CurvedSegment)  # straight curves cannot cross
         before, orientation = -1 if index % 2 else 1, segment.start.orientation
-        if index >= len(UNKNOWN):
+        if index >= OWN_SIGNS:
             own = _in_other_cells(segment.curve)[index // 2 - 1]
             segment = CurvedSegment.between(own, segment.start, segment.end, segment.suggestion)
         found = _locate(segment, bracket, before)
@@ -258,7 +260,7 @@ class SmoothBranchPoints(TransitionDetector):
             return point
         if found := _crossing_at(curve, state.x):
             return branch_point(curve, found, state)
-        after = state.orientation if index >= len(UNKNOWN) else -state.orientation
+        after = state.orientation if index >= OWN_SIGNS else -state.orientation
         onward = Ray(curve, State(state.x, state.tangent, state.error, after))
         rays = Ray(curve, state).reversed(), onward
         return SpecialPointFound(Kind.DEGENERATE, state.x, TOUCH, rays)
