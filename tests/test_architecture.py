@@ -65,7 +65,7 @@ BUDGET = {
     "transitions": (12, 3828),
     "graph": (10, 2705),
     "search": (7, 1672),
-    "continuation": (8, 2770),
+    "continuation": (8, 2772),
     "kit": (4, 940),
     "proof": (9, 2213),
     "scenes": (14, 2652),

@@ -107,10 +107,10 @@ ENDLESS_REST, ENDLESS_CHANGE = 13.0, 1e-3
 #: did, are at most this part of the interval; the changes next to a fold are uneven.
 ENDLESS_STEPS, LONG_CHANGE = 600, 1e-2
 #: Between three successive parts of the way of such a piece, z grows by the same factor, at most by
-#: the inverse of LONG_PART, at least by the inverse of MOST_PART, and by FARTHER more than from the
+#: the inverse of LONG_PART, at least by the inverse of MOST_PART, and by EXCESS more than from the
 #: beginning; changes must shrink at least as this power of 1 / z, and between parts closer than
 #: usual as a geometric sequence, up to this part.
-LONG_PART, MOST_PART, FARTHER, LONG_POWER, GEOMETRIC = 0.7, 0.9, 1.001, 0.45, 0.95
+LONG_PART, MOST_PART, EXCESS, LONG_POWER, GEOMETRIC = 0.7, 0.9, 1.001, 0.45, 0.95
 ENDLESS = FailureReason.ENDLESS.value
 #: A piece creeps after this many tiny steps in turn: steps below this part of the longest step.
 MOST_TINY, TINY_PART = 300, 1e-5
@@ -350,7 +350,7 @@ class PieceFollower:
             return True
         if not (is_long and sizes.any()):
             return False
-        part = min(max(LONG_PART, FARTHER * (sizes[0] / sizes.max()) ** (1.0 / 3.0)), MOST_PART)
+        part = min(max(LONG_PART, EXCESS * (sizes[0] / sizes.max()) ** (1.0 / 3.0)), MOST_PART)
         found = _changes(sizes, alpha, (part**3, part**2, part), part**LONG_POWER)
         if not found or (part > LONG_PART and found[0] * found[2] < GEOMETRIC * found[1] ** 2):
             return False

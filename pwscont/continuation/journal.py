@@ -122,7 +122,7 @@ CLOSED = "it is closed; Journal(path) opens it again"
 FULL_DISK = {"SQLITE_FULL", "SQLITE_IOERR_WRITE"}
 
 #: Values of the same functions, evaluated in another order, differ by far less than this.
-SAME = EPS**0.5
+SAME_PROBES = EPS**0.5
 
 
 @final
@@ -301,7 +301,9 @@ class Journal:
             for name, now in facts.items()
             if before.get(name, "") != now
         ]
-        agree = len(values) == len(probes) and np.allclose(values, probes, rtol=SAME, atol=0.0)
+        agree = len(values) == len(probes) and np.allclose(
+            values, probes, rtol=SAME_PROBES, atol=0.0
+        )
         if not different and not agree:
             different = [OTHER_VALUES]
         if different:

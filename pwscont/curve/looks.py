@@ -47,7 +47,7 @@ INVISIBLE = 10.0 * CONVERGED
 #: Places around an odd place, rounds of looking there, and the factor by which the room shrinks.
 CLOSER_PLACES, CLOSER_ROUNDS, ZOOM = 8, 3, 0.25
 #: Towards a pole the distances bend more by this factor after CLOSER_ROUNDS rounds; most rounds.
-GROWS, MOST_CLOSER_ROUNDS = 4.0, 24
+GROWS_TO, MOST_CLOSER_ROUNDS = 4.0, 24
 #: Degree of the polynomial that counts as smooth; at most a third of the number of places.
 SMOOTH_DEGREE = 3
 
@@ -157,7 +157,7 @@ def _close_in(
 ) -> float:
     """Return how far off the curve is within a distance of a place, looked at ever closer."""
     (odd, apart), worst, bend, bends = around, 0.0, 0.0, [0.0] * CLOSER_ROUNDS
-    while bend >= GROWS * bends[-CLOSER_ROUNDS] and len(bends) < MOST_CLOSER_ROUNDS:
+    while bend >= GROWS_TO * bends[-CLOSER_ROUNDS] and len(bends) < MOST_CLOSER_ROUNDS:
         bends.append(bend)
         u = odd + apart * np.linspace(-1.0, 1.0, CLOSER_PLACES + 2)[1:-1]
         u = u[(u > 0.0) & (u < 1.0)]

@@ -57,7 +57,7 @@ TOO_SMALL, TOO_LARGE = 16.0, 64.0
 #: Number of steps after which the path is looked at first, then whenever the number has doubled.
 FIRST_LOOK = 128
 #: Before the first look, an unknown this many magnitudes away is larger, by a factor at most.
-FAR, FARTHER = 12.0, 4.0
+FAR, AHEAD_OF_FARTHEST = 12.0, 4.0
 #: Alpha changes ever less if a change is less than this part of the change before.
 SLOWER = 0.5
 #: How much of the interval a path must have seen before means over alpha say something.
@@ -139,7 +139,7 @@ class Gauge:
             wrong = (typical > small * self._scale) | (large * apart < self._scale)
         else:
             ahead = self._width * self._farthest / max(self._alpha, SHORTEST)
-            typical = np.minimum(ahead, FARTHER * self._farthest)
+            typical = np.minimum(ahead, AHEAD_OF_FARTHEST * self._farthest)
             wrong = self._farthest > FAR * self._scale
         wrong &= (typical > STEADY * self._size) & (self._size > EPS * self._scale)
         if wrong.any():

@@ -56,7 +56,7 @@ MOST_SHORTEST_STEPS = 6
 #: Longest step to a solution that has arrived, as a part of 1 plus the length of the solution.
 LONGEST_LAST_STEP = EPS**0.5
 #: Where H vanishes along the way to a point, as a part of the way; H is tiny below this size.
-NEAR_ZERO, TINY = 1e-3, 1e-200
+NEAR_ZERO, UNDERFLOWN = 1e-3, 1e-200
 #: Most cells of a system that is asked for such sets.
 MOST_CELLS_FILLED = 4**10
 #: Distances from an end of a stretch, as parts of the stretch. That one of these places is filled
@@ -150,12 +150,12 @@ def underflows(system: PiecewiseSystem, metric: Metric, x: Array) -> bool:
         return float(np.abs(residual_at(system, z, alpha, system.character(z, alpha))).max())
 
     inside, beyond = 0.0, 1.0
-    if size(beyond) > TINY or size(inside) <= TINY:
+    if size(beyond) > UNDERFLOWN or size(inside) <= UNDERFLOWN:
         return False
     while beyond - inside > NEAR_ZERO:
         middle = 0.5 * (inside + beyond)
-        inside, beyond = (middle, beyond) if size(middle) > TINY else (inside, middle)
-    return size(inside) < sqrt(TINY)
+        inside, beyond = (middle, beyond) if size(middle) > UNDERFLOWN else (inside, middle)
+    return size(inside) < sqrt(UNDERFLOWN)
 
 
 def solution_near(

@@ -29,7 +29,7 @@ LEAST_POINTS, FINER = 4, 8
 #: Points of a piece that are closer than this part of the piece's length are drawn as one point.
 APART = 1e-6
 #: Unknowns that change by less than this part of the largest value change by rounding only.
-SAME = 1e-9
+ON_ONE_LINE = 1e-9
 
 
 @final
@@ -75,13 +75,13 @@ class Smooth:
 def is_straight(values: Array, parts: Array) -> bool:
     """Tell whether values, (k,) or (k, m), at parts 0 to 1 lie on the line of the end values."""
     line = values[0] + np.multiply.outer(parts, values[-1] - values[0])
-    return bool((np.abs(values - line) <= SAME * np.abs(values).max(axis=0)).all())
+    return bool((np.abs(values - line) <= ON_ONE_LINE * np.abs(values).max(axis=0)).all())
 
 
 def length_along(points: Array) -> Array:
     """Return the length along points, shape (k, m), at each point; columns are scaled by extent."""
     extent, size = np.ptp(points, axis=0), np.abs(points).max()
-    steps = np.diff(points / np.where(extent > SAME * size, extent, np.inf), axis=0)
+    steps = np.diff(points / np.where(extent > ON_ONE_LINE * size, extent, np.inf), axis=0)
     return np.append(0.0, np.cumsum(np.linalg.norm(steps, axis=1)))
 
 
@@ -185,7 +185,7 @@ def visible(strokes: Sequence[Stroke]) -> list[Stroke]:
     boxes, kept = _boxes(strokes), np.zeros(len(strokes), dtype=bool)
     looks = {look: i for i, look in enumerate(dict.fromkeys(s.kind[:2] for s in strokes))}
     look = np.array([looks[stroke.kind[:2]] for stroke in strokes])
-    extent, near = boxes[:, 1] - boxes[:, 0], SAME * np.abs(boxes[:, 2:]).max(initial=0.0)
+    extent, near = boxes[:, 1] - boxes[:, 0], ON_ONE_LINE * np.abs(boxes[:, 2:]).max(initial=0.0)
     for i in sorted(range(len(strokes)), key=lambda i: (strokes[i].is_thin, -extent[i])):
         within = (boxes[:, 0] <= boxes[i, 0]) & (boxes[i, 1] <= boxes[:, 1])
         rivals = np.flatnonzero(kept & (look == look[i]) & within)
@@ -242,7 +242,7 @@ def rails_of(strokes: Sequence[Stroke]) -> list[Rail]:
         return []
     boxes, branch = _boxes(strokes), np.array([stroke.branch for stroke in strokes])
     width = np.ptp(boxes[:, :2]) * LEAST_STRETCH
-    near = max(np.ptp(boxes[:, 2:]), np.abs(boxes[:, 2:]).max() * SAME) * NEAR
+    near = max(np.ptp(boxes[:, 2:]), np.abs(boxes[:, 2:]).max() * ON_ONE_LINE) * NEAR
     rails = []
     for i, upper in enumerate(strokes):
         beneath = np.flatnonzero((branch < branch[i]) & _meets(boxes, boxes[i], width, near))

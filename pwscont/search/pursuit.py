@@ -69,7 +69,7 @@ MOST_IN_PLANE = 5
 MOVED_ALONG = 0.01
 #: Distance, in typical magnitudes, beyond which a point is far away, and the slope of alpha below
 #: which alpha hardly changes there.
-AWAY, ALMOST = 3.0, 1e-3
+FAR_IN_MAGNITUDES, ALMOST = 3.0, 1e-3
 #: Distance by which a point is moved aside before alpha is set free, as a part of 1 plus the length
 #: of the point, because a minimum of the merit may lie where H is flat by symmetry.
 MOVED_ASIDE = 1e-3
@@ -99,7 +99,7 @@ MOST_NEXT_DOOR = 4
 ON_LINE, LINE_WIDTH = 64, 1.5
 #: Number of such values still farther out, on each side, each WIDER_BY times as far as the last,
 #: and by what factor the equation must have grown there.
-FARTHER_PLACES, GROWS = 8, 2.0
+FARTHER_PLACES, GROWN = 8, 2.0
 #: Distance from a known solution, as a part of the known magnitude plus the size of the solution,
 #: from which on a sign change is another solution.
 BESIDE_KNOWN = 1e-6
@@ -185,7 +185,7 @@ class Pursuit:
         values = np.array([equation(z) for z in places])
         # farther out a function that grows has few zeros, and any other function too many
         is_far, sizes = np.abs(places) > reach * wide[-1], np.abs(values)
-        grows = sizes > GROWS * sizes.max(where=~is_far & np.isfinite(sizes), initial=0.0)
+        grows = sizes > GROWN * sizes.max(where=~is_far & np.isfinite(sizes), initial=0.0)
         signs = np.where(is_far & ~grows, 0.0, np.sign(values))
         from scipy.optimize import bisect  # noqa: PLC0415  importing takes as long as all else
 
@@ -387,7 +387,7 @@ class Pursuit:
         Far away, alpha hardly changes if a pursuit has run to infinity.
         """
         outwards = direction if direction.dot(y) > 0.0 else -direction
-        far = _length(y[:-1]) > AWAY
+        far = _length(y[:-1]) > FAR_IN_MAGNITUDES
         least, way = (ALMOST, 0.5 * _length(y[:-1])) if far else (LEAN, MOVED_ASIDE)
         if abs(direction[-1]) > least:
             return False

@@ -20,10 +20,10 @@ from pwscont.system.abilities import formula_of
 from pwscont.system.system import PiecewiseSystem
 
 #: Most unknowns, and fewest points, for which columns are faster than H of a point at a time.
-MOST_UNKNOWNS, FEWEST_POINTS = 8, 4
+MOST_OF_COLUMNS, FEWEST_POINTS = 8, 4
 #: How far from a curve H is evaluated both ways, as a part of the largest unknown, and the largest
 #: difference, as a part of the largest entry of H.
-AWAY, SAME = 0.01, 1e-9
+MOVED, SAME_VALUE = 0.01, 1e-9
 #: Most objects within reach of H for which columns are used: finding all must cost less than H.
 MOST_KEPT = 400
 #: Functions of numpy that compute an entry from the same entry of the argument.
@@ -133,10 +133,10 @@ def takes_columns(
     H that changes anything between two calls gets no columns: what H keeps would become columns.
     """
     count, size = points.shape
-    if size - 1 > MOST_UNKNOWNS:
+    if size - 1 > MOST_OF_COLUMNS:
         return False
     moved = points[[0, count // 2, -1]]
-    moved[:, :-1] += AWAY * np.abs(moved[:, :-1]).max() * generic(size - 1)
+    moved[:, :-1] += MOVED * np.abs(moved[:, :-1]).max() * generic(size - 1)
     roots = [formula_of(system) or (system, type(system).residual)]
     before = _within_reach(roots)
     try:
@@ -147,7 +147,7 @@ def takes_columns(
     found = by_columns(residual, moved) if is_pure and len(before) <= MOST_KEPT else None
     if found is None:
         return False
-    return bool(np.abs(found - one_by_one).max() <= SAME * np.abs(one_by_one).max())
+    return bool(np.abs(found - one_by_one).max() <= SAME_VALUE * np.abs(one_by_one).max())
 
 
 def _within_reach(roots: list[Any]) -> list[Any]:

@@ -51,7 +51,7 @@ from pwscont.two_parameters.half_planes import clipped
 COARSE = EPS**0.5
 #: Least distance, in units of the square, by which a point counts as farther: the accuracy of the
 #: linear programs.
-FARTHER = 1e-9
+APART_IN_PLANE = 1e-9
 
 
 @final
@@ -160,7 +160,7 @@ class _Shadow:
         """Yield the corners between a and b, neighbours so far, beyond the edge from a to b."""
         way = np.array([b[1] - a[1], a[0] - b[0]]) / np.hypot(*(b - a))
         point = self._farthest(way)
-        if way @ (point - a) > FARTHER and not _same(point, a) and not _same(point, b):
+        if way @ (point - a) > APART_IN_PLANE and not _same(point, a) and not _same(point, b):
             yield from self._beyond(a, point)
             yield point
             yield from self._beyond(point, b)
@@ -177,7 +177,7 @@ class _Shadow:
 
 
 def _same(a: Array, b: Array) -> bool:
-    return bool(np.abs(a - b).max() <= FARTHER)
+    return bool(np.abs(a - b).max() <= APART_IN_PLANE)
 
 
 def _apart(points: list[Array]) -> list[Array]:
