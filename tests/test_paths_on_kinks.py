@@ -46,7 +46,7 @@ KINKS = {
 @pytest.mark.parametrize("kink", KINKS)
 @pytest.mark.parametrize("path", PATHS)
 @pytest.mark.parametrize("begin", [-1.0, 1.0])
-@pytest.mark.sweep(5)
+@pytest.mark.sweep(9)
 def test_curves_of_one_cell_cross_a_path_on_a_kink(path, kink, begin):
     """The path is followed by the selection of one cell; a curve of another cell crosses."""
     above, below, count = PATHS[path]
@@ -97,7 +97,7 @@ CROSSINGS = {
 
 @pytest.mark.parametrize("name", CROSSINGS)
 @pytest.mark.parametrize("part", ["all", "before", "after"])
-@pytest.mark.sweep(2)
+@pytest.mark.sweep(4)
 def test_the_point_where_curves_cross_on_a_kink_is_a_start(name, part):
     """Inside the interval, and at either end: a start there is followed on every curve."""
     equation, z, alpha, (before, after) = CROSSINGS[name]
@@ -147,7 +147,7 @@ class OnSineWithJacobian(OnSine):
 
 @pytest.mark.parametrize("system", [OnSine, OnSineWithTests, OnSineWithJacobian])
 @pytest.mark.parametrize("begin", [-1.0, -0.1, "explore"])
-@pytest.mark.sweep(2)
+@pytest.mark.sweep(4)
 def test_derivatives_by_differences_on_a_curved_kink(system, begin):
     """Slopes of the test along the path are errors of differences, and larger than rounding."""
     if begin == "explore":

@@ -31,7 +31,7 @@ WHOLE, PROJECTIONS = 64, 16
 Range: TypeAlias = tuple[float, float]
 EVERYWHERE: Range = (-math.inf, math.inf)
 #: Smallest square of the length of a chord that is divided by.
-LEAST_LENGTH = 1e-300
+LEAST_SQUARE = 1e-300
 _NONE = np.zeros(0, dtype=np.intp)
 
 
@@ -210,7 +210,7 @@ def nearest_on_chords(points: Array, x: Array, metric: Metric) -> tuple[float, A
     """Return how far a polygon is as a part of the chord's length, the nearest point, the chord."""
     starts, chords = points[:-1] / metric.scale, np.diff(points, axis=0) / metric.scale
     away = metric.difference(x, points[:-1]) / metric.scale
-    lengths = np.maximum((chords**2).sum(axis=1), LEAST_LENGTH)
+    lengths = np.maximum((chords**2).sum(axis=1), LEAST_SQUARE)
     parts = np.clip((away * chords).sum(axis=1) / lengths, 0.0, 1.0)
     distances = np.linalg.norm(away - parts[:, np.newaxis] * chords, axis=1) / np.sqrt(lengths)
     i = int(np.argmin(distances))
