@@ -156,7 +156,8 @@ def _ray(corner: Corner, found: Direction) -> Ray:
             ray = on(Selection(system, character))
             if _bends_into(ray.curve, ray.state):
                 return ray
-        characters = tuple(c for c in characters if is_solid(corner, c)) or characters
+        if len(characters) <= FEW_CELLS:
+            characters = tuple(c for c in characters if is_solid(corner, c)) or characters
     return replace(on(Selection(system, characters[0], characters)), interface_cells=characters)
 
 

@@ -340,9 +340,12 @@ def _in_cells(curve: Curve, cells: Iterable[Character]) -> list[Curve]:
 
 
 def _in_other_cells(curve: Curve) -> list[Curve]:
-    """Return a path along an interface as a curve of each cell except the cell that is followed."""
+    """Return a path along an interface as a curve of each cell except the cell that is followed.
+
+    Straight curves do not cross, and of very many cells none is watched.
+    """
     here = curve.selection
-    if not here.adjacent_cells:
+    if here.is_straight or not 0 < len(here.adjacent_cells) <= 2**MOST_TESTS_ON_PATH:
         return []  # nearly always
     pairs = zip(here.adjacent_cells, here.adjacent_names, strict=True)
     followed = here.system.cell(here.character)
