@@ -212,7 +212,9 @@ class TransitionDetector(ABC):
         return None
 
     @abstractmethod
-    def locate(self, segment: Segment, index: int, bracket: tuple[float, float]) -> State | Failure:
+    def locate(
+        self, segment: Segment, index: int, bracket: tuple[float, float]
+    ) -> State | Failure | None:
         """Return the state at which function ``index`` vanishes, for s within the bracket.
 
         Parameters
@@ -226,8 +228,9 @@ class TransitionDetector(ABC):
 
         Returns
         -------
-        State or Failure
-            The state's tangent points in the direction of the segment.
+        State, Failure or None
+            The state's tangent points in the direction of the segment. None, on a curved segment
+            only, for a change that is no special point.
         """
 
     def needs_shorter_step(

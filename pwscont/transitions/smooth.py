@@ -227,9 +227,9 @@ DISTANCE_TO_SIGN = EPS**0.25
 @final
 @dataclass(frozen=True, slots=True)
 class SmoothBranchPoints(TransitionDetector):
-    """Watches the sign of det[J; t^T], which flips at simple branch points and nowhere else.
+    """Watches the sign of det[J; t^T], in all cells next to a path along an interface.
 
-    On a path along an interface, the signs in all cells next to the path are watched.
+    The sign flips at simple branch points and nowhere else.
     """
 
     def read(self, curve: Curve, state: State) -> Reading:
@@ -238,8 +238,13 @@ class SmoothBranchPoints(TransitionDetector):
         values = np.array([float(way * sign) for sign in signs for way in (1, -1)])
         return Reading(values, np.zeros(len(values)) if len(signs) > 1 else UNKNOWN)
 
-    def locate(self, segment: Segment, index: int, bracket: tuple[float, float]) -> State | Failure:
-        """Solve the extended system from within the bracket."""
+    def locate(
+        self, segment: Segment, index: int, bracket: tuple[float, float]
+    ) -> State | Failure | None:
+        """Solve the extended system from within the bracket.
+
+        None where the sign of a cell that is not followed flips, and no curve leads into that cell.
+        """
         assert isinstance(segment, CurvedSegment)  # straight curves cannot cross
         before, orientation = -1 if index % 2 else 1, segment.start.orientation
         if index >= OWN_SIGNS:
@@ -247,8 +252,10 @@ class SmoothBranchPoints(TransitionDetector):
             segment = CurvedSegment.between(own, segment.start, segment.end, segment.suggestion)
         found = _locate(segment, bracket, before)
         if isinstance(found, Crossing):
-            return State(found.x, _own(segment, found), found.error, orientation)
-        return found
+            state = State(found.x, _own(segment, found), found.error, orientation)
+            is_seen = index < OWN_SIGNS or _crossing_rays(segment.curve, state)
+            return state if is_seen else None
+        return found if index < OWN_SIGNS or isinstance(found, State) else None
 
     def arrive(self, curve: Curve, state: State, index: int) -> SpecialPointFound:
         """Go on along the same curve, and in both directions along the crossing curve."""
@@ -320,9 +327,8 @@ def path_through(curve: Curve, corner: Corner) -> SpecialPointFound | None:
     sign = _sign_before(curve, x, tangent)
     point = branch_point_on_interface(path, State(x, tangent, corner.error, sign))
     own = [ray for ray in point.rays if ray.cells == (here.cell,)] if point else []
-    if not (point and own):
-        return None
-    return point.leading((own[0], *(ray for ray in point.rays if ray is not own[0])))
+    rest = (ray for ray in point.rays if ray is not own[0]) if point else ()
+    return point.leading((own[0], *rest)) if point and own else None
 
 
 def path_from(corner: Corner) -> SpecialPointFound | None:
@@ -340,10 +346,7 @@ def _in_cells(curve: Curve, cells: Iterable[Character]) -> list[Curve]:
 
 
 def _in_other_cells(curve: Curve) -> list[Curve]:
-    """Return a path along an interface as a curve of each cell except the cell that is followed.
-
-    Straight curves do not cross, and of very many cells none is watched.
-    """
+    """Return a curved path along an interface as a curve of each other cell, none of very many."""
     here = curve.selection
     if here.is_straight or not 0 < len(here.adjacent_cells) <= 2**MOST_TESTS_ON_PATH:
         return []  # nearly always

@@ -203,6 +203,8 @@ def first_on_ray(watch: Watch, segment: Segment, start: Reading) -> Event | Fail
         return Failure(FailureReason.UNBOUNDED)
     detector, index = watch.owner(start, first)
     state = _located(detector, segment, index, (best, best))
+    if state is None:
+        raise broken(detector, "locate", "a State or a Failure on a ray", state)
     begin, end, metric = segment.start.x, segment.near(best), segment.curve.metric
     if not (isinstance(state, State) and metric.relative(state.x - end, end) <= AFFINE_DEFECT):
         # the correction was more than rounding
@@ -292,16 +294,16 @@ def _event(
     if bracket is None or isinstance(bracket, Failure):
         return bracket
     state = _located(detector, segment, index, bracket)
-    if isinstance(state, Failure):
+    if not isinstance(state, State):
         return state
     return Event(detector, index, segment.position(state.x), state)
 
 
 def _located(
     detector: TransitionDetector, segment: Segment, index: int, bracket: tuple[float, float]
-) -> State | Failure:
+) -> State | Failure | None:
     state = detector.locate(segment, index, bracket)
-    if not isinstance(state, State | Failure):
+    if not isinstance(state, State | Failure | None):
         raise broken(detector, "locate", "a State or a Failure", state)
     return state
 
