@@ -91,8 +91,8 @@ def touching(curve: Curve, state: State, test: int) -> SpecialPointFound | None:
 #: Tests smaller than this part of their own terms are looked at more closely.
 NEXT_TO_ZERO = 1e-9
 #: Slopes of tests next to zero, as a part of the gradients in the metric, that are errors along a
-#: path that runs on interfaces: errors of differences, EPS**(2/3), magnified by EPS**(-5/12).
-LEVEL_ON_PATH = EPS**0.25
+#: path that runs on interfaces: where derivatives are exact, and where differences are.
+LEVEL_ON_PATH, LEVEL_BY_DIFFERENCES = EPS**0.5, EPS**0.25
 #: Within a step longer than this, in the metric, the tests are looked at in two points.
 LONG_STEP = 0.05
 NO_WAY_ON = (
@@ -127,8 +127,10 @@ class BoundingTests(TransitionDetector):
         above = plus(np.abs(values), -NEXT_TO_ZERO, _terms(rows, state.x, scale))
         if not smallest(above) > 0.0:  # seldom
             near = np.flatnonzero(above <= 0.0)
-            vanish = _stays_zero if selection.adjacent_cells else _is_zero_along
-            idle = near[vanish(rows[near], values[near], slopes[near], state, scale)]
+            idle = _is_zero_along(rows[near], values[near], slopes[near], state, scale)
+            if selection.adjacent_cells:
+                idle |= _stays_zero(selection, rows[near], slopes[near], scale)
+            idle = near[idle]
             values[idle], slopes[idle] = 1.0, 0.0
         return Reading(values, slopes)
 
@@ -231,14 +233,14 @@ def _is_zero_along(
     return np.asarray((np.abs(values) <= rounding) & (np.abs(slopes) <= flat))
 
 
-def _stays_zero(
-    gradients: Matrix, values: Array, slopes: Array, state: State, scale: Array
-) -> Signs:
+def _stays_zero(selection: Selection, gradients: Matrix, slopes: Array, scale: Array) -> Signs:
     """Tell which tests next to zero are zero along a path that is known to run on interfaces.
 
     Gradients by differences err, and next to a branch point the error of the tangent is magnified.
     """
-    return np.asarray(np.abs(slopes) <= LEVEL_ON_PATH * (abs(gradients) @ scale))
+    is_exact = selection.system.knows_derivatives
+    level = LEVEL_ON_PATH if is_exact else LEVEL_BY_DIFFERENCES
+    return np.asarray(np.abs(slopes) <= level * (abs(gradients) @ scale))
 
 
 def across(curve: Curve, state: State, test: int) -> Ray | None:
