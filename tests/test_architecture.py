@@ -62,7 +62,7 @@ BUDGET = {
     "notation": (13, 2884),
     "curve": (14, 2937),
     "enumeration": (11, 2664),
-    "transitions": (12, 3842),
+    "transitions": (12, 3841),
     "graph": (10, 2705),
     "search": (7, 1672),
     "continuation": (8, 2772),

@@ -127,11 +127,10 @@ class BoundingTests(TransitionDetector):
         above = plus(np.abs(values), -NEXT_TO_ZERO, _terms(rows, state.x, scale))
         if not smallest(above) > 0.0:  # seldom
             near = np.flatnonzero(above <= 0.0)
-            idle = _is_zero_along(rows[near], values[near], slopes[near], state, scale)
+            stays = _is_zero_along(rows[near], values[near], slopes[near], state, scale)
             if selection.adjacent_cells:
-                idle |= _stays_zero(selection, rows[near], slopes[near], scale)
-            idle = near[idle]
-            values[idle], slopes[idle] = 1.0, 0.0
+                stays |= _stays_zero(selection, rows[near], slopes[near], scale)
+            values[near[stays]], slopes[near[stays]] = 1.0, 0.0
         return Reading(values, slopes)
 
     def needs_shorter_step(
