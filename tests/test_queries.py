@@ -389,5 +389,7 @@ def test_no_way_leads_to_a_solution_on_no_piece():
     """At alpha = 0 every z from -1 to 0 is a solution, and the graph holds points of these."""
     equation = Switched(1, lambda z, a, sw: sw.relu(z) + sw.min(z + 1.0, 0.0) - a)
     graph = explore(equation, (0.0, 0.5))
-    first, second, *_ = graph.solutions(0.0)
-    assert graph.path(first, second) == [] or -1 not in {first.piece, second.piece}
+    alone = [solution for solution in graph.solutions(0.0) if solution.piece == -1]
+    (on_piece,) = (solution for solution in graph.solutions(0.5) if solution.piece >= 0)
+    assert alone
+    assert all(graph.path(solution, on_piece) == [] for solution in alone)

@@ -307,7 +307,8 @@ def _goes_back(graph: ConnectedPieces, piece: Piece) -> bool:
     ends = (graph.point(node) for node in (piece.start, piece.end))
     error = max((point.error[-1] for point in ends if len(point.error)), default=0.0)
     clear = GUARD * EPS * np.abs(piece.alpha).max() + CONFIDENCE * error
-    return bool((steps := np.diff(piece.alpha)).min() < -clear and steps.max() > clear)
+    steps = np.diff(piece.alpha)
+    return bool(steps.min() < -clear and steps.max() > clear)
 
 
 def _touches(graph: ConnectedPieces) -> Iterator[str]:

@@ -428,6 +428,5 @@ def apart_at(graph: ConnectedPieces, alpha: float) -> list[int]:
 
 def _are_one(a: SpecialPoint, b: SpecialPoint) -> bool:
     """Tell whether the errors of two special points explain the difference of their states."""
-    if not (len(a.error) and len(b.error)):
-        return False
-    return bool((np.abs(a.z - b.z) <= CONFIDENCE * (a.error + b.error)[:-1]).all())
+    known = len(a.error) and len(b.error)
+    return bool(known and (np.abs(a.z - b.z) <= CONFIDENCE * (a.error + b.error)[:-1]).all())

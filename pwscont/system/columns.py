@@ -23,7 +23,7 @@ from pwscont.system.system import PiecewiseSystem
 MOST_OF_COLUMNS, FEWEST_POINTS = 8, 4
 #: How far from a curve H is evaluated both ways, as a part of the largest unknown, and the largest
 #: difference, as a part of the largest entry of H.
-MOVED_ASIDE, SAME_VALUE = 0.01, 1e-9
+COLUMN_MOVED, SAME_VALUE = 0.01, 1e-9
 #: Most objects within reach of H for which columns are used: finding all must cost less than H.
 MOST_KEPT = 400
 #: Functions of numpy that compute an entry from the same entry of the argument.
@@ -136,7 +136,7 @@ def takes_columns(
     if size - 1 > MOST_OF_COLUMNS:
         return False
     moved = points[[0, count // 2, -1]]
-    moved[:, :-1] += MOVED_ASIDE * np.abs(moved[:, :-1]).max() * generic(size - 1)
+    moved[:, :-1] += COLUMN_MOVED * np.abs(moved[:, :-1]).max() * generic(size - 1)
     roots = [formula_of(system) or (system, type(system).residual)]
     before = _within_reach(roots)
     try:

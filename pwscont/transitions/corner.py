@@ -172,10 +172,10 @@ def _completed(corner: Corner, directions: Sequence[Direction]) -> Iterator[Dire
             yield direction, cells
             continue
         selection = Selection(corner.system, cells[0])
-        vanish = np.isin(selection.bounding, list(corner.zero))
-        rows = dense(selection.test_gradients(corner.x))[vanish]
-        level = are_level(selection, rows, corner.metric.normalised(direction), corner.metric.scale)
-        tests = selection.bounding[vanish][level].tolist()[:MOST_PATTERN_TESTS]
+        every_test, rows = corner.vanishing(selection)
+        tangent, scale = corner.metric.normalised(direction), corner.metric.scale
+        level = are_level(selection, dense(rows), tangent, scale)
+        tests = every_test[level].tolist()[:MOST_PATTERN_TESTS]
         signs = product((False, True), repeat=len(tests))
         others = (cells[0].with_signs(tests, some) for some in signs) if tests else ()
         more = (cell for cell in others if cell != cells[0] and _is_null(corner, direction, cell))
@@ -200,9 +200,7 @@ def is_solid(corner: Corner, character: Character) -> bool:
     """
     from scipy.optimize import nnls  # noqa: PLC0415  the import takes long
 
-    selection = Selection(corner.system, character)
-    vanish = [int(test) in corner.zero for test in selection.bounding]
-    rows = dense(selection.test_gradients(corner.x))[vanish] * corner.metric.scale
+    rows = dense(corner.vanishing(Selection(corner.system, character))[1]) * corner.metric.scale
     sizes = np.linalg.norm(rows, axis=1)
     if len(rows) < 2 or not sizes.all():
         return True

@@ -19,7 +19,7 @@ from typing import Any, TypeAlias, final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Matrix, Signs, generic
+from pwscont.basics.arrays import Array, Indices, Matrix, Signs, generic
 from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidSystemError
 from pwscont.basics.outcome import Failure
@@ -267,11 +267,15 @@ class Corner:
         factor = bordered(selection.jacobian(x), generic(len(x)) / metric.scale, metric.binary)
         return None if factor.is_singular() else metric.normalised(factor.solve(last_unit(len(x))))
 
+    def vanishing(self, selection: Selection) -> tuple[Indices, Matrix]:
+        """Return the tests that bound a cell and vanish, shape (k,), and the rows of gradients."""
+        which = np.flatnonzero(np.isin(selection.bounding, list(self.zero)))
+        return selection.bounding[which], selection.test_gradients(self.x)[which]
+
     def slopes_along(self, selection: Selection, direction: Array) -> Array:
         """Return the slopes along d of vanishing bounding tests, 0 for slopes within rounding."""
-        vanish = [int(test) in self.zero for test in selection.bounding]
-        rows = selection.test_gradients(self.x)[np.flatnonzero(vanish)]
-        slopes: Array = (rows @ direction) * ~self.flat[selection.bounding[vanish]]
+        tests, rows = self.vanishing(selection)
+        slopes: Array = (rows @ direction) * ~self.flat[tests]
         least = SLANT * (abs(rows) @ (np.abs(direction) + NOISE * self.metric.scale))
         return np.where(np.abs(slopes) > least, slopes, 0.0)
 

@@ -259,11 +259,12 @@ class SmoothBranchPoints(TransitionDetector):
 
     def arrive(self, curve: Curve, state: State, index: int) -> SpecialPointFound:
         """Go on along the same curve, and in both directions along the crossing curve."""
-        here, metric = curve.selection, curve.metric
-        if here.adjacent_cells and (point := branch_point_on_interface(curve, state)):
-            return point
-        corner = Corner.at(here.system, metric, state.x, state.error)
-        if not here.adjacent_cells and (point := path_through(curve, corner)):
+        if curve.selection.adjacent_cells:
+            point = branch_point_on_interface(curve, state)
+        else:
+            here = Corner.at(curve.selection.system, curve.metric, state.x, state.error)
+            point = path_through(curve, here)
+        if point:
             return point
         if found := _crossing_at(curve, state.x):
             return branch_point(curve, found, state)
@@ -316,7 +317,7 @@ def path_through(curve: Curve, corner: Corner) -> SpecialPointFound | None:
     here, x, scale = curve.selection, corner.x, corner.metric.scale
     if here.is_straight or not 0 < len(corner.zero) <= MOST_TESTS_ON_PATH:
         return None
-    rows = dense(here.test_gradients(x))[np.isin(here.bounding, list(corner.zero))]
+    rows = dense(corner.vanishing(here)[1])
     if not len(rows) or not (found := _crossing_at(curve, x)):
         return None
     tangent = _least_along(found, rows)
@@ -423,9 +424,6 @@ def at_branch_point(curve: Curve, x: Array) -> SpecialPointFound | None:
     tangent, at = found.directions[0], found.x.copy()
     if abs(at[-1] - x[-1]) <= CONFIDENCE * ERROR_OF_DIFFERENCES * metric.width:
         at[-1] = x[-1]
-    differences = curve.selection.system.differences(float(at[-1]))
-    if not differences.contains(at[-1] - DISTANCE_TO_SIGN * tangent[-1]):
-        tangent = -tangent
     sign = _sign_before(curve, at, tangent)
     error = np.vstack([found.error, at - found.x])
     return branch_point(curve, found, State(at, tangent, error, sign))
