@@ -22,8 +22,8 @@ import numpy as np
 
 from pwscont.basics.arrays import Array, Matrix, generic_angles, largest, power_of_two
 from pwscont.basics.outcome import Failure, FailureReason
-from pwscont.basics.rounding import CONFIDENCE, CONVERGED, EPS
-from pwscont.curve.curve import Curve
+from pwscont.basics.rounding import CONFIDENCE, CONVERGED, EPS, GUARD
+from pwscont.curve.curve import Curve, State
 from pwscont.linear.factor import Factor
 from pwscont.linear.factorise import augmented, columns_scaled, largest_in_rows, rows_divided
 
@@ -41,6 +41,8 @@ MEETS = EPS**0.75
 FULL_RANK = EPS ** (1.0 / 3.0)
 #: Least ratio of the eigenvalues of the branching equation if the two directions are told apart.
 APART = EPS**0.5
+#: Inverses of scaled derivatives that are larger than this may belong to a branch point near by.
+CLOSE_TO_CROSSING = FULL_RANK**-0.5
 #: Error of alpha at a branch point, as a part of the interval, where derivatives are one-sided.
 ERROR_OF_DIFFERENCES = EPS ** (2.0 / 3.0)
 #: Displacement of z, in typical magnitudes, that shows how large the equations are.
@@ -56,7 +58,7 @@ class Crossing:
     """A simple branch point."""
 
     x: Array  # shape (n + 1,)
-    error: Array  # the last Newton correction, a sample of the error, shape (1, n + 1)
+    error: Array  # samples of the error, shape (2, n + 1)
     directions: tuple[Array, Array]  # the unit tangents of the two curves, signs arbitrary
     meets: bool  # whether the curves meet to rounding; else the curves pass each other close by
 
@@ -107,11 +109,33 @@ def crossing(curve: Curve, x: Array) -> Crossing | Failure:
             if directions is None:
                 return Failure(FailureReason.SINGULAR)
             mu = abs(float(null.particular[-1] + null.g @ eta))
-            return Crossing(x, dx[np.newaxis], directions, mu <= MEETS * (1.0 + null.size))
+            error = np.array([dx, _error_of_differences(curve)])
+            return Crossing(x, error, directions, mu <= MEETS * (1.0 + null.size))
         if iteration >= FAR_OFF and size > LINEAR * last:
             break
         last = size
     return Failure(FailureReason.NOT_CONVERGED)
+
+
+def _error_of_differences(curve: Curve) -> Array:
+    """Return how far derivatives by differences move a branch point, as a sample of the error."""
+    if curve.selection.system.knows_derivatives:
+        return np.zeros(len(curve.metric.scale))
+    return GUARD * ERROR_OF_DIFFERENCES * curve.metric.scale
+
+
+def may_cross(curve: Curve, state: State, row: Array) -> bool:
+    """Tell whether a branch point may lie close to a state that was located on an interface.
+
+    The answer is no, at the price of one derivative, where the derivatives of the equations and of
+    the test, ``row``, are far from a singular matrix.
+    """
+    if curve.selection.is_straight or state.located_by is None:
+        return False
+    scale = curve.metric.scale
+    rows = np.append(_sizes_of_rows(curve, _aside(curve, state.x)), np.abs(row) @ scale)
+    found = state.located_by.solve(rows * np.cos(generic_angles(len(rows))))
+    return not curve.metric.norm(found) < CLOSE_TO_CROSSING
 
 
 def loses_rank(curve: Curve, x: Array) -> bool:
@@ -135,14 +159,20 @@ def _generic(n: int) -> tuple[Array, Array]:
 
 
 def _equations(curve: Curve, x: Array) -> Array:
-    """Return typical magnitudes of the equations, shape (n,), powers of two.
-
-    A row of J may vanish at the branch point itself, so z is displaced a little as well.
-    """
-    scale = curve.metric.scale
-    aside = x + ASIDE * scale * np.append(_generic(len(x) - 1)[0], 0.0)
-    rows = [largest_in_rows(columns_scaled(curve.selection.jacobian(y), scale)) for y in (x, aside)]
+    """Return typical magnitudes of the equations, shape (n,), powers of two."""
+    rows = [_sizes_of_rows(curve, y) for y in (x, _aside(curve, x))]
     return power_of_two(np.where(np.isfinite(rows[1]), np.maximum(*rows), rows[0]))
+
+
+def _aside(curve: Curve, x: Array) -> Array:
+    """Return a point with z displaced a little: a row of J may vanish at a branch point itself."""
+    moved: Array = x + ASIDE * curve.metric.scale * np.append(_generic(len(x) - 1)[0], 0.0)
+    return moved
+
+
+def _sizes_of_rows(curve: Curve, x: Array) -> Array:
+    """Return the largest entry in each row of J at a point, with unknowns scaled to about 1."""
+    return largest_in_rows(columns_scaled(curve.selection.jacobian(x), curve.metric.scale))
 
 
 def _bordered(curve: Curve, x: Array, rows: Array, b: Array, C: Array) -> tuple[Matrix, Factor]:

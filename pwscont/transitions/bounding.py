@@ -20,6 +20,7 @@ import numpy as np
 from pwscont.basics.arrays import Array, Matrix, Signs, are_finite, smallest
 from pwscont.basics.outcome import FILL, Failure, FailureReason, Kind
 from pwscont.basics.rounding import CONFIDENCE, EPS, GUARD
+from pwscont.curve.crossing import may_cross
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.newton import Border
 from pwscont.curve.stepper import INSIDE, CurvedSegment, Segment
@@ -173,6 +174,9 @@ class BoundingTests(TransitionDetector):
         back = Ray(curve, state).reversed()
         if end := end_of(system, curve.selection.character, zero):
             return SpecialPointFound(Kind.END, x, end, (back,))
+        if may_cross(curve, state, curve.selection.test_gradient(x, index)):
+            if point := path_through(curve, corner):
+                return point
         if len(zero) == 1:
             if touched := touching(curve, state, test):
                 return touched

@@ -28,7 +28,14 @@ from pwscont.basics.character import Character
 from pwscont.basics.outcome import TOUCH, Failure, FailureReason, Kind
 from pwscont.basics.rounding import CONFIDENCE, CONVERGED, EPS, GUARD, SAME_ALPHA
 from pwscont.curve.corrector import polished
-from pwscont.curve.crossing import ERROR_OF_DIFFERENCES, FULL_RANK, Crossing, crossing, loses_rank
+from pwscont.curve.crossing import (
+    CLOSE_TO_CROSSING,
+    ERROR_OF_DIFFERENCES,
+    FULL_RANK,
+    Crossing,
+    crossing,
+    loses_rank,
+)
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.newton import uncertainty_beside
 from pwscont.curve.stepper import CurvedSegment, Segment
@@ -106,7 +113,10 @@ class SmoothFolds(TransitionDetector):
         fold, off = polished(curve, found)
         # an exactly vertical tangent: rounding would be found as a fold again
         narrow, level = max(narrow, _place(segment, off)), _with_slope(fold, 0.0, fold.error)
-        along = narrow * segment.length * level.tangent
+        reach = narrow * segment.length
+        if loses_rank(curve, fold.x):  # next to a branch point the tangent is rounding
+            reach = max(reach, FULL_RANK)
+        along = reach * level.tangent
         # alpha is stationary at a fold: its error is of second order
         return replace(level, error=np.vstack([fold.error, uncertainty_beside(curve, fold), along]))
 
@@ -314,11 +324,15 @@ def path_through(curve: Curve, corner: Corner) -> SpecialPointFound | None:
 
     The first ray leads back on the curve: the tangent with which the curve arrived is rounding.
     """
-    here, x, scale = curve.selection, corner.x, corner.metric.scale
+    here, scale = curve.selection, corner.metric.scale
     if here.is_straight or not 0 < len(corner.zero) <= MOST_TESTS_ON_PATH:
         return None
-    rows = dense(corner.vanishing(here)[1])
-    if not len(rows) or not (found := _crossing_at(curve, x)):
+    found = _crossing_at(curve, corner.x, 1.0 / CLOSE_TO_CROSSING)
+    if found is None:
+        return None
+    x = found.x  # more digits: where the curve meets the interface, the Jacobian loses rank
+    rows = dense(replace(corner, x=x).vanishing(here)[1])
+    if not len(rows):
         return None
     tangent = _least_along(found, rows)
     if (np.abs(rows @ tangent) > DISTANCE_TO_SIGN * (np.abs(rows) @ scale)).any():
@@ -326,7 +340,7 @@ def path_through(curve: Curve, corner: Corner) -> SpecialPointFound | None:
     cells = tuple(cell for cell in corner.all_cells() if is_solid(corner, cell))
     path = Curve(Selection(corner.system, here.character, cells), corner.metric)
     sign = _sign_before(curve, x, tangent)
-    point = branch_point_on_interface(path, State(x, tangent, corner.error, sign))
+    point = branch_point_on_interface(path, State(x, tangent, found.error, sign))
     own = [ray for ray in point.rays if ray.cells == (here.cell,)] if point else []
     rest = (ray for ray in point.rays if ray is not own[0]) if point else ()
     return point.leading((own[0], *rest)) if point and own else None
@@ -375,10 +389,10 @@ def _crossing_rays(own: Curve, state: State) -> list[Ray]:
     return [Ray(own, State(x, way, state.error, sign)) for way in ways]
 
 
-def _crossing_at(curve: Curve, x: Array) -> Crossing | None:
+def _crossing_at(curve: Curve, x: Array, reach: float = LOCATED_AGAIN) -> Crossing | None:
     """Return the branch point that a point is, located again, None if the point is none."""
     found = crossing(curve, x)
-    if isinstance(found, Failure) or curve.metric.norm(found.x - x) > LOCATED_AGAIN:
+    if isinstance(found, Failure) or curve.metric.norm(found.x - x) > reach:
         return None
     return found
 
