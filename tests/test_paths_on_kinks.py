@@ -159,3 +159,70 @@ def test_derivatives_by_differences_on_a_curved_kink(system, begin):
     assert [graph.count(alpha) for alpha in alphas] == wanted
     assert graph.is_balanced()
     assert len(graph.special_points("branch point")) == 2
+
+
+#: H on a path t = 0 along a kink, the curve that crosses at s = 0, and the numbers of solutions
+#: before, at and after the crossing.
+ARMS = {
+    "pitchfork": (lambda t, s, sw: t * (t * t - s) * (1.0 + sw.max(t, 0.0)), np.sqrt, (1, 1, 3)),
+    "both smooth": (lambda t, s, sw: t * (t * t - s) + 0.0 * sw.abs(t), np.sqrt, (1, 1, 3)),
+    "quartic": (lambda t, s, sw: t * (t**4 - s) + 0.0 * sw.abs(t), lambda s: s**0.25, (1, 1, 3)),
+    "transcritical": (lambda t, s, sw: t * (t - s) * (1.0 + sw.max(t, 0.0)), float, (2, 1, 2)),
+    "of one cell": (
+        lambda t, s, sw: on_kink(t, s, sw, lambda t, s: t * t - s, lambda t, s: 2.0 + s),
+        np.sqrt,
+        (1, 1, 2),
+    ),
+    "sharp": (lambda t, s, sw: t * (sw.abs(t) - s), float, (1, 1, 3)),
+}
+
+
+@pytest.mark.parametrize("kink", KINKS)
+@pytest.mark.parametrize("arm", ARMS)
+@pytest.mark.parametrize("begin", [0.07, 0.25, 0.44, 0.5])
+@pytest.mark.sweep(9)
+def test_a_curve_that_crosses_a_path_on_a_kink_is_told_from_the_path(arm, kink, begin):
+    """Where the curve meets the kink, Newton's method also converges on the path."""
+    function, state, counts = ARMS[arm]
+    place = KINKS[kink]
+    system = Switched(1, lambda z, a, sw: function(z - place(a), a - 0.3, sw))
+    graph = trace(system, ([state(begin) + place(begin + 0.3)], begin + 0.3), (-0.6, 0.99))
+    assert [graph.count(alpha) for alpha in (-0.01, 0.3, 0.61)] == list(counts)
+    assert graph.is_balanced()
+
+
+def by_differences(arm, place, size):
+    """Return a class whose derivatives are differences, with a curved kink among unknowns."""
+    mix = 2.0 * np.eye(size) + 0.3 * np.cos(np.arange(size**2)).reshape(size, size)
+
+    class OnCurve(PiecewiseSystem):
+        number_of_tests = 1
+
+        def test_functions(self, z, alpha):
+            return np.array([(mix @ z)[0] - place(alpha)])
+
+        def residual(self, z, alpha, character):
+            sign = 1.0 if character.signs[0] else -1.0
+            y = mix @ z
+            t, s = y[0] - place(alpha), alpha - 0.3
+            value = t * (sign * t - s) if arm == "sharp" else t * (t * t - s) * (2.0 + sign * t)
+            return mix.T @ np.append(value, y[1:] + 0.1 * y[:-1] - 0.2)
+
+    OnCurve.size = size
+    return OnCurve(), mix
+
+
+@pytest.mark.parametrize("arm", ["sharp", "pitchfork"])
+@pytest.mark.parametrize("kink", KINKS)
+@pytest.mark.parametrize("size", [1, 2, 3])
+@pytest.mark.parametrize("begin", [0.1, 0.32, 0.55])
+@pytest.mark.sweep(9)
+def test_the_same_with_derivatives_by_differences(arm, kink, size, begin):
+    place = KINKS[kink]
+    system, mix = by_differences(arm, place, size)
+    y = [place(begin + 0.3) + ARMS[arm][1](begin)]
+    for _ in range(size - 1):
+        y.append(0.2 - 0.1 * y[-1])
+    graph = trace(system, (np.linalg.solve(mix, y), begin + 0.3), (-0.6, 0.99))
+    assert [graph.count(alpha) for alpha in (-0.01, 0.61)] == [1, 3]
+    assert graph.is_balanced()

@@ -138,14 +138,22 @@ def may_cross(curve: Curve, state: State, row: Array) -> bool:
     return not curve.metric.norm(found) < CLOSE_TO_CROSSING
 
 
+def may_lose_rank(curve: Curve, x: Array) -> bool:
+    """Tell whether the Jacobian may have rank n - 1 at most near a point; seldom by mistake."""
+    n = len(x) - 1
+    _, matrix = _bordered(curve, x, _equations(curve, x), *_generic(n))
+    if matrix.is_singular():
+        return True
+    # generic borders make these numbers larger at other points, by far less than the bound
+    g = [matrix.solve(unit)[n] for unit in np.eye(n + 2)[n:]]
+    return not largest(np.abs(np.array(g))) > FULL_RANK**0.5
+
+
 def loses_rank(curve: Curve, x: Array) -> bool:
     """Tell whether the Jacobian has rank n - 1 at most at a point, compared to points beside."""
-    equations, borders, n = _equations(curve, x), _generic(len(x) - 1), len(x) - 1
-    _, matrix = _bordered(curve, x, equations, *borders)
-    if not matrix.is_singular():
-        g = [matrix.solve(unit)[n] for unit in np.eye(n + 2)[n:]]
-        if largest(np.abs(np.array(g))) > FULL_RANK**0.5:
-            return False  # nearly always: generic borders make g larger, by far less than that
+    if not may_lose_rank(curve, x):
+        return False  # nearly always
+    equations, borders = _equations(curve, x), _generic(len(x) - 1)
     null = _null(curve, x, equations, *borders)
     for _ in range(FIRST_BORDERS):
         null = null and _null(curve, x, equations, *null.borders)

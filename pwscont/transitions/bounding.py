@@ -174,9 +174,9 @@ class BoundingTests(TransitionDetector):
         back = Ray(curve, state).reversed()
         if end := end_of(system, curve.selection.character, zero):
             return SpecialPointFound(Kind.END, x, end, (back,))
-        if may_cross(curve, state, curve.selection.test_gradient(x, index)):
-            if point := path_through(curve, corner):
-                return point
+        close = may_cross(curve, state, curve.selection.test_gradient(x, index))
+        if close and (point := path_through(curve, corner)):
+            return point
         if len(zero) == 1:
             if touched := touching(curve, state, test):
                 return touched

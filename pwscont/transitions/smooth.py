@@ -35,6 +35,7 @@ from pwscont.curve.crossing import (
     Crossing,
     crossing,
     loses_rank,
+    may_lose_rank,
 )
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.newton import uncertainty_beside
@@ -113,16 +114,25 @@ class SmoothFolds(TransitionDetector):
         fold, off = polished(curve, found)
         # an exactly vertical tangent: rounding would be found as a fold again
         narrow, level = max(narrow, _place(segment, off)), _with_slope(fold, 0.0, fold.error)
-        reach = narrow * segment.length
-        if loses_rank(curve, fold.x):  # next to a branch point the tangent is rounding
-            reach = max(reach, FULL_RANK)
-        along = reach * level.tangent
+        along = max(narrow * segment.length, _uncertain(curve, fold.x)) * level.tangent
         # alpha is stationary at a fold: its error is of second order
         return replace(level, error=np.vstack([fold.error, uncertainty_beside(curve, fold), along]))
 
     def arrive(self, curve: Curve, state: State, index: int) -> SpecialPointFound:
         """Go on along the same curve."""
         return fold_point(curve, state)
+
+
+def _uncertain(curve: Curve, fold: Array) -> float:
+    """Return how far along the curve a fold at the alpha of a branch point is uncertain.
+
+    Next to a branch point tangents are rounding.
+    """
+    reach = 1.0 / CLOSE_TO_CROSSING
+    found = _crossing_at(curve, fold, reach) if may_lose_rank(curve, fold) else None
+    if found is None or abs(found.x[-1] - fold[-1]) > SAME_ALPHA * curve.metric.width:
+        return 0.0
+    return max(curve.metric.norm(found.x - fold), FULL_RANK)
 
 
 def fold_point(curve: Curve, fold: State, where: str = "") -> SpecialPointFound:
