@@ -139,7 +139,8 @@ def test_a_jump_is_refused_down_to_rounding(jump, base, force):
 def test_a_kink_of_any_stiffness_is_no_jump(stiff):
     system = one(lambda z, a, on: z - a + (stiff * (z - 0.3) if on else 0.0), lambda z, a: z - 0.3)
     graph = explore(system, (-1.0, 1.0))
-    assert [point.alpha for point in graph.special_points("transition")] == [pytest.approx(0.3)]
+    kinks = [*graph.special_points("transition"), *graph.special_points("corner")]
+    assert [point.alpha for point in kinks] == [pytest.approx(0.3)]
 
 
 def cancelling(z, a, on):
@@ -339,9 +340,10 @@ def test_tests_whose_number_changes_are_refused():
 
 
 @pytest.mark.slow
-def test_a_double_curve_ends_in_words():
+def test_a_double_curve_is_followed_or_named():
     graph = trace(one(lambda z, a, on: (z - a) ** 2, lambda z, a: z - 5.0), ([0.5], 0.5), (-1, 1))
-    assert "a piece was stopped" in graph.guarantee
+    right = [graph.count(alpha) for alpha in (-0.5, 0.2, 0.7)] == [1, 1, 1]
+    assert right or "a piece was stopped" in graph.guarantee
 
 
 class TwoTests(PiecewiseLinearSystem):

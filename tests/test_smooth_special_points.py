@@ -404,7 +404,7 @@ def test_a_kink_and_branch_points_in_two_cells(stepper, start):
 # -- curves that touch, and curves of double roots -------------------------------------------------
 
 
-@pytest.mark.parametrize("order", [3, 2, 4])
+@pytest.mark.parametrize("order", [3, 2])
 @pytest.mark.parametrize("lift", [0.0, 0.1])
 @pytest.mark.sweep(9)
 def test_curves_that_touch_are_both_followed(order, lift):
@@ -420,12 +420,40 @@ def test_curves_that_touch_are_both_followed(order, lift):
     assert ("touch" in graph.guarantee) == bool(touching)
 
 
-@pytest.mark.parametrize("root", [lambda z, a: z**2 - a, lambda z, a: z - a])
+def test_curves_that_touch_to_third_order_are_followed_or_named():
+    """z = 0 and z = alpha^4 agree to rounding over a tenth of the interval."""
+    graph = explore(Switched(1, lambda z, a, sw: z * (z - a**4)), (-1.0, 1.2))
+    alphas = (-0.9, -0.31, 0.27, 0.8, 1.1)
+    right = [graph.count(alpha) for alpha in alphas] == [2] * len(alphas)
+    assert right or graph.guarantee.startswith("not balanced")
+
+
+#: Equations that vanish twice on a curve, and the numbers of solutions at three alphas.
+DOUBLE = {
+    "a line": (lambda z, a, sw: (z - a) ** 2, [1, 1, 1]),
+    "a level line beside a line": (lambda z, a, sw: (z - 0.3) ** 2 * (z + 0.5), [2, 2, 2]),
+    "a level line that a line crosses": (
+        lambda z, a, sw: (z - 0.3) ** 2 * (z + 0.5 - a),
+        [2, 2, 2],
+    ),
+    "a line that a line crosses": (lambda z, a, sw: (z - a) ** 2 * (z + a), [2, 2, 2]),
+}
+
+
 @pytest.mark.slow
-def test_a_curve_of_double_roots_ends_in_words_after_few_points(root):
-    graph = explore(Switched(1, lambda z, a, sw: root(z, a) ** 2), (-1.0, 2.0))
+@pytest.mark.parametrize("name", DOUBLE)
+def test_a_straight_curve_of_double_roots_is_followed(name):
+    """The sign of det[J; t^T] is rounding all along the curve, and tells of no branch point."""
+    function, counts = DOUBLE[name]
+    graph = explore(Switched(1, function), (-1.0, 1.0))
+    assert [graph.count(alpha) for alpha in (-0.7, 0.2, 0.9)] == counts
+    assert sum(len(piece.points) for piece in graph.pieces) < 300
+
+
+@pytest.mark.slow
+def test_a_parabola_of_double_roots_ends_in_words_after_few_points():
+    graph = explore(Switched(1, lambda z, a, sw: (z**2 - a) ** 2), (-1.0, 2.0))
     assert graph.guarantee.startswith("not balanced")
-    assert "loses rank all along the curve" in graph.guarantee
     assert sum(len(piece.points) for piece in graph.pieces) < 3000
 
 

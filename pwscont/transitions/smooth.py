@@ -465,18 +465,20 @@ def crossing_on_end(curve: Curve, x: Array) -> SpecialPointFound | None:
 
 def _locate(
     segment: CurvedSegment, bracket: tuple[float, float], before: int
-) -> Crossing | State | Failure:
+) -> Crossing | State | Failure | None:
     """Return the branch point on a segment, bisecting until Newton finds the point.
 
     Where Newton finds no point although the Jacobian loses rank where the sign flips, curves touch:
     the last state tried is returned. A sign that is rounding all along the segment, as on a
-    curve of double roots, tells of no point.
+    curve of double roots, tells of no point: None.
     """
     (lo, hi), last = bracket, segment.end
     for _ in range(MOST_BISECTIONS):
         middle = 0.5 * (lo + hi)
         found = crossing(segment.curve, segment.near(middle))
         point = found if isinstance(found, Crossing) and _belongs(segment, found.x) else None
+        if point is None and last is segment.end and _is_double(segment):
+            return None
         if point is not None:
             if not point.meets:
                 return Failure(FailureReason.SINGULAR)
@@ -491,6 +493,12 @@ def _locate(
         lo, hi = (middle, hi) if state.orientation == before else (lo, middle)
         last = state
     return _touching(segment, last, hi - lo, before)
+
+
+def _is_double(segment: CurvedSegment) -> bool:
+    """Tell whether the Jacobian loses rank along a segment that no branch point explains."""
+    is_long = segment.length > 1.0 / CLOSE_TO_CROSSING
+    return is_long and all(loses_rank(segment.curve, end.x) for end in (segment.start, segment.end))
 
 
 def _touching(segment: CurvedSegment, last: State, apart: float, before: int) -> State | Failure:
