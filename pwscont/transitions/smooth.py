@@ -19,6 +19,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from functools import cache, partial
 from typing import final
 
 import numpy as np
@@ -84,6 +85,7 @@ class SmoothFolds(TransitionDetector):
         """Find where the tangent has no alpha component."""
         assert isinstance(segment, CurvedSegment)  # straight segments have no smooth folds
         sign, curve = 1.0 if index == 0 else -1.0, segment.curve
+        finer = cache(partial(polished, curve))  # states are polished once
 
         def slope(state: State) -> float:
             return sign * float(state.tangent[-1])
@@ -93,7 +95,7 @@ class SmoothFolds(TransitionDetector):
         def exact_slope(state: State) -> float:
             if abs(slope(state)) > NEARLY_LEVEL * turn:
                 return slope(state)
-            state, off = polished(curve, state)
+            state, off = finer(state)
             return slope(state) if abs(slope(state)) > off * curve.metric.width else 0.0
 
         narrow = _place(segment, GUARD * EPS)
@@ -103,7 +105,7 @@ class SmoothFolds(TransitionDetector):
             found = locate_sign_change(segment, slope, bracket, narrow)
         if isinstance(found, Failure):
             return found
-        fold, off = polished(curve, found)
+        fold, off = finer(found)
         # an exactly vertical tangent: rounding would be found as a fold again
         narrow, level = max(narrow, _place(segment, off)), _with_slope(fold, 0.0, fold.error)
         along = narrow * segment.length * level.tangent
@@ -218,6 +220,8 @@ MOST_BISECTIONS = 10
 LOCATED_AGAIN = EPS**0.5
 #: The functions of a reading that belong to the cell that is followed: the sign and its negative.
 OWN_SIGNS = 2
+#: A sign and its negative, as multiples of the sign.
+BOTH_SIGNS = np.array([1.0, -1.0])
 #: Most tests that vanish along a path of which all adjacent cells are tried.
 MOST_TESTS_ON_PATH = 4
 #: Distance at which the sign of det[J; t^T] is evaluated if no piece carries the sign along.
@@ -234,9 +238,13 @@ class SmoothBranchPoints(TransitionDetector):
 
     def read(self, curve: Curve, state: State) -> Reading:
         """Return each sign and its negative."""
-        signs = state.orientation, *(_sign_around(own, state) for own in _in_other_cells(curve))
-        values = np.array([float(way * sign) for sign in signs for way in (1, -1)])
-        return Reading(values, np.zeros(len(values)) if len(signs) > 1 else UNKNOWN)
+        values = float(state.orientation) * BOTH_SIGNS
+        others = _in_other_cells(curve)
+        if not others:
+            return Reading(values, UNKNOWN)  # nearly always
+        parts = [values, *(_sign_around(own, state) * BOTH_SIGNS for own in others)]
+        values = np.concatenate(parts)
+        return Reading(values, np.zeros(len(values)))
 
     def locate(
         self, segment: Segment, index: int, bracket: tuple[float, float]

@@ -17,9 +17,9 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_right
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import final
+from typing import Any, final
 
 import numpy as np
 
@@ -83,6 +83,13 @@ class Watch:
         self, detectors: Sequence[TransitionDetector], added: Sequence[TransitionDetector] = ()
     ) -> None:
         self._detectors, self._added = detectors, added
+        self._aimed_at = self._that_define(TransitionDetector.border)
+        self._looking = self._that_define(TransitionDetector.needs_shorter_step)
+
+    def _that_define(self, default: Callable[..., Any]) -> list[int]:
+        """Return the places of the detectors that replace a method of the base class."""
+        name, every = default.__name__, enumerate(self._detectors)
+        return [i for i, detector in every if getattr(type(detector), name) is not default]
 
     def read(self, curve: Curve, state: State) -> Reading:
         """Return what all detectors read at a state, in new arrays; refuse wrong readings."""
@@ -138,8 +145,9 @@ class Watch:
         self, segment: CurvedSegment, start: Reading, end: Reading
     ) -> Failure | None:
         """Return the reason for which a detector asks for a shorter step, None without one."""
-        for i, detector in enumerate(self._detectors):
-            if failure := detector.needs_shorter_step(segment, start.parts[i], end.parts[i]):
+        for i in self._looking:
+            parts = start.parts[i], end.parts[i]
+            if failure := self._detectors[i].needs_shorter_step(segment, *parts):
                 return failure
         return None
 
@@ -149,16 +157,19 @@ class Watch:
         The distance is along the tangent. None where no such function falls.
         """
         soonest = None
-        for part, detector in zip(reading.parts, self._detectors, strict=True):
-            values, slopes = part.values, part.slopes
-            if not len(values) or type(detector).border is TransitionDetector.border:
+        for i in self._aimed_at:
+            values, slopes = reading.parts[i].values, reading.parts[i].slopes
+            if not len(values):
                 continue
-            rates = np.divide(slopes, values, out=np.zeros(len(values)), where=values > 0.0)
+            if smallest(values) > 0.0:  # nearly always
+                rates = slopes / values
+            else:
+                rates = np.divide(slopes, values, out=np.zeros(len(values)), where=values > 0.0)
             fastest = rates.argmin()
             if (rate := rates.item(fastest)) < 0.0:
                 distance = -1.0 / rate
                 if soonest is None or distance < soonest[0]:
-                    soonest = distance, detector, int(fastest)
+                    soonest = distance, self._detectors[i], int(fastest)
         return soonest
 
     def falls(self, segment: Segment, start: Reading) -> Array:
