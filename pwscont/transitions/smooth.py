@@ -125,9 +125,11 @@ def fold_point(curve: Curve, fold: State, where: str = "") -> SpecialPointFound:
 
 def _turns_twice(segment: CurvedSegment) -> bool:
     first, chord, last = segment.slopes_of_alpha()
-    a, b = 3.0 * (first + last - 2.0 * chord), 6.0 * chord - 4.0 * first - 2.0 * last
-    if first * last < 0.0 or not 0.0 < -b / (2.0 * a or np.inf) < 1.0:
+    if first * last < 0.0:
         return False
+    a, b = 3.0 * (first + last - 2.0 * chord), 6.0 * chord - 4.0 * first - 2.0 * last
+    if not 0.0 < -b < 2.0 * a and not 2.0 * a < -b < 0.0:
+        return False  # the slope is least at an end
     least, largest = first - 0.25 * b * b / a, max(abs(first), abs(last))
     steepest = max(largest, abs(chord))  # from fold to fold both ends are level
     if segment.length * steepest <= GUARD * EPS * segment.curve.metric.width:
