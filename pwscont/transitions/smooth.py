@@ -46,6 +46,8 @@ from pwscont.transitions.detector import (
 )
 from pwscont.transitions.rays import Corner, Ray, beside
 
+#: A watched function and its negative, as multiples of the function.
+BOTH_SIGNS = np.array([1.0, -1.0])
 #: Slopes below this part of the turn of a step are polished where a fold is located: the tangents
 #: of other states are known well enough to tell the side of the fold.
 NEARLY_LEVEL = 1e-3
@@ -60,8 +62,7 @@ class SmoothFolds(TransitionDetector):
 
     def read(self, curve: Curve, state: State) -> Reading:
         """Return the component and the negative component; zero to rounding counts as zero."""
-        slope = curve.slope(state)
-        return Reading(np.array([slope, -slope]), UNKNOWN)
+        return Reading(curve.slope(state) * BOTH_SIGNS, UNKNOWN)
 
     def needs_shorter_step(
         self, segment: CurvedSegment, start: Reading, end: Reading
@@ -125,11 +126,9 @@ def fold_point(curve: Curve, fold: State, where: str = "") -> SpecialPointFound:
 
 def _turns_twice(segment: CurvedSegment) -> bool:
     first, chord, last = segment.slopes_of_alpha()
-    if first * last < 0.0:
-        return False
     a, b = 3.0 * (first + last - 2.0 * chord), 6.0 * chord - 4.0 * first - 2.0 * last
-    if not 0.0 < -b < 2.0 * a and not 2.0 * a < -b < 0.0:
-        return False  # the slope is least at an end
+    if first * last < 0.0 or not 0.0 < -b / (2.0 * a or np.inf) < 1.0:
+        return False
     least, largest = first - 0.25 * b * b / a, max(abs(first), abs(last))
     steepest = max(largest, abs(chord))  # from fold to fold both ends are level
     if segment.length * steepest <= GUARD * EPS * segment.curve.metric.width:
@@ -222,8 +221,6 @@ MOST_BISECTIONS = 10
 LOCATED_AGAIN = EPS**0.5
 #: The functions of a reading that belong to the cell that is followed: the sign and its negative.
 OWN_SIGNS = 2
-#: A sign and its negative, as multiples of the sign.
-BOTH_SIGNS = np.array([1.0, -1.0])
 #: Most tests that vanish along a path of which all adjacent cells are tried.
 MOST_TESTS_ON_PATH = 4
 #: Distance at which the sign of det[J; t^T] is evaluated if no piece carries the sign along.
@@ -240,13 +237,11 @@ class SmoothBranchPoints(TransitionDetector):
 
     def read(self, curve: Curve, state: State) -> Reading:
         """Return each sign and its negative."""
-        values = float(state.orientation) * BOTH_SIGNS
         others = _in_other_cells(curve)
         if not others:
-            return Reading(values, UNKNOWN)  # nearly always
-        parts = [values, *(_sign_around(own, state) * BOTH_SIGNS for own in others)]
-        values = np.concatenate(parts)
-        return Reading(values, np.zeros(len(values)))
+            return Reading(state.orientation * BOTH_SIGNS, UNKNOWN)  # nearly always
+        signs = [state.orientation, *(_sign_around(own, state) for own in others)]
+        return Reading(np.outer(signs, BOTH_SIGNS).ravel(), np.zeros(2 * len(signs)))
 
     def locate(
         self, segment: Segment, index: int, bracket: tuple[float, float]
@@ -352,8 +347,7 @@ def path_from(corner: Corner) -> SpecialPointFound | None:
 
 def _in_cells(curve: Curve, cells: Iterable[Character]) -> list[Curve]:
     """Return a path along an interface as a curve of each of these cells."""
-    selections = (Selection(curve.selection.system, cell) for cell in cells)
-    return [Curve(selection, curve.metric) for selection in selections]
+    return [Curve(Selection(curve.selection.system, cell), curve.metric) for cell in cells]
 
 
 def _in_other_cells(curve: Curve) -> list[Curve]:
@@ -385,10 +379,10 @@ def _crossing_rays(own: Curve, state: State) -> list[Ray]:
     return [Ray(own, State(x, way, state.error, sign)) for way in ways]
 
 
-def _crossing_at(curve: Curve, x: Array) -> Crossing | None:
-    """Return the branch point that a point is, located again, None if the point is none."""
+def _crossing_at(curve: Curve, x: Array, near: float = LOCATED_AGAIN) -> Crossing | None:
+    """Return the branch point within a distance of a point, None if there is none."""
     found = crossing(curve, x)
-    if isinstance(found, Failure) or curve.metric.norm(found.x - x) > LOCATED_AGAIN:
+    if isinstance(found, Failure) or curve.metric.norm(found.x - x) > near:
         return None
     return found
 
@@ -428,11 +422,11 @@ def _along(curve: Curve, ray: Ray) -> Ray:
 
 def at_branch_point(curve: Curve, x: Array) -> SpecialPointFound | None:
     """Return the branch point that a start is, at the start's alpha up to errors, None if none."""
-    found, metric, near = crossing(curve, x), curve.metric, curve.metric.slack(x, FULL_RANK)
-    if isinstance(found, Failure) or not found.meets or metric.norm(found.x - x) > near:
+    found = _crossing_at(curve, x, curve.metric.slack(x, FULL_RANK))
+    if found is None or not found.meets:
         return None
     tangent, at = found.directions[0], found.x.copy()
-    if abs(at[-1] - x[-1]) <= CONFIDENCE * ERROR_OF_DIFFERENCES * metric.width:
+    if abs(at[-1] - x[-1]) <= CONFIDENCE * ERROR_OF_DIFFERENCES * curve.metric.width:
         at[-1] = x[-1]
     sign = _sign_before(curve, at, tangent)
     error = np.vstack([found.error, at - found.x])

@@ -17,9 +17,9 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_right
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, final
+from typing import final
 
 import numpy as np
 
@@ -83,13 +83,6 @@ class Watch:
         self, detectors: Sequence[TransitionDetector], added: Sequence[TransitionDetector] = ()
     ) -> None:
         self._detectors, self._added = detectors, added
-        self._aimed_at = self._that_define(TransitionDetector.border)
-        self._looking = self._that_define(TransitionDetector.needs_shorter_step)
-
-    def _that_define(self, default: Callable[..., Any]) -> list[int]:
-        """Return the places of the detectors that replace a method of the base class."""
-        name, every = default.__name__, enumerate(self._detectors)
-        return [i for i, detector in every if getattr(type(detector), name) is not default]
 
     def read(self, curve: Curve, state: State) -> Reading:
         """Return what all detectors read at a state, in new arrays; refuse wrong readings."""
@@ -145,9 +138,8 @@ class Watch:
         self, segment: CurvedSegment, start: Reading, end: Reading
     ) -> Failure | None:
         """Return the reason for which a detector asks for a shorter step, None without one."""
-        for i in self._looking:
-            parts = start.parts[i], end.parts[i]
-            if failure := self._detectors[i].needs_shorter_step(segment, *parts):
+        for i, detector in enumerate(self._detectors):
+            if failure := detector.needs_shorter_step(segment, start.parts[i], end.parts[i]):
                 return failure
         return None
 
@@ -157,19 +149,16 @@ class Watch:
         The distance is along the tangent. None where no such function falls.
         """
         soonest = None
-        for i in self._aimed_at:
-            values, slopes = reading.parts[i].values, reading.parts[i].slopes
-            if not len(values):
+        for part, detector in zip(reading.parts, self._detectors, strict=True):
+            values, slopes = part.values, part.slopes
+            if type(detector).border is TransitionDetector.border or not len(values):
                 continue
-            if smallest(values) > 0.0:  # nearly always
-                rates = slopes / values
-            else:
-                rates = np.divide(slopes, values, out=np.zeros(len(values)), where=values > 0.0)
+            rates = slopes / np.where(values > 0.0, values, np.inf)
             fastest = rates.argmin()
             if (rate := rates.item(fastest)) < 0.0:
                 distance = -1.0 / rate
                 if soonest is None or distance < soonest[0]:
-                    soonest = distance, self._detectors[i], int(fastest)
+                    soonest = distance, detector, int(fastest)
         return soonest
 
     def falls(self, segment: Segment, start: Reading) -> Array:
@@ -237,9 +226,8 @@ def first_on_curve(
     ``first``: a known event at the end of the segment: another function that vanishes at the end is
     no event of its own.
     """
-    if len(start.values) != len(end.values):
-        watch.check(start, end)
-    if math.isnan(smallest(end.values) + largest(end.values)):  # nan, or opposite infinities
+    is_nan = math.isnan(smallest(end.values) + largest(end.values))  # or opposite infinities
+    if is_nan or len(start.values) != len(end.values):
         watch.check(start, end)
         return Failure(FailureReason.NOT_FINITE)
     end = watch.before(end, first) if first else end
@@ -333,12 +321,9 @@ def _bracket_of_dip(
         read = detector.read(segment.curve, state)
         return float(read.values[index]), float(read.slopes[index])
 
-    def slope(state: State) -> float:
-        return value_and_slope(state)[1]
-
-    lowest, least = segment.start, 0.0
+    lowest, least, bracket = segment.start, 0.0, (0.0, segment.length)
     for narrow in (NARROW_BRACKET, EPS):
-        found = locate_sign_change(segment, slope, (0.0, segment.length), narrow)
+        found = locate_sign_change(segment, lambda x: value_and_slope(x)[1], bracket, narrow)
         if isinstance(found, Failure):
             return found
         lowest, (least, steepness) = found, value_and_slope(found)
