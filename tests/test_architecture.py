@@ -62,7 +62,7 @@ BUDGET = {
     "notation": (13, 2884),
     "curve": (14, 2932),
     "enumeration": (11, 2664),
-    "transitions": (12, 3839),
+    "transitions": (12, 3840),
     "graph": (10, 2705),
     "search": (7, 1672),
     "continuation": (8, 2772),

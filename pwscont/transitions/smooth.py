@@ -37,6 +37,7 @@ from pwscont.linear.factorise import bordered
 from pwscont.system.selection import Selection
 from pwscont.transitions.corner import index_at, is_solid
 from pwscont.transitions.detector import (
+    BOTH_SIGNS,
     NARROW_BRACKET,
     UNKNOWN,
     Reading,
@@ -46,8 +47,6 @@ from pwscont.transitions.detector import (
 )
 from pwscont.transitions.rays import Corner, Ray, beside
 
-#: A watched function and its negative, as multiples of the function.
-BOTH_SIGNS = np.array([1.0, -1.0])
 #: Slopes below this part of the turn of a step are polished where a fold is located: the tangents
 #: of other states are known well enough to tell the side of the fold.
 NEARLY_LEVEL = 1e-3
