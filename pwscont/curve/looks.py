@@ -71,39 +71,36 @@ def farthest_off(segment: CurvedSegment, factor: Factor, allowed: float, is_sure
     if not 0.0 < segment.gap < segment.length:
         return _off_at(segment, factor, (INSIDE,) if is_sure else (INSIDE, SECOND))
     count = min(max(ceil(segment.length / segment.gap) - 1, 2), MOST_PLACES)
-    off, alphas = _looked_at(segment, factor, _at_places(count))
+    u, weights, rough = _places(count)
+    off, alphas = _looked_at(segment, factor, weights)
     if len(off) < count and not segment.curve.metric.admits(segment.near(INSIDE * segment.length)):
         return nan
     worst = sqrt(largest(np.einsum("ij,ij->i", off, off)))
     if not worst <= allowed:
         return worst  # may be nan
     if worst > INVISIBLE and len(off) == count:
-        rough = np.abs(_rough(count).dot(off))
-        if largest(rough) > ROUGH_PART * largest(np.abs(off)) + INVISIBLE:
-            odd = float(places(count)[int(rough.argmax()) // rough.shape[1]])
+        roughness = np.abs(rough.dot(off))
+        if largest(roughness) > ROUGH_PART * largest(np.abs(off)) + INVISIBLE:
+            odd = float(u[int(roughness.argmax()) // off.shape[1]])
             around = ((place, 1.0 / count) for place in (odd, 0.0, 1.0))
             worst = max(worst, *(_close_in(segment, factor, room, allowed) for room in around))
-    return inf if _turns(segment, factor, places(count), alphas) else worst
+    return inf if _turns(segment, factor, u, alphas) else worst
 
 
 @lru_cache(maxsize=MOST_PLACES)
-def places(count: int) -> Array:
-    """Return ``count`` places inside a step, as parts of the step, at uneven distances."""
+def _places(count: int) -> tuple[Array, Array, Array]:
+    """Return ``count`` places at uneven distances inside a step, as parts of the step.
+
+    With the places come the weights of the cubic there, and the projection of distances from the
+    cubic on the part that is not smooth.
+    """
     j = np.arange(1.0, count + 1.0)
     u: Array = (j + UNEVEN * ((j * GOLDEN) % 1.0 - 0.5)) / (count + 1.0)
     for part in (INSIDE, SECOND):  # in place of the nearest
         u[np.abs(u - part).argmin()] = part
-    return u
-
-
-@lru_cache(maxsize=MOST_PLACES)
-def _rough(count: int) -> Array:
-    """Return the projection of distances from the cubic on the part that is not smooth."""
-    u = places(count)
     smooth = (u * (1.0 - u))[:, np.newaxis] ** 2 * np.vander(u, min(SMOOTH_DEGREE, count // 3) + 1)
     q = np.linalg.qr(smooth)[0]
-    rough: Array = np.eye(count) - q @ q.T
-    return rough
+    return u, _weights(u), np.eye(count) - q @ q.T
 
 
 def _weights(u: Array) -> Array:
@@ -111,11 +108,6 @@ def _weights(u: Array) -> Array:
     v = 1.0 - u
     first, last = u * v * v, v * u * u
     return np.stack([u - first + last, first, -last], axis=1)
-
-
-@lru_cache(maxsize=MOST_PLACES)
-def _at_places(count: int) -> Array:
-    return _weights(places(count))
 
 
 def _off_at(segment: CurvedSegment, factor: Factor, parts: Sequence[float]) -> float:

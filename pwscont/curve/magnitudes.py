@@ -102,12 +102,13 @@ class Gauge:
         self._first = x if self._first is None else self._first
         self._begun = x if self._begun is None else self._begun
         change, x, y = abs(float(y[-1] - x[-1])), x[:-1], y[:-1]
-        away = apart = np.abs(0.5 * (x + y) - self._begun[:-1])
-        if self._begun is not self._first:
-            apart = np.abs(0.5 * (x + y) - self._first[:-1])
+        middle = 0.5 * (x + y)
+        away = np.abs(middle - self._begun[:-1])
+        weighted = change * away
         self._alpha += change
-        self._away += change * away
-        self._apart += change * apart
+        self._away += weighted
+        is_first = self._begun is self._first
+        self._apart += weighted if is_first else change * np.abs(middle - self._first[:-1])
         self._size = np.maximum(self._size, np.abs(y))
         self._farthest = np.maximum(self._farthest, away)
         self._steps += 1
@@ -208,15 +209,16 @@ def rough_magnitudes(system: PiecewiseSystem, interval: Range, z: Array) -> Arra
         alphas, here = [alphas[i] for i in kept], [here[i] for i in kept]
     terms, others = _finite(np.ptp(here, axis=0)), _finite(np.abs(here).max(axis=0))
     for j in np.flatnonzero(z).tolist():  # at a solution terms cancel
-        changes = _each_change(system, alphas, z, here, j, abs(float(z[j])))
+        changes = _each_change(system, box, alphas, z, here, j, abs(float(z[j])))
         others = reduce(np.maximum, changes, others)
     sizes, most = np.zeros(system.size), np.zeros((system.size, system.size))
     for number in range(system.size + 1):
         unknown = np.flatnonzero(sizes == 0.0)
         for j in unknown.tolist():
             check_budget()
-            sizes[j] = _reach(system, alphas, z, here, terms, j)
-            most[:, j] = reduce(np.maximum, _each_change(system, alphas, z, here, j, sizes[j]))
+            sizes[j] = _reach(system, box, alphas, z, here, terms, j)
+            changes = _each_change(system, box, alphas, z, here, j, sizes[j])
+            most[:, j] = reduce(np.maximum, changes)
         if sizes.all() or (number and not sizes[unknown].any()):
             break
         terms = np.maximum(terms, np.maximum(others, most.max(axis=1)))
@@ -262,6 +264,7 @@ def _least_steps(system: PiecewiseSystem, alphas: Sequence[float], sizes: Array)
 
 def _reach(
     system: PiecewiseSystem,
+    box: Box,
     alphas: Sequence[float],
     z: Array,
     here: Sequence[Array],
@@ -273,7 +276,7 @@ def _reach(
 
     def is_enough(power: int, part: float = PART) -> bool:
         least = part * terms[rows]
-        changes = _each_change(system, alphas, z, here, j, BASE**power)
+        changes = _each_change(system, box, alphas, z, here, j, BASE**power)
         return any(is_anywhere(change[rows] >= least) for change in changes)
 
     high = _first(is_enough, -POWERS, POWERS) if rows.size else POWERS
@@ -302,6 +305,7 @@ def _first(holds: Callable[[int], bool], low: int, high: int) -> int:
 
 def _each_change(
     system: PiecewiseSystem,
+    box: Box,
     alphas: Sequence[float],
     z: Array,
     here: Sequence[Array],
@@ -309,7 +313,6 @@ def _each_change(
     size: float,
 ) -> Iterator[Array]:
     """Yield by how much each row changes if z_j grows or shrinks by a size, at each alpha."""
-    box = Box.of(system)
     lower, upper = box.lower.item(j), box.upper.item(j)
     for before, alpha in zip(here, alphas, strict=True):
         for change in (size, -size):

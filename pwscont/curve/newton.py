@@ -262,38 +262,38 @@ def unseen_rounding(curve: Curve, root: Root, border: Callable[[Array], float]) 
     """
     if curve.selection.is_slicewise:
         return np.zeros(len(root.x))
-
-    asides = _asides(curve, root)
+    asides, (places, size) = _asides(curve, root), (ROUNDING_PLACES, len(root.x))
     farther = np.array([ROUNDING_SHOWS, 2.0 * ROUNDING_SHOWS, CURVATURE_SHOWS])
-    points = np.vstack([root.x, *(root.x + np.multiply.outer(farther, dx) for dx in asides)])
+    beside = root.x + farther[:, np.newaxis] * asides[:, np.newaxis]
+    points = np.vstack([root.x, beside.reshape(-1, size)])
     rows = curve.selection.residuals(points)
     rows[:, -1] = [border(x) for x in points]
-    here, rows = rows[0], rows[1:].reshape(len(asides), len(farther), len(root.x))
+    here, rows = rows[0], rows[1:].reshape(places, len(farther), size)
     # the Jacobian of the root is from before the last correction: a line needs none
     bends = 0.5 * np.abs(here - 2.0 * rows[:, 0] + rows[:, 1])
     # the same direction has the same curvature
-    matrix = root.jacobian, root.row
-    linear = [np.concatenate([np.ravel(product(m, dx)) for m in matrix]) for dx in asides]
-    curvatures = np.abs(rows[:, 2] - here - CURVATURE_SHOWS * np.array(linear))
+    linear = np.empty_like(asides)
+    linear[:, :-1] = [product(root.jacobian, dx) for dx in asides]
+    linear[:, -1] = np.ravel(product(root.row, asides.T))
+    curvatures = np.abs(rows[:, 2] - here - CURVATURE_SHOWS * linear)
     ratio = CURVATURE_VARIES * (ROUNDING_SHOWS / CURVATURE_SHOWS) ** 2
     unseen = np.fmax.reduce(bends - ratio * curvatures, axis=0, initial=0.0)
     return np.where(np.isfinite(unseen), unseen, 0.0)
 
 
-def _asides(curve: Curve, root: Root) -> list[Array]:
-    """Return directions from a root, of typical magnitudes, into the interval and the cell."""
+def _asides(curve: Curve, root: Root) -> Array:
+    """Return steps from a root, of typical magnitudes, into the interval and the cell, (k, n + 1).
+
+    The path comes from where the border grows. The tests need not be defined beyond the cell.
+    """
     x, metric, selection = root.x, curve.metric, curve.selection
-    # the tests need not be defined beyond the cell
-    tests, gradients = selection.tests(x), selection.test_gradients(x)
-    steps: list[Array] = []
-    for place in range(ROUNDING_PLACES):
-        step = generic(len(x), place) * (np.abs(x) + metric.scale)
-        if product(root.row, step).item() < 0.0:  # the path comes from where the border grows
-            step = -step
-        step[-1] = math.copysign(metric.width, sum(metric.interval) - 2.0 * x[-1])
-        if (tests + CURVATURE_SHOWS * product(gradients, step) < 0.0).any():
-            step[:-1] *= -1.0
-        steps.append(step)
+    ways = np.array([generic(len(x), place) for place in range(ROUNDING_PLACES)])
+    steps = ways * (np.abs(x) + metric.scale)
+    steps[np.ravel(product(root.row, steps.T)) < 0.0] *= -1.0
+    steps[:, -1] = math.copysign(metric.width, sum(metric.interval) - 2.0 * x[-1])
+    along = CURVATURE_SHOWS * product(selection.test_gradients(x), steps.T)
+    leaves = (selection.tests(x)[:, np.newaxis] + along < 0.0).any(axis=0)
+    steps[leaves, :-1] *= -1.0
     return steps
 
 

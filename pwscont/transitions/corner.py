@@ -219,10 +219,10 @@ def _bends_into(curve: Curve, state: State) -> bool:
     return bool((selection.tests(there.x) > rounding).all())
 
 
-def parallel(a: Ray, b: Ray) -> bool:
-    """Tell whether two rays from one point have one direction."""
+def parallel(a: Ray, b: Ray, apart: float = PARALLEL) -> bool:
+    """Tell whether two rays from one point have one direction: 1 - cosine is below ``apart``."""
     cosine = a.curve.metric.covector(a.state.tangent).dot(b.state.tangent)
-    return bool(cosine > 1.0 - PARALLEL)
+    return bool(cosine > 1.0 - apart)
 
 
 def opposite(a: Ray, b: Ray) -> bool:
@@ -236,10 +236,8 @@ def same_piece(ray: Ray, back: Ray) -> bool:
     A cell holds one ray, or several that differ clearly; the direction of the piece carries
     errors that ill conditioning magnifies.
     """
-    if set(ray.cells).isdisjoint(back.cells):
-        return parallel(ray, back)
-    cosine = ray.curve.metric.covector(ray.state.tangent).dot(back.state.tangent)
-    return bool(cosine > 1.0 - EPS**0.5)
+    have_no_cell_in_common = set(ray.cells).isdisjoint(back.cells)
+    return parallel(ray, back, PARALLEL if have_no_cell_in_common else EPS**0.5)
 
 
 #: Most cells that the cone problem tries at a corner: those of eight contact nodes.

@@ -26,6 +26,8 @@ from pwscont.transitions.rays import Ray
 FARTHEST_ZERO = 0.1 / EPS**0.75
 #: A message, or a function that returns the message: thousands of messages are never read.
 Said = str | Callable[[], str]
+#: A watched function and its negative, as multiples of the function.
+BOTH_SIGNS = np.array([1.0, -1.0])
 #: The slopes of a pair of functions whose slopes are not known.
 UNKNOWN = np.zeros(2)
 UNKNOWN.setflags(write=False)

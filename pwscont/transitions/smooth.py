@@ -19,6 +19,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from functools import cache, partial
 from typing import final
 
 import numpy as np
@@ -44,6 +45,7 @@ from pwscont.linear.factorise import bordered
 from pwscont.system.selection import Selection
 from pwscont.transitions.corner import index_at, is_solid
 from pwscont.transitions.detector import (
+    BOTH_SIGNS,
     NARROW_BRACKET,
     UNKNOWN,
     Reading,
@@ -67,8 +69,7 @@ class SmoothFolds(TransitionDetector):
 
     def read(self, curve: Curve, state: State) -> Reading:
         """Return the component and the negative component; zero to rounding counts as zero."""
-        slope = curve.slope(state)
-        return Reading(np.array([slope, -slope]), UNKNOWN)
+        return Reading(curve.slope(state) * BOTH_SIGNS, UNKNOWN)
 
     def needs_shorter_step(
         self, segment: CurvedSegment, start: Reading, end: Reading
@@ -92,6 +93,7 @@ class SmoothFolds(TransitionDetector):
         """Find where the tangent has no alpha component."""
         assert isinstance(segment, CurvedSegment)  # straight segments have no smooth folds
         sign, curve = 1.0 if index == 0 else -1.0, segment.curve
+        finer = cache(partial(polished, curve))  # states are polished once
 
         def slope(state: State) -> float:
             return sign * float(state.tangent[-1])
@@ -101,7 +103,7 @@ class SmoothFolds(TransitionDetector):
         def exact_slope(state: State) -> float:
             if abs(slope(state)) > NEARLY_LEVEL * turn:
                 return slope(state)
-            state, off = polished(curve, state)
+            state, off = finer(state)
             return slope(state) if abs(slope(state)) > off * curve.metric.width else 0.0
 
         narrow = _place(segment, GUARD * EPS)
@@ -111,7 +113,7 @@ class SmoothFolds(TransitionDetector):
             found = locate_sign_change(segment, slope, bracket, narrow)
         if isinstance(found, Failure):
             return found
-        fold, off = polished(curve, found)
+        fold, off = finer(found)
         # an exactly vertical tangent: rounding would be found as a fold again
         narrow, level = max(narrow, _place(segment, off)), _with_slope(fold, 0.0, fold.error)
         along = max(narrow * segment.length, _uncertain(curve, fold.x)) * level.tangent
@@ -254,9 +256,11 @@ class SmoothBranchPoints(TransitionDetector):
 
     def read(self, curve: Curve, state: State) -> Reading:
         """Return each sign and its negative."""
-        signs = state.orientation, *(_sign_around(own, state) for own in _in_other_cells(curve))
-        values = np.array([float(way * sign) for sign in signs for way in (1, -1)])
-        return Reading(values, np.zeros(len(values)) if len(signs) > 1 else UNKNOWN)
+        others = _in_other_cells(curve)
+        if not others:
+            return Reading(state.orientation * BOTH_SIGNS, UNKNOWN)  # nearly always
+        signs = [state.orientation, *(_sign_around(own, state) for own in others)]
+        return Reading(np.outer(signs, BOTH_SIGNS).ravel(), np.zeros(2 * len(signs)))
 
     def locate(
         self, segment: Segment, index: int, bracket: tuple[float, float]
@@ -366,8 +370,7 @@ def path_from(corner: Corner) -> SpecialPointFound | None:
 
 def _in_cells(curve: Curve, cells: Iterable[Character]) -> list[Curve]:
     """Return a path along an interface as a curve of each of these cells."""
-    selections = (Selection(curve.selection.system, cell) for cell in cells)
-    return [Curve(selection, curve.metric) for selection in selections]
+    return [Curve(Selection(curve.selection.system, cell), curve.metric) for cell in cells]
 
 
 def _in_other_cells(curve: Curve) -> list[Curve]:
@@ -399,10 +402,10 @@ def _crossing_rays(own: Curve, state: State) -> list[Ray]:
     return [Ray(own, State(x, way, state.error, sign)) for way in ways]
 
 
-def _crossing_at(curve: Curve, x: Array, reach: float = LOCATED_AGAIN) -> Crossing | None:
-    """Return the branch point that a point is, located again, None if the point is none."""
+def _crossing_at(curve: Curve, x: Array, near: float = LOCATED_AGAIN) -> Crossing | None:
+    """Return the branch point within a distance of a point, None if there is none."""
     found = crossing(curve, x)
-    if isinstance(found, Failure) or curve.metric.norm(found.x - x) > reach:
+    if isinstance(found, Failure) or curve.metric.norm(found.x - x) > near:
         return None
     return found
 
@@ -442,11 +445,11 @@ def _along(curve: Curve, ray: Ray) -> Ray:
 
 def at_branch_point(curve: Curve, x: Array) -> SpecialPointFound | None:
     """Return the branch point that a start is, at the start's alpha up to errors, None if none."""
-    found, metric, near = crossing(curve, x), curve.metric, curve.metric.slack(x, FULL_RANK)
-    if isinstance(found, Failure) or not found.meets or metric.norm(found.x - x) > near:
+    found = _crossing_at(curve, x, curve.metric.slack(x, FULL_RANK))
+    if found is None or not found.meets:
         return None
     tangent, at = found.directions[0], found.x.copy()
-    if abs(at[-1] - x[-1]) <= CONFIDENCE * ERROR_OF_DIFFERENCES * metric.width:
+    if abs(at[-1] - x[-1]) <= CONFIDENCE * ERROR_OF_DIFFERENCES * curve.metric.width:
         at[-1] = x[-1]
     sign = _sign_before(curve, at, tangent)
     error = np.vstack([found.error, at - found.x])

@@ -151,9 +151,9 @@ class Watch:
         soonest = None
         for part, detector in zip(reading.parts, self._detectors, strict=True):
             values, slopes = part.values, part.slopes
-            if not len(values) or type(detector).border is TransitionDetector.border:
+            if type(detector).border is TransitionDetector.border or not len(values):
                 continue
-            rates = np.divide(slopes, values, out=np.zeros(len(values)), where=values > 0.0)
+            rates = slopes / np.where(values > 0.0, values, np.inf)
             fastest = rates.argmin()
             if (rate := rates.item(fastest)) < 0.0:
                 distance = -1.0 / rate
@@ -226,9 +226,8 @@ def first_on_curve(
     ``first``: a known event at the end of the segment: another function that vanishes at the end is
     no event of its own.
     """
-    if len(start.values) != len(end.values):
-        watch.check(start, end)
-    if math.isnan(smallest(end.values) + largest(end.values)):  # nan, or opposite infinities
+    is_nan = math.isnan(smallest(end.values) + largest(end.values))  # or opposite infinities
+    if is_nan or len(start.values) != len(end.values):
         watch.check(start, end)
         return Failure(FailureReason.NOT_FINITE)
     end = watch.before(end, first) if first else end
@@ -322,12 +321,9 @@ def _bracket_of_dip(
         read = detector.read(segment.curve, state)
         return float(read.values[index]), float(read.slopes[index])
 
-    def slope(state: State) -> float:
-        return value_and_slope(state)[1]
-
-    lowest, least = segment.start, 0.0
+    lowest, least, bracket = segment.start, 0.0, (0.0, segment.length)
     for narrow in (NARROW_BRACKET, EPS):
-        found = locate_sign_change(segment, slope, (0.0, segment.length), narrow)
+        found = locate_sign_change(segment, lambda x: value_and_slope(x)[1], bracket, narrow)
         if isinstance(found, Failure):
             return found
         lowest, (least, steepness) = found, value_and_slope(found)
