@@ -25,15 +25,15 @@ from pwscont.basics.budget import Budget, check_budget
 from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidSystemError
 from pwscont.basics.outcome import Kind
-from pwscont.basics.rounding import CONFIDENCE, CONVERGED, SAME_ALPHA
+from pwscont.basics.rounding import CONVERGED, SAME_ALPHA
 from pwscont.continuation.discovery import CROSSED, Discovery
 from pwscont.continuation.known import Edge, Node
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.metric import Metric
 from pwscont.curve.stepper import Segment, StraightSegment
 from pwscont.graph import BranchGraph, Piece, SpecialPoint
-from pwscont.graph.queries import cubic_between
-from pwscont.graph.records import Place, significant
+from pwscont.graph.queries import cubics_between
+from pwscont.graph.records import Place, are_one, significant
 from pwscont.system.abilities import Ending, HidesUnknowns, Reduction, shown_points
 from pwscont.system.box import Box
 from pwscont.system.system import PiecewiseSystem
@@ -106,7 +106,7 @@ def _divided(
     for i, ((a, b), (first, last), (lo, hi)) in enumerate(zip(ends, joints, cuts, strict=True)):
         inner = points[lo:hi]
         if len(inner) == 0 < len(edge.inner):  # a curved part has at least one inner point
-            segment = cubic_between(curve, a.x, b.x)
+            segment = cubics_between(curve, a.x, b.x)[0]
             middle = segment.point(0.5 * segment.length, None)
             inner = inner if middle is None else middle[np.newaxis]
         begun_at = edge.begun_at if i == begun else None
@@ -140,7 +140,7 @@ def _segments(curve: Curve, edge: Edge) -> Iterator[Segment]:
         return
     errors = [edge.first.error, *[none for _ in edge.inner], edge.last.error]
     for (a, b), known in zip(pairwise(points), pairwise(errors), strict=True):
-        yield cubic_between(curve, a, b, known)
+        yield cubics_between(curve, a, b, known)[0]
 
 
 def assemble(
@@ -350,9 +350,7 @@ def check_unique(graph: BranchGraph) -> None:
     for alpha in [*breaks, *(0.5 * (lo + hi) for lo, hi in pairwise(breaks))]:
         solutions = graph.solutions(alpha) if graph.count(alpha) > 1 else ()
         for first, second in combinations(solutions, 2):
-            apart = np.abs(first.z - second.z)
-            errors = (first.error + second.error)[:-1] if len(first.error) else 0.0 * apart
-            if (apart > CONFIDENCE * errors).any():
+            if not are_one(first, second):
                 promise = f"{type(graph.system).__name__}.unique promises one solution at one"
                 found = f"two at {graph.parameter} = {alpha:.10g}: {first!r} and {second!r}"
                 words = f"{promise} {graph.parameter}, but there are {found}"

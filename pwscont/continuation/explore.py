@@ -166,8 +166,6 @@ def _measured(
         plan = plan.with_magnitudes(rough_magnitudes(plan.system, plan.interval, guess))
         starts = starts_of(plan)
         first += islice(starts, FIRST)
-    except StartNotFoundError as error:  # raised where the start would have been taken
-        return plan, _raising(error)
     except KeyboardInterrupt as why:  # or the budget is spent: the starts found so far are followed
         return plan, chain(first, _raising(why))
     if first:

@@ -1,16 +1,15 @@
 """The journal of a long run.
 
-A run follows the same pieces in the same order each time, and only to follow pieces takes long. So
-an interrupted run is repeated, and the journal supplies the recorded pieces, the starts of the
-search, and the magnitudes with which the run had begun again.
+A run follows the same pieces in the same order each time. So an interrupted run is repeated, and
+the journal supplies the recorded pieces, the starts of the search, and the magnitudes with which
+the run had begun again.
 
 The file is an SQLite database of numbered records, each written in a transaction of its own, with a
 checksum over its number and content. A journal without the last records (after a power failure, or
 without the log of SQLite, ``NAME-wal``) is the journal of a run that was stopped earlier, and leads
 to the same graph, to rounding. Every other change is refused, and so is the journal of another
-problem, even if that problem begins alike: names, interval, stepper, and the values of H and of the
-tests at generic points are compared before any work, and each piece with the ray that begins the
-piece.
+problem: names, interval, stepper, and the values of H and of the tests at generic points are
+compared before any work, and each piece with the ray that begins the piece.
 """
 
 from __future__ import annotations

@@ -1,7 +1,5 @@
 """A run: its plan, and the starts that are followed until no ray is left.
 
-The plan holds the parts that a user chose, and defaults for all others.
-
 A path may leave the interval at one of its ends, turn beyond, and come back. Inside the interval
 such a path is several components, which only the way outside joins. Where the search promises
 nothing, each path that leaves is followed a little further, and where the path comes back is

@@ -1,17 +1,16 @@
 """Enumeration part by part, along the graph of rows and the unknowns in each row.
 
-The unknowns that stand in each row, in any mode, make a directed graph. The strongly connected
-components of the graph, in topological order, are the parts: each part depends on earlier parts
-only. A search over all modes is then exponential in the largest part only. The rows and tests of a
-block belong to a single part, except tests that depend on earlier parts alone. Where rows and
-unknowns cannot be paired, or blocks have no rows, the whole system is a single part.
+The strongly connected components of this graph, in topological order, are the parts: each part
+depends on earlier parts only, and a search over all modes is exponential in the largest part only.
+The rows and tests of a block belong to a single part, except tests that depend on earlier parts
+alone. Where rows and unknowns cannot be paired, or blocks have no rows, the whole system is a
+single part.
 
-For each solution of the parts before, a part is a small slice, which is solved like any slice. The
-error of the solution before enters the slice as an uncertainty of the constants. A part with a
-single unknown is solved mode by mode, by a division: in a chain of such parts magnitudes may fall
-from part to part until no typical magnitude can be told. If a part cannot be decided, the whole
-slice is solved at once. A solution found part by part is refined in the whole system, and must lie
-in the closed cell. Its cells, all combinations of the parts' cells, are made when needed.
+For each solution of the parts before, a part is a small slice, whose constants have the error of
+that solution. A part with a single unknown is solved mode by mode, by a division: in a chain of
+such parts magnitudes may fall until no typical magnitude can be told. If a part cannot be decided,
+the whole slice is solved at once. A solution found part by part is refined in the whole system, and
+must lie in the closed cell. Its cells, all combinations of the parts' cells, are made when needed.
 """
 
 from __future__ import annotations

@@ -1,15 +1,14 @@
 """Sets of infinitely many solutions at one alpha, as two equal equations have.
 
 For piecewise-linear systems such sets are found exactly. With alpha as a further unknown, the
-solutions in a closed cell are a polyhedron: a segment where the cell is regular. A polyhedron of
-two or more dimensions fills all values of alpha between two ends; a polyhedron at a single alpha
-fills a single value. The face at an end is looked at alone, for a polyhedron may end in a point.
+solutions in a closed cell are a polyhedron, which fills all values of alpha between two ends, or a
+single value. The face at an end is looked at alone, for a polyhedron may end in a point.
 
 For curved systems, a solution belongs to such a set if dH/dz is singular there and at another
-solution nearby: a branch point or a double root is singular, too, but from there Newton's method,
-started aside in the null direction of dH/dz, does not converge, or comes back. The shortest Newton
-step is taken, because dH/dz is singular at all solutions of a set. A singular value below the error
-of Jacobians by differences counts as zero.
+solution nearby, found from aside in the null direction of dH/dz: from a branch point or a double
+root Newton's method does not converge there, or comes back. The shortest Newton step is taken,
+because dH/dz is singular at all solutions of a set. A singular value below the error of Jacobians
+by differences counts as zero.
 """
 
 from __future__ import annotations

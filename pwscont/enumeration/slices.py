@@ -1,14 +1,14 @@
 """All solutions of a slice alpha = constant.
 
-Solutions may be 1e-12 apart next to a fold, and there is no solution just beyond: every candidate
-is refined on the full system, and accepted by the signs of the tests to within the rounding of the
-terms of each test, not by a fixed tolerance. A solution on the common boundary of several cells is
-counted once, with all these cells. A cell with infinitely many solutions gives a face, with
-dimension and corners.
+Solutions may be 1e-12 apart next to a fold, with no solution just beyond: every candidate is
+refined on the full system, and accepted by the signs of the tests to within the rounding of the
+terms. A solution on the common boundary of several cells is counted once, with all these cells. A
+cell with infinitely many solutions gives a face.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import final
 
@@ -69,17 +69,20 @@ def _at_once(system: SlicewiseLinearSystem, metric: Metric, alpha: float, table:
         else:
             found.add(choices)
     points, wide = found.points(), tuple(face for face in faces if face.dimension)
-    for face in () if wide else faces:  # beside a face, such a point most often belongs to the face
-        new = lone_point(face, face.inside, metric)
-        if not any(is_same(metric, (p.x, p.error), (new.x, new.error)) for p in points):
-            points.append(new)
-    return Slice(tuple(points), wide, found.undecided)
+    # beside a face, a single solution of a singular cell most often belongs to the face
+    alone = [] if wide else lone_points(faces, metric, points)
+    return Slice((*points, *alone), wide, found.undecided)
 
 
-def lone_point(face: Face, x: Array, metric: Metric) -> Point:
-    """Return a solution of a singular cell as a point."""
-    error = GUARD * EPS * (np.abs(x) + metric.scale)[np.newaxis]
-    return Point(x, error, (face.character,), 0, ALONE, False)
+def lone_points(faces: Iterable[Face], metric: Metric, known: Sequence[Point] = ()) -> list[Point]:
+    """Return the representatives of faces as points, each once, and none that is known."""
+    points: list[Point] = []
+    for face in faces:
+        for x in face.representatives:
+            error = GUARD * EPS * (np.abs(x) + metric.scale)[np.newaxis]
+            if not any(is_same(metric, (p.x, p.error), (x, error)) for p in (*known, *points)):
+                points.append(Point(x, error, (face.character,), 0, ALONE, False))
+    return points
 
 
 def cells_to_try(system: SlicewiseLinearSystem, metric: Metric, alpha: float) -> int:

@@ -1,11 +1,10 @@
 """The balance of signs, and the verdict on what may be missing.
 
-The sum of signs can change only at the end of a piece that no other continues (docs/theory, F4). So
-where the sum is wrong on a stretch of alpha, the ends around this stretch tell why: a piece was
+The sum of signs can change only at the end of a piece that no other continues (docs/theory, F4).
+Where the sum is wrong on a stretch of alpha, the ends around this stretch tell why: a piece was
 stopped, or the model ends there. Where all pieces go on, a branch is missing, or a branch stands
 there twice, which the estimated errors tell from two close solutions. The ends that a vertical
-piece joins count as a single end. The sums on both sides of a branch that ends on purpose are
-compared without the sign of that branch.
+piece joins count as a single end, and the sign of a branch that ends on purpose does not count.
 """
 
 from __future__ import annotations
@@ -41,7 +40,7 @@ from pwscont.graph.queries import (
     pieces_through,
     solutions_at,
 )
-from pwscont.graph.records import Piece, Solution, SpecialPoint, Stretch
+from pwscont.graph.records import Piece, SpecialPoint, Stretch, are_one
 from pwscont.graph.structure import ConnectedPieces, connected
 from pwscont.system.system import SlicewiseLinearSystem
 
@@ -256,7 +255,7 @@ def _stands_twice(graph: ConnectedPieces, gap: Gap) -> bool:
         found = solutions_at(graph, 0.5 * (gap[0] + gap[1]))
     except PwscontError:  # the graph was loaded without a system, or the graph is damaged here
         return False
-    return any(_is_one(a, b) for a, b in combinations(found, 2))
+    return any(are_one(a, b) for a, b in combinations(found, 2))
 
 
 def doubled(graph: ConnectedPieces) -> list[Gap]:
@@ -270,12 +269,6 @@ def doubled(graph: ConnectedPieces) -> list[Gap]:
         return []
     gaps = sorted((gap for _, gap in _judged(graph)), key=lambda gap: gap[0] - gap[1])
     return [gap for gap in gaps[:MOST_STRETCHES] if _stands_twice(graph, gap)]
-
-
-def _is_one(a: Solution, b: Solution) -> bool:
-    if not (len(a.error) and len(b.error)):
-        return bool((a.z == b.z).all())
-    return bool((np.abs(a.z - b.z) <= CONFIDENCE * (a.error + b.error)[:-1]).all())
 
 
 # -- doubts, and where doubts arise ----------------------------------------------------------------

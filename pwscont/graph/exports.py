@@ -40,17 +40,16 @@ def networkx_graph(graph: ConnectedPieces) -> nx.MultiGraph:
     """Return the branch graph as a new networkx graph with plain attributes.
 
     All attributes are numbers and texts, which :func:`networkx.write_graphml` and the like can
-    write. The networkx graph is made when first asked for; changing the networkx graph does not
-    change the branch graph.
+    write. Changing the networkx graph does not change the branch graph.
 
-    Nodes are the ids of special points. Nodes have ``kind``, ``alpha``, ``message``, ``name``,
-    the recorded quantities, and ``z``, the state as a JSON list. (The array is
-    ``graph.point(node).z``; a single unknown is ``graph.point(node)["u_t"]``.)
+    Nodes are the ids of special points. Nodes have ``kind``, ``alpha``, ``message``, ``name``, the
+    recorded quantities, and ``z``, the state as a JSON list. (The array is ``graph.point(node).z``;
+    a single unknown is ``graph.point(node)["u_t"]``.)
 
-    The key of an edge is the id of the piece. Edges have this ``piece``, ``label``,
-    ``det_sign``, ``character`` (a text of + and -), ``alpha_lo``, ``alpha_hi``, and ``length``:
-    the sum of the chords between stored points in (z, alpha), where alpha is measured by the
-    interval and each unknown by the largest magnitude in the graph.
+    The key of an edge is the id of the piece. Edges have this ``piece``, ``label``, ``det_sign``,
+    ``character`` (a text of + and -), ``alpha_lo``, ``alpha_hi``, and ``length``: the sum of the
+    chords between stored points in (z, alpha), where alpha is measured by the interval and each
+    unknown by the largest magnitude in the graph.
     """
     import networkx as nx  # noqa: PLC0415  it takes longer to import than most paths to follow
 

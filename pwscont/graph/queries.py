@@ -15,7 +15,6 @@ from pwscont.basics.arrays import Array
 from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidInputError, InvalidSystemError, SystemNeededError
 from pwscont.basics.outcome import Failure, FailureReason
-from pwscont.basics.rounding import CONFIDENCE
 from pwscont.curve.corrector import MOST_NEWTON, BorderedNewton
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.metric import Metric, Range
@@ -23,7 +22,7 @@ from pwscont.curve.newton import Border, newton
 from pwscont.curve.pseudo_arclength import SLOWEST
 from pwscont.curve.stepper import CurvedSegment
 from pwscont.enumeration.continua import Continuum
-from pwscont.graph.records import Piece, Solution, SpecialPoint, Stretch, significant
+from pwscont.graph.records import Piece, Solution, SpecialPoint, Stretch, are_one, significant
 from pwscont.graph.structure import ConnectedPieces
 from pwscont.linear.factorise import bordered, last_unit
 from pwscont.system.abilities import completed, completed_point, shown_points
@@ -45,7 +44,13 @@ def _refined(graph: ConnectedPieces, piece: Piece, alpha: float) -> Solution:
     else:
         points = np.array([completed_point(system, x) for x in _around(piece.points, alpha)])
         scale = Metric.of(system, interval).scale
-        _refuse_changed(system, piece, alpha, MOVED * np.abs(points[1] - points[0]), scale)
+        moved = MOVED * np.abs(points[1] - points[0])
+        if (stray := stray_alpha(system, piece, alpha, scale, moved)) is not None:
+            raise InvalidSystemError(
+                f"{type(system).__name__} has changed since the graph was made: it does not have "
+                f"the solution of piece {piece.id} at alpha = {stray:.10g} any more; explore "
+                "again, or change a copy of it"
+            )
         x, error = solve_between(system, piece.character, points, alpha, interval)
         digits = significant(error, x, scale)
         x, error = shown_points(system, x), shown_points(system, error)
@@ -53,21 +58,17 @@ def _refined(graph: ConnectedPieces, piece: Piece, alpha: float) -> Solution:
     return Solution(*where, *how, None, error, digits, graph.quantities)
 
 
-def _refuse_changed(
-    system: PiecewiseSystem, piece: Piece, alpha: float, moved: Array, scale: Array
-) -> None:
-    """Refuse a system that no longer has a solution of a piece next to alpha.
+def stray_alpha(
+    system: PiecewiseSystem, piece: Piece, near: float, scale: Array, moved: Array | None = None
+) -> float | None:
+    """Return the alpha of a point of a piece if a system does not have this solution, else None.
 
-    At the ends of a piece, where a test vanishes, a change of the equations may not be seen.
+    The point is next to the alpha ``near``, and inside of the piece: at the ends, where a test
+    vanishes, a change of the equations may not be seen.
     """
     inside = piece.points[1:-1] if len(piece.points) > 2 else piece.points.mean(axis=0)[np.newaxis]
-    x = completed_point(system, inside[np.abs(inside[:, -1] - alpha).argmin()])
-    if unexplained(system, piece.character, x, scale, moved):
-        raise InvalidSystemError(
-            f"{type(system).__name__} has changed since the graph was made: it does not have the "
-            f"solution of piece {piece.id} at alpha = {x[-1]:.10g} any more; explore again, or "
-            "change a copy of it"
-        )
+    x = completed_point(system, inside[np.abs(inside[:, -1] - near).argmin()])
+    return float(x[-1]) if unexplained(system, piece.character, x, scale, moved) else None
 
 
 @np.errstate(over="ignore", invalid="ignore", divide="ignore")  # Newton may try any point
@@ -88,7 +89,7 @@ def solve_between(
         return alpha - float(x[-1]), row
 
     for _ in range(MOST_HALVINGS_OF_STEP):
-        for segment in _cubics(curve, a, b):
+        for segment in cubics_between(curve, a, b):
             s = _where(segment, alpha)
             found = locate_zero(segment, border, (0.0, segment.length), s)
             if isinstance(found, State):
@@ -149,29 +150,20 @@ def fine_points(
     curve = Curve(Selection(system, piece.character), Metric.of(system, interval))
     found = [points[0]]
     for a, b in pairwise(points):
-        segment = cubic_between(curve, a, b)
+        segment = cubics_between(curve, a, b)[0]
         inner = np.linspace(0.0, segment.length, parts + 1)[1:-1]
         found += [*(segment.near(s) for s in inner), b]
     return shown_points(system, np.array(found))
 
 
-def cubic_between(
-    curve: Curve, a: Array, b: Array, errors: Sequence[Array] | None = None
-) -> CurvedSegment:
-    """Return the cubic between two points of a curve that is closest to the curve.
-
-    ``errors``, each of shape (n + 1,): the errors of the two points, default zero.
-    """
-    return _cubics(curve, a, b, errors)[0]
-
-
-def _cubics(
+def cubics_between(
     curve: Curve, a: Array, b: Array, errors: Sequence[Array] | None = None
 ) -> list[CurvedSegment]:
-    """Return cubics between two points of a curve, the one closest to the curve first.
+    """Return cubics between two points of a curve, first the cubic closest to the curve.
 
     Where two curves cross, the Jacobian gives no direction: guesses are the parabola with the known
     direction at the other point, and the chord.
+    ``errors``, each of shape (n + 1,): the errors of the two points, default zero.
     """
     chord = curve.metric.normalised(b - a)
     ways = [(chord, chord)]
@@ -421,12 +413,6 @@ def apart_at(graph: ConnectedPieces, alpha: float) -> list[int]:
     """
     apart: list[int] = []
     for node in nodes_at(graph, alpha):
-        if not any(_are_one(graph.point(node), graph.point(other)) for other in apart):
+        if not any(are_one(graph.point(node), graph.point(other)) for other in apart):
             apart.append(node)
     return apart
-
-
-def _are_one(a: SpecialPoint, b: SpecialPoint) -> bool:
-    """Tell whether the errors of two special points explain the difference of their states."""
-    known = len(a.error) and len(b.error)
-    return bool(known and (np.abs(a.z - b.z) <= CONFIDENCE * (a.error + b.error)[:-1]).all())

@@ -19,7 +19,7 @@ from pwscont.basics.character import Character
 from pwscont.basics.outcome import Kind
 from pwscont.basics.printing import apart, card, counted, short
 from pwscont.basics.quantities import NAMELESS, Quantities
-from pwscont.basics.rounding import SAME_ALPHA
+from pwscont.basics.rounding import CONFIDENCE, SAME_ALPHA
 
 #: Number of low bits of a double that are dropped: sign, exponent and four binary digits remain.
 DROPPED_BITS = np.uint64(48)
@@ -306,6 +306,12 @@ class Solution:
         more = [("det", f"{self.det_sign:+d}"), ("digits", f"{self.digits:.3g}")]
         title = f"Solution at alpha = {self.alpha:.10g}{f', {self.kind}' if self.kind else ''}"
         return card(title, [*rows, *more])
+
+
+def are_one(a: SpecialPoint | Solution, b: SpecialPoint | Solution) -> bool:
+    """Tell whether the estimated errors of two states explain their difference."""
+    errors = a.error + b.error if len(a.error) and len(b.error) else np.zeros(len(a.z) + 1)
+    return bool((np.abs(a.z - b.z) <= CONFIDENCE * errors[:-1]).all())
 
 
 def attempted(state: SpecialPoint | Solution) -> dict[str, float | str]:

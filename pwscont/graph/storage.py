@@ -32,6 +32,7 @@ from pwscont.graph.archive import (
     write_archive,
 )
 from pwscont.graph.proved import BoxProof
+from pwscont.graph.queries import stray_alpha
 from pwscont.graph.records import (
     Piece,
     Place,
@@ -43,7 +44,6 @@ from pwscont.graph.records import (
 )
 from pwscont.graph.structure import ConnectedPieces
 from pwscont.system.abilities import completed, shown_size
-from pwscont.system.selection import unexplained
 from pwscont.system.system import PiecewiseSystem
 
 FORMAT = "pwscont branch graph"
@@ -313,8 +313,14 @@ def adopted(path: str | Path, contents: Contents, system: PiecewiseSystem) -> Pi
         _check_numbers(path, system, points[0], pieces[0])
     fitted = _fitted(system, interval, points)
     of_cells = list({piece.character: piece for piece in pieces}.values())
+    scale = np.append(fitted.scale(*interval), np.ptp(interval))
     for piece in of_cells[:: max(1, len(of_cells) // MOST_CHECKED)]:
-        _check_solution(path, fitted, piece, interval)
+        if (alpha := stray_alpha(fitted, piece, 0.5 * sum(piece.interval), scale)) is not None:
+            raise InvalidInputError(
+                f"{path} is of another system: {type(system).__name__} does not have its solution "
+                f"at alpha = {alpha:.10g}; give the system with the constants that the graph was "
+                "made with"
+            )
     return fitted
 
 
@@ -339,21 +345,3 @@ def _fitted(
     usual = (sizes == 0.0) | ((sizes > 1.0 / ORDER_OF_ONE) & (sizes < ORDER_OF_ONE))
     found = None if system.gives_scale or usual.all() else np.where(usual, 1.0, sizes)
     return system.within(*interval, found)
-
-
-def _check_solution(
-    path: str | Path, system: PiecewiseSystem, piece: Piece, interval: Range
-) -> None:
-    """Refuse a system whose equations do not hold inside of a piece.
-
-    At the ends, where a test vanishes, a change of the equations may not be seen.
-    """
-    inside = piece.points[1:-1] if len(piece.points) > 2 else [piece.points.mean(axis=0)]
-    *z, alpha = inside[len(inside) // 2].tolist()
-    z = completed(system, np.array(z), alpha)
-    scale = np.append(system.scale(*interval), np.ptp(interval))
-    if unexplained(system, piece.character, np.append(z, alpha), scale):
-        raise InvalidInputError(
-            f"{path} is of another system: {type(system).__name__} does not have its solution at "
-            f"alpha = {alpha:.10g}; give the system with the constants that the graph was made with"
-        )

@@ -34,7 +34,7 @@ from pwscont.curve.metric import Metric, Range
 from pwscont.enumeration.exact import solve_exactly
 from pwscont.enumeration.options import measured_at
 from pwscont.enumeration.polyhedron import Point, Slice
-from pwscont.enumeration.slices import ALONE, det_sign, is_in_doubt, lone_point, solve_slice
+from pwscont.enumeration.slices import ALONE, det_sign, is_in_doubt, lone_points, solve_slice
 from pwscont.graph.records import FEW_DIGITS, Solution, significant
 from pwscont.linear.factorise import last_unit
 from pwscont.linear.threads import few_threads
@@ -121,24 +121,12 @@ def enumerate_solutions(system: SlicewiseLinearSystem, alpha: float) -> Solution
     with few_threads(system.size):
         fitted, metric = measured_at(system, alpha)
         found = solve_surely(fitted, metric, alpha)
-        points = [*found.points, *_representatives(found, metric)]
+        points = [*found.points, *lone_points(found.faces, metric, found.points)]
         solutions = [_solution(fitted, metric, point) for point in points]
     pairs, box = zip(solutions, points, strict=True), Box.of(system)
     within = [s for s, p in pairs if is_inside(box, p.x, p.error, metric.scale)]
     guarantee = _guarantee(system, found, sum(s.det_sign for s in solutions))
     return Solutions(within, guarantee, system, alpha, is_finite=not found.faces)
-
-
-def _representatives(found: Slice, metric: Metric) -> list[Point]:
-    """Return points of the faces of a slice, without the isolated solutions of the slice."""
-    points: list[Point] = []
-    for face in found.faces:
-        for x in face.representatives:
-            new = lone_point(face, x, metric)
-            known = [*found.points, *points]
-            if not any(is_same(metric, (p.x, p.error), (new.x, new.error)) for p in known):
-                points.append(new)
-    return points
 
 
 def solve_surely(system: SlicewiseLinearSystem, metric: Metric, alpha: float) -> Slice:
@@ -151,8 +139,7 @@ def solve_surely(system: SlicewiseLinearSystem, metric: Metric, alpha: float) ->
     found = solve_slice(system, metric, alpha)
     if (found.points or found.faces) and not _leaves_doubt(system, metric, found):
         return found
-    corners = [lone_point(face, x, metric) for face in found.faces for x in face.representatives]
-    exactly = solve_exactly(system, metric, alpha, corners)
+    exactly = solve_exactly(system, metric, alpha, lone_points(found.faces, metric))
     points = (exactly or found).points
     known = tuple(point for point in points if _digits(point, metric) > 0.0)
     lost = len(points) - len(known)

@@ -4,15 +4,13 @@ Points are in typical magnitudes, y = (z, alpha) / scale, and a pursuit is Newto
 error estimates: each point found is corrected with all care. Most starts would only repeat known
 solutions: the solutions of all known branches are deflated away (Farrell, Birkisson and Funke
 2015). A solution found is compared with all known solutions, because solutions beside a fold are
-closer together than solutions deflated away may be, and a point found with alpha free is compared
-with all known branches.
+closer together than deflation resolves.
 
 A deflated iteration without a solution at this alpha creeps to a minimum of the merit, and is given
 up. The minimum often lies beside a fold of the branch looked for: the pursuit goes on from there
 with alpha free, by steps of least length (Gauss and Newton). Functions that saturate make endless
-steps where H is nearly flat: each step is limited to a few times the distance from zero, and a
-pursuit that goes too far is given up. A start that has run away, to where H is nearly flat, has no
-certain digit, and is no solution.
+steps where H is nearly flat: each step is limited, a pursuit that goes too far is given up, and a
+point where H is nearly flat has no certain digit, and is no solution.
 """
 
 from __future__ import annotations

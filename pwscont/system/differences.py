@@ -1,12 +1,11 @@
 """Derivatives by differences, with steps in the units of the problem.
 
-Steps follow the typical magnitudes of the unknowns and the length of the interval. Nothing is
-evaluated beyond the interval of alpha, where a function may be undefined: next to an end,
-differences are one-sided, with the same order of accuracy. x + h is rounded, and the step is not h
-(alpha between 1e6 and 1e6 + 1): values are divided by the difference of the rounded arguments,
-which is exact. A function may change within less than a step, as in a cell that is thinner: a
+Nothing is evaluated beyond the interval of alpha, where a function may be undefined: next to an
+end, differences are one-sided, with the same order of accuracy. x + h is rounded, and the step is
+not h (alpha between 1e6 and 1e6 + 1): values are divided by the difference of the rounded
+arguments, which is exact. A function may change within less than a step, as in a thin cell: a
 caller who sees slow convergence asks for finer steps, and puts the usual steps back where finer
-steps do not help: beside an end of the model, or with noise.
+steps do not help.
 """
 
 from __future__ import annotations

@@ -2,8 +2,7 @@
 
 A function that is promised to be affine is compared with an affine model, an evaluation away from
 the point of the matrix. The difference is measured by the terms, so that units and conditioning
-raise no alarm. All terms of a row may cancel in a cell and leave rounding: other cells show how
-large the terms are. Units of tests and equations that cannot be computed with are refused as well.
+raise no alarm; where all terms of a row cancel in a cell, other cells show how large the terms are.
 """
 
 from __future__ import annotations

@@ -18,7 +18,7 @@ from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidSystemError
 from pwscont.basics.printing import card, counted, short
 from pwscont.system.differences import Differences
-from pwscont.system.values import Undefined, own_array
+from pwscont.system.values import Undefined, checked_array
 
 
 @final
@@ -64,9 +64,9 @@ def characters(blocks: Sequence[Block], tests: int) -> Iterator[Character]:
 
 
 def _residual_of(system: PiecewiseSystem, x: Array, character: Character) -> Array:
-    """Return H_chi(x) for differences, which would not notice a wrong shape."""
+    """Return H_chi(x) for differences, which copy the value and would not notice a wrong shape."""
     value = system.residual(x[:-1], float(x[-1]), character)
-    return own_array(system, "residual", value, (system.size,))
+    return checked_array(system, "residual", value, (system.size,))
 
 
 def _some_of(system: PiecewiseSystem, rows: Any, alpha: float, which: Indices) -> Any:
