@@ -40,8 +40,7 @@ from pwscont.curve.corrector import Corrected, Corrector
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.metric import Metric
 from pwscont.curve.newton import Border, newton
-from pwscont.curve.predictor import Predictor
-from pwscont.curve.pseudo_arclength import accepted, land_on, land_on_end, land_on_zero
+from pwscont.curve.pseudo_arclength import Predictor, accepted, land_on, land_on_end, land_on_zero
 from pwscont.curve.semismooth import semismooth_newton
 from pwscont.curve.stepper import CurvedSegment, Segment, Stepper, StraightSegment
 from pwscont.enumeration.options import affine_forms

@@ -19,8 +19,13 @@ from pwscont.basics.errors import (
 from pwscont.continuation import explore, trace
 from pwscont.continuation.journal import Journal
 from pwscont.curve.corrector import BorderedNewton, MoorePenrose
-from pwscont.curve.predictor import Hermite, Secant, Tangent
-from pwscont.curve.pseudo_arclength import NaturalParameter, PseudoArclength
+from pwscont.curve.pseudo_arclength import (
+    Hermite,
+    NaturalParameter,
+    PseudoArclength,
+    Secant,
+    Tangent,
+)
 from pwscont.curve.step_size import StepSize
 from pwscont.curve.stepper import ExactLinear, Stepper
 from pwscont.graph import BranchGraph

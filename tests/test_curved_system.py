@@ -15,7 +15,7 @@ from pwscont import (
     trace,
 )
 from pwscont.curve.corrector import BorderedNewton, MoorePenrose
-from pwscont.curve.predictor import Secant, Tangent
+from pwscont.curve.pseudo_arclength import Secant, Tangent
 from pwscont.curve.step_size import StepSize
 from pwscont.search import Search
 

@@ -5,7 +5,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-import pwscont.transitions.smooth
+import pwscont.transitions.smooth_folds
 from pwscont import (
     BranchGraph,
     PiecewiseSystem,
@@ -169,14 +169,14 @@ def test_two_pairs_of_folds_at_nearly_one_alpha(e, c):
 
 def test_a_piece_on_which_alpha_turns_is_said(monkeypatch):
     """Where one fold of a pair was passed over, alpha falls and rises on the next piece."""
-    usual = pwscont.transitions.smooth._turns_twice
+    usual = pwscont.transitions.smooth_folds._turns_twice
 
     def passes_over(segment):
         """Return whether alpha turns twice by clearly more than the folds differ."""
         rise = segment.length * max(map(abs, segment.slopes_of_alpha()))
         return rise > 1e-11 * segment.curve.metric.width and usual(segment)
 
-    monkeypatch.setattr(pwscont.transitions.smooth, "_turns_twice", passes_over)
+    monkeypatch.setattr(pwscont.transitions.smooth_folds, "_turns_twice", passes_over)
     system, _, start = five_solutions(1e-4, -0.5)
     graph = trace(system, ([start], -1.0), (-1.0, 1.0))
     assert len(graph.special_points("fold")) % 2 == 1

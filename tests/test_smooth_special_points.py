@@ -16,7 +16,7 @@ from pwscont import (
 )
 from pwscont.basics.outcome import TOUCH
 from pwscont.curve.corrector import MoorePenrose
-from pwscont.curve.predictor import Secant
+from pwscont.curve.pseudo_arclength import Secant
 from pwscont.curve.step_size import StepSize
 
 pytestmark = pytest.mark.sweep(2)  # the others take too long for the README's command

@@ -11,7 +11,7 @@ from curved import contact, planar, thin
 from curved.case import Case
 from pwscont import NaturalParameter, PseudoArclength
 from pwscont.curve.corrector import BorderedNewton, MoorePenrose
-from pwscont.curve.predictor import Hermite, Secant, Tangent
+from pwscont.curve.pseudo_arclength import Hermite, Secant, Tangent
 from pwscont.curve.stepper import Stepper
 
 Family = Callable[[np.random.Generator], Case]

@@ -29,17 +29,12 @@ from pwscont.curve.stepper import CurvedSegment, Segment, Stepper, StraightSegme
 from pwscont.system.contract import refuse_wrong_jacobian
 from pwscont.system.differences import FINEST_PART, REFINEMENT, STEP
 from pwscont.transitions.bounding import BoundingTests
+from pwscont.transitions.branch_points import DISTANCE_TO_SIGN, SmoothBranchPoints, crossing_on_end
 from pwscont.transitions.detector import Reading, SpecialPointFound, TransitionDetector
 from pwscont.transitions.ends import Bounds, IntervalEnds, ended_by_system
 from pwscont.transitions.events import Events, EventsAlong
 from pwscont.transitions.rays import Ray
-from pwscont.transitions.smooth import (
-    DISTANCE_TO_SIGN,
-    SmoothBranchPoints,
-    SmoothFolds,
-    crossing_on_end,
-    leaning,
-)
+from pwscont.transitions.smooth_folds import SmoothFolds, leaning
 from pwscont.transitions.straight import StraightTests
 from pwscont.transitions.watch import Event, Watch, first_on_curve, first_on_ray
 

@@ -43,6 +43,8 @@ FULL_RANK = EPS ** (1.0 / 3.0)
 APART = EPS**0.5
 #: Inverses of scaled derivatives that are larger than this may belong to a branch point near by.
 CLOSE_TO_CROSSING = FULL_RANK**-0.5
+#: Largest distance, in the metric, of a branch point from where it was located before.
+LOCATED_AGAIN = EPS**0.5
 #: Error of alpha at a branch point, as a part of the interval, where derivatives are one-sided.
 ERROR_OF_DIFFERENCES = EPS ** (2.0 / 3.0)
 #: Displacement of z, in typical magnitudes, that shows how large the equations are.
@@ -117,11 +119,20 @@ def crossing(curve: Curve, x: Array) -> Crossing | Failure:
     return Failure(FailureReason.NOT_CONVERGED)
 
 
+def crossing_near(curve: Curve, x: Array, near: float = LOCATED_AGAIN) -> Crossing | None:
+    """Return the branch point within a distance of a point, None if there is none."""
+    found = crossing(curve, x)
+    if isinstance(found, Failure) or curve.metric.norm(found.x - x) > near:
+        return None
+    return found
+
+
 def _error_of_differences(curve: Curve) -> Array:
     """Return how far derivatives by differences move a branch point, as a sample of the error."""
     if curve.selection.system.knows_derivatives:
         return np.zeros(len(curve.metric.scale))
-    return GUARD * ERROR_OF_DIFFERENCES * curve.metric.scale
+    error: Array = GUARD * ERROR_OF_DIFFERENCES * curve.metric.scale
+    return error
 
 
 def may_cross(curve: Curve, state: State, row: Array) -> bool:

@@ -1,5 +1,7 @@
 """The step of pseudo-arclength continuation: predict, correct, accept or say why not.
 
+Predictors lead from the last points of a curve to a guess for the next point.
+
 :meth:`PseudoArclength.step` halves the step until :func:`accepted` calls the corrected prediction a
 true step. A step ends early at the end of the interval (:func:`land_on_end`), because H may be
 undefined beyond, or at a zero of a function (:meth:`PseudoArclength.aim`).
@@ -17,6 +19,7 @@ at. Sheets closer than about a thousandth of a step stay unseen.
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from dataclasses import dataclass, field, replace
 from typing import final
 
@@ -25,17 +28,105 @@ import numpy as np
 from pwscont.basics.arguments import checked_kind
 from pwscont.basics.arrays import Array
 from pwscont.basics.outcome import Failure, FailureReason
-from pwscont.basics.rounding import CONFIDENCE, EPS
+from pwscont.basics.rounding import CONFIDENCE, CONVERGED, EPS
 from pwscont.curve.corrector import BorderedNewton, Corrected, Corrector, zero
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.error_samples import magnitude
 from pwscont.curve.looks import CLOSER_PLACES, farthest_off, gap_of
 from pwscont.curve.metric import Range
 from pwscont.curve.newton import Border, Root, uncertainty
-from pwscont.curve.predictor import Hermite, Predictor
 from pwscont.curve.step_size import StepSize
 from pwscont.curve.stepper import BESIDE, CurvedSegment, ExactLinear, Segment, Stepper
-from pwscont.linear.vectors import dot
+from pwscont.linear.vectors import dot, plus
+
+
+class Predictor(ABC):
+    """Predicts the next point, and the direction in which the hyperplane there is normal."""
+
+    @abstractmethod
+    def predict(
+        self, curve: Curve, previous: State | None, state: State, length: float
+    ) -> tuple[Array, Array]:
+        """Return a point about ``length`` beyond ``state`` and a unit direction.
+
+        ``previous`` is the state before on the same piece, None on the first step of the piece.
+        """
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Tangent(Predictor):
+    """Along the tangent: the error of the prediction is of second order in the step.
+
+    Examples
+    --------
+    >>> from pwscont import PseudoArclength, Tangent
+    >>> PseudoArclength(predictor=Tangent()).predictor
+    Tangent()
+    """
+
+    def predict(
+        self, curve: Curve, previous: State | None, state: State, length: float
+    ) -> tuple[Array, Array]:
+        """Return a point of the tangent."""
+        return state.x + length * state.tangent, state.tangent
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Secant(Predictor):
+    """Through the last two points; along the tangent on the first step of a piece.
+
+    Examples
+    --------
+    >>> from pwscont import PseudoArclength, Secant
+    >>> PseudoArclength(predictor=Secant()).predictor
+    Secant()
+    """
+
+    def predict(
+        self, curve: Curve, previous: State | None, state: State, length: float
+    ) -> tuple[Array, Array]:
+        """Return a point of the line through the points of the two states."""
+        direction = state.tangent
+        if previous is not None:
+            direction = curve.metric.normalised(state.x - previous.x)
+        return state.x + length * direction, direction
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Hermite(Predictor):
+    """Along the cubic through the last two points and tangents: of fourth order.
+
+    Newton often needs a single Jacobian from there (higher order predictors: Allgower and Georg
+    1990, section 6.3; Lundberg and Poore 1991).
+
+    Examples
+    --------
+    >>> from pwscont import Hermite, PseudoArclength
+    >>> PseudoArclength().predictor == Hermite()
+    True
+    """
+
+    def predict(
+        self, curve: Curve, previous: State | None, state: State, length: float
+    ) -> tuple[Array, Array]:
+        """Return a point of the cubic; of the tangent on the first step and on a straight curve."""
+        on_tangent = plus(state.x.copy(), length, state.tangent), state.tangent
+        if previous is None or curve.selection.is_straight:
+            return on_tangent
+        chord = curve.metric.norm(state.x - previous.x)
+        if chord < CONVERGED:
+            return on_tangent
+        cosine = dot(curve.metric.covector(previous.tangent), state.tangent)
+        # arc length, whose relative error is of fourth order in the angle between the tangents
+        s, u = chord * (1.0 + (1.0 - cosine) / 12.0), length
+        here, there = ((u + s) / s) ** 2, (u / s) ** 2
+        point = plus(state.x.copy(), (3.0 + 2.0 * u / s) * there, previous.x - state.x)
+        point = plus(point, u * here, state.tangent)
+        return plus(point, (u + s) * there, previous.tangent), state.tangent
+
 
 #: Largest correction, as a part of the step.
 FARTHEST = 0.1

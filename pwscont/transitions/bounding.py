@@ -27,6 +27,7 @@ from pwscont.curve.stepper import INSIDE, CurvedSegment, Segment
 from pwscont.linear.vectors import plus
 from pwscont.system.abilities import end_of
 from pwscont.system.selection import Selection
+from pwscont.transitions.branch_points import path_from, path_through
 from pwscont.transitions.corner import TangentCone, opposite, same_piece, tangent_cone
 from pwscont.transitions.detector import Reading, SpecialPointFound, TransitionDetector, locate_zero
 from pwscont.transitions.rays import (
@@ -39,7 +40,6 @@ from pwscont.transitions.rays import (
     inward_ray,
     rounding_of_tests,
 )
-from pwscont.transitions.smooth import path_from, path_through
 
 #: A place with an error below this bound belongs to a test that falls clearly: touching would need
 #: a curvature of more than 1 / EPS^(1/2).

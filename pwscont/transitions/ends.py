@@ -39,6 +39,7 @@ from pwscont.system.box import Box
 from pwscont.system.selection import Selection
 from pwscont.system.system import PiecewiseSystem, SlicewiseLinearSystem
 from pwscont.transitions.bounding import BoundingTests, at_corner, crossed, turns
+from pwscont.transitions.branch_points import at_branch_point
 from pwscont.transitions.corner import same_piece, tangent_cone
 from pwscont.transitions.detector import (
     NARROW_BRACKET,
@@ -49,9 +50,8 @@ from pwscont.transitions.detector import (
     locate_zero,
 )
 from pwscont.transitions.rays import Corner, Ray, check_continuity, inward_ray
-from pwscont.transitions.smooth import (
+from pwscont.transitions.smooth_folds import (
     STEEPEST_AT_FOLD,
-    at_branch_point,
     fold_at_end,
     fold_point,
     leads_outside,

@@ -1,25 +1,21 @@
-"""Smooth folds and smooth branch points, inside of a cell.
+"""Branch points: two curves of one selection cross, or curves of cells cross a path along a kink.
 
-A fold may lie at an end of the interval. The place where the curve turns is known to the square
-root of rounding only; the place where the slope of alpha vanishes is well known, and serves the
-rays on both sides. From there the tangent leads along the end: it leans into the interval by as
-much as its own rounding. A fold beyond the end cuts the curve at the end, unless alpha is equal to
-rounding.
+All curves are followed. Near a branch point [J; t^T] is nearly singular: the point is the regular
+solution of an extended system (:mod:`pwscont.curve.crossing`), and the curve is bisected only while
+the step is too long for that. The sign of det[J; t^T] next to the point is rounding: a point just
+outside the step counts as well. Where a step jumped to another curve that passes close by, the sign
+flips without a branch point: such a step fails, and is shortened. Points where the sign does not
+flip go unseen: where an even number of eigenvalues vanishes together, and where curves touch.
 
-At a branch point two curves of the same selection cross, and both curves are followed. Near it
-[J; t^T] is nearly singular: the point is the regular solution of an extended system
-(:mod:`pwscont.curve.crossing`), and the curve is bisected only while the step is too long for that.
-The sign of det[J; t^T] next to the point is rounding: a point just outside the step counts as well.
-Where a step jumped to another curve that passes close by, the sign flips without a branch point:
-such a step fails, and is shortened. Points where the sign does not flip go unseen: where an even
-number of eigenvalues vanishes together, and where curves touch.
+Where a curve of a cell meets a path along the cell's boundary, Newton's method for the place where
+the test vanishes also converges beside that place, on the path. So the branch point is located, and
+not the kink.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from functools import cache, partial
 from typing import final
 
 import numpy as np
@@ -27,217 +23,34 @@ import numpy as np
 from pwscont.basics.arrays import Array, Matrix, dense, product
 from pwscont.basics.character import Character
 from pwscont.basics.outcome import TOUCH, Failure, FailureReason, Kind
-from pwscont.basics.rounding import CONFIDENCE, CONVERGED, EPS, GUARD, SAME_ALPHA
-from pwscont.curve.corrector import polished
+from pwscont.basics.rounding import CONFIDENCE, EPS
 from pwscont.curve.crossing import (
     CLOSE_TO_CROSSING,
     ERROR_OF_DIFFERENCES,
     FULL_RANK,
+    LOCATED_AGAIN,
     Crossing,
     crossing,
+    crossing_near,
     loses_rank,
-    may_lose_rank,
 )
 from pwscont.curve.curve import Curve, State
-from pwscont.curve.newton import uncertainty_beside
 from pwscont.curve.stepper import CurvedSegment, Segment
 from pwscont.linear.factorise import bordered
 from pwscont.system.selection import Selection
 from pwscont.transitions.corner import index_at, is_solid
 from pwscont.transitions.detector import (
     BOTH_SIGNS,
-    NARROW_BRACKET,
     UNKNOWN,
     Reading,
     SpecialPointFound,
     TransitionDetector,
-    locate_sign_change,
 )
 from pwscont.transitions.rays import Corner, Ray, beside
-
-#: Slopes below this part of the turn of a step are polished where a fold is located: the tangents
-#: of other states are known well enough to tell the side of the fold.
-NEARLY_LEVEL = 1e-3
-#: A dip of the slope of alpha below zero by less than this part of the slope is left alone.
-SHALLOW_TURN = 1e-4
-
-
-@final
-@dataclass(frozen=True, slots=True)
-class SmoothFolds(TransitionDetector):
-    """Watches the alpha component of the tangent, which is proportional to det(dH/dz)."""
-
-    def read(self, curve: Curve, state: State) -> Reading:
-        """Return the component and the negative component; zero to rounding counts as zero."""
-        return Reading(curve.slope(state) * BOTH_SIGNS, UNKNOWN)
-
-    def needs_shorter_step(
-        self, segment: CurvedSegment, start: Reading, end: Reading
-    ) -> Failure | None:
-        """Say that alpha turns twice on the cubic of the segment, or has slope zero at its end.
-
-        The slope of the cubic is a parabola; a parabola that barely reaches zero is left alone, and
-        so is a segment on which alpha is constant to rounding, as around the zero of z^5. On
-        the step after a fold, which begins with slope zero, alpha may turn once. A step that ends
-        with slope zero must be shorter, except along a vertical piece, on which alpha is the same
-        at both ends; if every shorter step ends with slope zero, the branch is flat.
-        """
-        first, last = float(start.values[0]), float(end.values[0])
-        if not last:
-            rise = abs(segment.end.alpha - segment.start.alpha)
-            is_flat = first or rise > CONVERGED * segment.curve.metric.width
-            return Failure(FailureReason.FLAT) if is_flat else None
-        return Failure(FailureReason.HIDDEN_FOLDS) if _turns_twice(segment) else None
-
-    def locate(self, segment: Segment, index: int, bracket: tuple[float, float]) -> State | Failure:
-        """Find where the tangent has no alpha component."""
-        assert isinstance(segment, CurvedSegment)  # straight segments have no smooth folds
-        sign, curve = 1.0 if index == 0 else -1.0, segment.curve
-        finer = cache(partial(polished, curve))  # states are polished once
-
-        def slope(state: State) -> float:
-            return sign * float(state.tangent[-1])
-
-        turn = abs(float(segment.end.tangent[-1] - segment.start.tangent[-1]))
-
-        def exact_slope(state: State) -> float:
-            if abs(slope(state)) > NEARLY_LEVEL * turn:
-                return slope(state)
-            state, off = finer(state)
-            return slope(state) if abs(slope(state)) > off * curve.metric.width else 0.0
-
-        narrow = _place(segment, GUARD * EPS)
-        found = locate_sign_change(segment, exact_slope, bracket, narrow)
-        if isinstance(found, Failure):  # right at an end the change may be polished away
-            narrow = max(narrow, NARROW_BRACKET)
-            found = locate_sign_change(segment, slope, bracket, narrow)
-        if isinstance(found, Failure):
-            return found
-        fold, off = finer(found)
-        # an exactly vertical tangent: rounding would be found as a fold again
-        narrow, level = max(narrow, _place(segment, off)), _with_slope(fold, 0.0, fold.error)
-        along = max(narrow * segment.length, _uncertain(curve, fold.x)) * level.tangent
-        # alpha is stationary at a fold: its error is of second order
-        return replace(level, error=np.vstack([fold.error, uncertainty_beside(curve, fold), along]))
-
-    def arrive(self, curve: Curve, state: State, index: int) -> SpecialPointFound:
-        """Go on along the same curve."""
-        return fold_point(curve, state)
-
-
-def _uncertain(curve: Curve, fold: Array) -> float:
-    """Return how far along the curve a fold at the alpha of a branch point is uncertain.
-
-    Next to a branch point tangents are rounding.
-    """
-    reach = 1.0 / CLOSE_TO_CROSSING
-    found = _crossing_at(curve, fold, reach) if may_lose_rank(curve, fold) else None
-    if found is None or abs(found.x[-1] - fold[-1]) > SAME_ALPHA * curve.metric.width:
-        return 0.0
-    return max(curve.metric.norm(found.x - fold), FULL_RANK)
-
-
-def fold_point(curve: Curve, fold: State, where: str = "") -> SpecialPointFound:
-    """Return a fold as a special point, from which the same curve goes on."""
-    forth, message = Ray(curve, fold), f'fold within "{curve.selection.label}"{where}'
-    return SpecialPointFound(Kind.FOLD, fold.x, message, (forth.reversed(), forth))
-
-
-def _turns_twice(segment: CurvedSegment) -> bool:
-    first, chord, last = segment.slopes_of_alpha()
-    a, b = 3.0 * (first + last - 2.0 * chord), 6.0 * chord - 4.0 * first - 2.0 * last
-    if first * last < 0.0 or not 0.0 < -b / (2.0 * a or np.inf) < 1.0:
-        return False
-    least, largest = first - 0.25 * b * b / a, max(abs(first), abs(last))
-    steepest = max(largest, abs(chord))  # from fold to fold both ends are level
-    if segment.length * steepest <= GUARD * EPS * segment.curve.metric.width:
-        return False  # both folds would be at one alpha
-    return bool(least * (first + last) < -SHALLOW_TURN * largest * abs(first + last))
-
-
-def _place(segment: CurvedSegment, off: float) -> float:
-    """Return the accuracy of the place of a fold, as a part of the segment, from the tangent's."""
-    turn = abs(segment.curve.slope(segment.end) - segment.curve.slope(segment.start))
-    return min(off / turn, 1.0) if turn else 1.0
-
-
-#: A curve steeper than this at an end has no fold there.
-STEEPEST_AT_FOLD = 1e-2
-#: Distance from the end, in the metric, at which the slope of alpha is compared first.
-FIRST_SECANT = 1e-4
-MOST_SECANTS = 8
-#: The tangent of a fold at an end leans into the interval by this part of its length.
-LEAN_INWARDS = EPS**0.5
-
-
-def fold_at_end(curve: Curve, state: State) -> State | None:
-    """Return the fold that ``state`` is, if alpha there is an end of the interval to rounding.
-
-    None if the state is not at an end, or alpha goes on beyond the end.
-    """
-    side = _side(curve, state)
-    if not side or abs(slope := curve.slope(state)) > STEEPEST_AT_FOLD:
-        return None
-    inwards = FIRST_SECANT if side * slope > 0.0 else -FIRST_SECANT
-    here, there = beside(curve, state, 0.0), beside(curve, state, inwards)
-    if isinstance(here, Failure) or isinstance(there, Failure) or _side(curve, there):
-        return None
-    steepness = before = curve.slope(there)
-    r, s, slope, fold = inwards, 0.0, curve.slope(here), here
-    for _ in range(MOST_SECANTS):  # to where the slope of alpha vanishes
-        if slope in (0.0, before):
-            break
-        r, s, before = s, s - slope * (s - r) / (slope - before), slope
-        found = abs(s) <= FIRST_SECANT and beside(curve, state, s)
-        if not isinstance(found, State):
-            return None
-        fold, slope = found, curve.slope(found)
-    if not _side(curve, fold):
-        return None
-    along = max(abs(s), GUARD * EPS * FIRST_SECANT / abs(steepness))
-    return _with_slope(fold, 0.0, np.vstack([state.error, fold.error, along * fold.tangent]))
-
-
-def leads_outside(ray: Ray) -> bool:
-    """Tell whether a ray along an end of the interval bends out of the interval."""
-    curve, state = ray.curve, ray.state
-    if not _side(curve, state) or abs(curve.slope(state)) > STEEPEST_AT_FOLD:
-        return False
-    found = beside(curve, state, FIRST_SECANT)
-    return isinstance(found, Failure) and found.trouble is FailureReason.OUTSIDE
-
-
-def _with_slope(state: State, slope: float, error: Array) -> State:
-    """Return a state with another component of the tangent along alpha, and another error."""
-    tangent = state.tangent.copy()
-    tangent[-1] = slope
-    return State(state.x, tangent, error, state.orientation)
-
-
-def leaning(ray: Ray) -> Ray:
-    """Return a ray along an end of the interval, leant so that the ray leads into the interval."""
-    curve, state = ray.curve, ray.state
-    side = _side(curve, state)
-    if not side or curve.slope(state):
-        return ray
-    slope = side * LEAN_INWARDS * float(curve.metric.scale[-1])
-    return replace(ray, state=_with_slope(state, slope, state.error))
-
-
-def _side(curve: Curve, state: State) -> int:
-    """Return the sign with which alpha enters the interval at an end of a curved piece, else 0."""
-    if curve.selection.is_straight:
-        return 0
-    (lo, hi), alpha = curve.metric.interval, state.alpha
-    same = SAME_ALPHA * max(hi - lo, abs(alpha))
-    return (abs(alpha - lo) <= same) - (abs(alpha - hi) <= same)
-
 
 #: A branch point outside a step, within this part of the step's length, belongs to the step.
 OUTSIDE_STEP = 0.1
 MOST_BISECTIONS = 10
-#: Largest distance, in the metric, of a branch point from where it was located before.
-LOCATED_AGAIN = EPS**0.5
 #: The functions of a reading that belong to the cell that is followed: the sign and its negative.
 OWN_SIGNS = 2
 #: Most tests that vanish along a path of which all adjacent cells are tried.
@@ -290,7 +103,7 @@ class SmoothBranchPoints(TransitionDetector):
             point = path_through(curve, here)
         if point:
             return point
-        if found := _crossing_at(curve, state.x):
+        if found := crossing_near(curve, state.x):
             return branch_point(curve, found, state)
         after = state.orientation if index >= OWN_SIGNS else -state.orientation
         onward = Ray(curve, State(state.x, state.tangent, state.error, after))
@@ -341,7 +154,7 @@ def path_through(curve: Curve, corner: Corner) -> SpecialPointFound | None:
     here, scale = curve.selection, corner.metric.scale
     if here.is_straight or not 0 < len(corner.zero) <= MOST_TESTS_ON_PATH:
         return None
-    found = _crossing_at(curve, corner.x, 1.0 / CLOSE_TO_CROSSING)
+    found = crossing_near(curve, corner.x, 1.0 / CLOSE_TO_CROSSING)
     if found is None:
         return None
     x = found.x  # more digits: where the curve meets the interface, the Jacobian loses rank
@@ -392,7 +205,7 @@ def _sign_around(own: Curve, state: State) -> int:
 def _crossing_rays(own: Curve, state: State) -> list[Ray]:
     """Return the rays into a cell of the curve that crosses a path along the cell's boundary."""
     metric, x = own.metric, state.x
-    if not (found := _crossing_at(own, x)):
+    if not (found := crossing_near(own, x)):
         return []
     other = _least_along(found, metric.covector(state.tangent))
     sign = _sign_before(own, x, state.tangent)
@@ -400,14 +213,6 @@ def _crossing_rays(own: Curve, state: State) -> list[Ray]:
     vanish = np.abs(own.selection.tests(x)) <= LOCATED_AGAIN * (abs(gradients) @ metric.scale)
     ways = [way for way in (other, -other) if (product(gradients, way)[vanish] > 0.0).all()]
     return [Ray(own, State(x, way, state.error, sign)) for way in ways]
-
-
-def _crossing_at(curve: Curve, x: Array, near: float = LOCATED_AGAIN) -> Crossing | None:
-    """Return the branch point within a distance of a point, None if there is none."""
-    found = crossing(curve, x)
-    if isinstance(found, Failure) or curve.metric.norm(found.x - x) > near:
-        return None
-    return found
 
 
 def _least_along(found: Crossing, rows: Matrix) -> Array:
@@ -445,7 +250,7 @@ def _along(curve: Curve, ray: Ray) -> Ray:
 
 def at_branch_point(curve: Curve, x: Array) -> SpecialPointFound | None:
     """Return the branch point that a start is, at the start's alpha up to errors, None if none."""
-    found = _crossing_at(curve, x, curve.metric.slack(x, FULL_RANK))
+    found = crossing_near(curve, x, curve.metric.slack(x, FULL_RANK))
     if found is None or not found.meets:
         return None
     tangent, at = found.directions[0], found.x.copy()
