@@ -135,16 +135,17 @@ def _error_of_differences(curve: Curve) -> Array:
     return error
 
 
-def may_cross(curve: Curve, state: State, row: Array) -> bool:
+def may_cross(curve: Curve, state: State, index: int) -> bool:
     """Tell whether a branch point may lie close to a state that was located on an interface.
 
-    The answer is no, at the price of one derivative, where the derivatives of the equations and of
-    the test, ``row``, are far from a singular matrix.
+    The answer is no, at the price of one Jacobian, where the derivatives of the equations and of
+    the bounding test of that index are far from a singular matrix.
     """
     if curve.selection.is_straight or state.located_by is None:
         return False
     scale = curve.metric.scale
-    rows = np.append(_sizes_of_rows(curve, _aside(curve, state.x)), np.abs(row) @ scale)
+    last = np.abs(curve.selection.test_gradient(state.x, index)) @ scale
+    rows = np.append(_sizes_of_rows(curve, _aside(curve, state.x)), last)
     found = state.located_by.solve(rows * np.cos(generic_angles(len(rows))))
     return not curve.metric.norm(found) < CLOSE_TO_CROSSING
 

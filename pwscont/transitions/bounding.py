@@ -174,8 +174,7 @@ class BoundingTests(TransitionDetector):
         back = Ray(curve, state).reversed()
         if end := end_of(system, curve.selection.character, zero):
             return SpecialPointFound(Kind.END, x, end, (back,))
-        close = may_cross(curve, state, curve.selection.test_gradient(x, index))
-        if close and (point := path_through(curve, corner)):
+        if may_cross(curve, state, index) and (point := path_through(curve, corner)):
             return point
         if len(zero) == 1:
             if touched := touching(curve, state, test):
