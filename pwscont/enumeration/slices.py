@@ -239,7 +239,7 @@ class Points:
         tests = np.array(self._system.test_functions(x[:-1], alpha), dtype=float)
         gradients = self._system.test_jacobian(x[:-1], alpha)
         slack = slack_of_values(gradients, x, error, self._metric.scale)
-        if (is_doubtful := np.abs(tests) <= slack).any():
+        if (is_doubtful := (tests != 0.0) & (np.abs(tests) <= slack)).any():
             terms = np.append(product(root.jacobian, x), -product(root.row, x))
             constants = curve.selection.residual_and(x, 0.0) - terms
             less = slack_by_constants(gradients, tests, x, error, root.factor, constants)
