@@ -386,3 +386,66 @@ def test_nodes_that_differ_by_rounding(seed):
         for node, x in zip((piece.start, piece.end), piece.points[[0, -1]], strict=True):
             point = graph.point(node)
             assert abs(x[-1] - point.alpha) <= 10.0 * point.error[-1] + 1e-15
+
+
+# -- large friction ------------------------------------------------------------------------------
+
+
+def body_of(A, gap=0.0):
+    """Return a body whose nodes have two displacements each, normal and tangential."""
+    A = np.array(A, dtype=float)
+    picks = np.eye(len(A))
+    return Body(A, picks[::2], picks[1::2], np.full(len(A) // 2, gap))
+
+
+EQUAL_NODES = [[14, 9, -6, 4], [9, 15, -4, 2], [-6, -4, 14, -9], [4, 2, -9, 15]]
+THREE_NODES = [
+    [4, 2, -3, 2, 2, 3],
+    [2, 22, -4, -3, -6, 1],
+    [-3, -4, 11, -1, 1, 2],
+    [2, -3, -1, 12, -2, 2],
+    [2, -6, 1, -2, 11, 3],
+    [3, 1, 2, 2, 3, 15],
+]
+#: Body, f0 and f1. The normal load vanishes at an end, inside, together with all load, and of one
+#: node of two; in each, F lam_nu is far larger than the typical force times rounding.
+LARGE_FRICTION = {
+    "equal nodes": (EQUAL_NODES, [-3, -1, -3, 1], [-1, 2, -1, -2]),
+    "only a tangential load": ([[7, 1], [1, 4]], [0, -3], [0, 3]),
+    "no normal load inside": ([[7, 1], [1, 4]], [1, -3], [-2, 1]),
+    "no normal load at the end": ([[5, -2], [-2, 3]], [3, 1], [1, 2]),
+    "two nodes": (EQUAL_NODES, [-3, -1, 2, 1], [-1, 2, 1, 1]),
+    "three nodes": (THREE_NODES, [-1, -1, 0, 3, -2, -1], [2, -1, 1, -1, 1, -2]),
+}
+MANY = [(F, name) for F in (2e7, 2.0**40) for name in LARGE_FRICTION]
+
+
+def slippery(name, friction, unit=1.0):
+    A, f0, f1 = LARGE_FRICTION[name]
+    loads = unit * np.array(f0, dtype=float), unit * np.array(f1, dtype=float)
+    return Path(body_of(unit * np.array(A)), *loads, friction, (-3.0, 3.0))
+
+
+@pytest.mark.parametrize(("friction", "name"), MANY)
+def test_large_friction(friction, name):
+    path = slippery(name, friction)
+    graph = explore(path.system(), path.interval)
+    assert_matches(graph, path, 1e-12)  # a fold may lie 5e-12 beside the end of the interval
+    assert len(graph.solutions(-2.703125)) == graph.count(-2.703125)
+
+
+@pytest.mark.parametrize("friction", [1e6, 6.7e7, 1e9, 2.0**36, 1e12])
+@pytest.mark.parametrize("name", LARGE_FRICTION)
+def test_large_friction_in_another_unit(friction, name):
+    path = slippery(name, friction, unit=2.0**-29)
+    assert_matches(explore(path.system(), path.interval), path, 1e-12)
+
+
+@pytest.mark.parametrize("friction", [1e14, 1e15, 1e16, 1e18])
+@pytest.mark.parametrize("name", ["equal nodes", "only a tangential load"])
+def test_friction_too_large_for_rounding_is_no_complete_graph(friction, name):
+    path = slippery(name, friction)
+    graph = explore(path.system(), path.interval)
+    assert graph.guarantee.startswith(("balanced; the model seems to end", "not balanced: "))
+    for lo, hi, count, *_ in graph.multiplicity():
+        assert count in (1, 0) or graph.guarantee.startswith("not balanced"), (lo, hi)

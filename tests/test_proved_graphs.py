@@ -1,6 +1,7 @@
 """Graphs that a proof stands behind: classes, the default, files, and what is refused."""
 
 import copy
+import re
 import subprocess
 import sys
 
@@ -396,3 +397,38 @@ def test_a_run_that_ends_before_its_search_has_no_proof_of_an_earlier_formula():
     cut = explore(law, interval, search=search, starts=[([0.0], 0.0)], limits=Limits(pieces=1))
     assert cut.proof is None
     assert explore(law, interval, search=search).proof.count(-0.3) == 3
+
+
+# -- pieces that are stopped inside the box --------------------------------------------------------
+
+#: H, and the number of solutions at each alpha in the box |z| <= 1000.
+TO_INFINITY = {
+    "both signs": (lambda z, t, sw: sw.abs(z) * (t - 0.3) - 0.05, lambda t: 2 if t > 0.3 else 0),
+    "a pole": (lambda z, t, sw: z * (t - 0.3) - 0.05, lambda t: 1),
+    "the pole at zero": (lambda z, t, sw: z * sw.abs(t) - 0.05, lambda t: 1),
+    "another slope": (
+        lambda z, t, sw: z * (t - 0.3) - 0.05 + 0.2 * sw.relu(z),
+        lambda t: 2 if 0.1 < t < 0.3 else 1,
+    ),
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", TO_INFINITY)
+def test_a_piece_stopped_inside_the_box_is_named(name):
+    H, number = TO_INFINITY[name]
+    graph = explore(Switched(1, H), (-1.0, 1.0))
+    assert not graph.is_complete
+    words, _, rest = graph.guarantee.partition("elsewhere ")
+    assert words.startswith("not complete: solutions that are proved are missing for alpha in (")
+    assert rest.startswith("complete in the box, proved")
+    gaps = [
+        tuple(map(float, gap.split(", "))) for gap in re.findall(r"\(([^()]*, [^()]*)\)", words)
+    ]
+    for alpha in np.linspace(-1.0, 1.0, 2001) + 1.23e-4:
+        if (proved := graph.proof.count(min(alpha, 1.0))) is None:
+            continue
+        inside = any(lo < alpha < hi for lo, hi in gaps)
+        near = min(abs(alpha - pole) for pole in (0.0, 0.1, 0.3)) < 1e-4  # |z| may exceed 1000
+        assert near or proved == number(alpha)
+        assert inside == (graph.count(min(alpha, 1.0)) != proved)

@@ -24,6 +24,7 @@ from pwscont.basics.arrays import (
 )
 from pwscont.basics.rounding import CONFIDENCE, EPS
 from pwscont.curve.metric import Metric
+from pwscont.linear.factor import Factor
 from pwscont.system.box import Box
 
 #: A solution (z, alpha), and samples of the error or the size of the last correction.
@@ -87,6 +88,20 @@ def slack_of_values(rows: Matrix, x: Array, error: Array, scale: Array) -> Array
     """
     off = rounding_of_values(rows, np.abs(x), error)
     slack: Array = CONFIDENCE * off + EPS * (abs(rows) @ scale)
+    return slack
+
+
+def slack_by_constants(
+    rows: Matrix, values: Array, x: Array, error: Array, factor: Factor, constants: Array
+) -> Array:
+    """Return how far from zero affine tests may be computed at a root of affine equations.
+
+    The constants of equations, shape (n + 1,), and of tests round, which the error of x does not
+    show. Typical magnitudes may be far more, as of F lam_nu with a large F.
+    """
+    shifts = factor.solve_all(EPS * np.abs(constants) * samples(len(constants)))
+    off = rounding_of_values(rows, np.abs(x), np.vstack([error, shifts]))
+    slack: Array = CONFIDENCE * (off + EPS * np.abs(values - product(rows, x)))
     return slack
 
 

@@ -14,13 +14,13 @@ from typing import final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Indices, Signs
+from pwscont.basics.arrays import Array, Indices, Signs, product
 from pwscont.basics.budget import check_budget
 from pwscont.basics.character import Character
 from pwscont.basics.outcome import Failure
 from pwscont.basics.rounding import CONFIDENCE, EPS, GUARD
 from pwscont.curve.curve import Curve
-from pwscont.curve.error_samples import is_same, slack_of_values
+from pwscont.curve.error_samples import is_same, slack_by_constants, slack_of_values
 from pwscont.curve.metric import Metric
 from pwscont.curve.newton import Border, Root, newton, uncertainty
 from pwscont.enumeration.by_parts import (
@@ -242,6 +242,11 @@ class Points:
         tests = np.array(self._system.test_functions(x[:-1], alpha), dtype=float)
         gradients = self._system.test_jacobian(x[:-1], alpha)
         slack = slack_of_values(gradients, x, error, self._metric.scale)
+        if (is_doubtful := (tests != 0.0) & (np.abs(tests) <= slack)).any():
+            terms = np.append(product(root.jacobian, x), -product(root.row, x))
+            constants = curve.selection.residual_and(x, 0.0) - terms
+            less = slack_by_constants(gradients, tests, x, error, root.factor, constants)
+            slack[is_doubtful] = np.minimum(slack, less)[is_doubtful]
         slack += _inherited_slack(self._system, slice(None))
         holds = [
             np.array([(o.side * tests[o.bounding] >= -slack[o.bounding]).all() for o in options])

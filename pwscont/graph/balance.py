@@ -126,10 +126,10 @@ def _judged(graph: ConnectedPieces) -> list[tuple[int, tuple[float, float]]]:
     pairs = zip(balances(graph), pairwise(graph.breaks()), strict=True)
     # where solutions are infinitely many, the signs of the pieces around say nothing
     everything = [row for row in pairs if not is_infinite(graph, 0.5 * sum(row[1]))]
-    return [row for row in everything if not _is_blurred(graph, *row[1])] or everything
+    return [row for row in everything if not is_blurred(graph, *row[1])] or everything
 
 
-def _is_blurred(graph: ConnectedPieces, lo: float, hi: float) -> bool:
+def is_blurred(graph: ConnectedPieces, lo: float, hi: float) -> bool:
     """Tell whether the errors of the special points around a stretch overlap within it."""
     left = graph.alphas < 0.5 * (lo + hi)
     blur = CONFIDENCE * graph.alpha_errors
@@ -236,16 +236,17 @@ def _causes(graph: ConnectedPieces, gaps: list[Gap]) -> Iterator[str]:
     partial = graph.special_points(Kind.PARTIAL_CORNER)
     missing = [gap for gap in gaps if not partial and gap not in explained and gap not in twice]
     if missing:
-        yield f"at least one branch missing in {_listed(missing)}"
+        yield f"at least one branch missing in {listed(missing)}"
     if twice:
-        yield f"a solution stands twice in {_listed(twice)}"
+        yield f"a solution stands twice in {listed(twice)}"
     yield from _stops(graph, stopped)
     yield from _touches(graph)
     yield from _places(IN_PART, graph, partial)
     yield from _places("a branch ends on purpose", graph, on_purpose)
 
 
-def _listed(gaps: Iterable[Gap]) -> str:
+def listed(gaps: Iterable[Gap]) -> str:
+    """Return stretches of alpha in words."""
     return ", ".join(f"({', '.join(apart(lo, hi))})" for lo, hi in gaps)
 
 

@@ -16,9 +16,11 @@ import numpy as np
 
 from pwscont.basics.arrays import Array, finite_array
 from pwscont.basics.errors import InvalidInputError, SystemNeededError
+from pwscont.basics.outcome import Kind
 from pwscont.basics.printing import counted
 from pwscont.basics.rounding import CONFIDENCE
 from pwscont.curve.metric import Range
+from pwscont.graph.balance import is_blurred, listed
 from pwscont.graph.queries import solutions_at
 from pwscont.graph.records import Solution
 from pwscont.graph.structure import ConnectedPieces
@@ -171,12 +173,20 @@ class BoxProof:
         """Return the guarantee of a graph with what is proved, from the guarantee without."""
         if graph.searched.spent:  # branches are missing because the run ended early
             return words
-        wrong = None
+        wrong: list[tuple[float, int, int]] = []
         with suppress(SystemNeededError), np.errstate(all="ignore"):  # loaded without the system
-            wrong = next(self.disagreements(graph), None)
-        if wrong is not None:
-            alpha, count, found = wrong
-            which = "others" if found == count else f"{found} of them"
+            wrong = list(self.disagreements(graph))
+        gaps = [self._beyond_a_stop(graph, alpha) for alpha, count, found in wrong if found < count]
+        known = [gap for gap in gaps if gap is not None]
+        if known and self.holds and len(known) == len(wrong):
+            return (
+                f"not complete: solutions that are proved are missing for {graph.parameter} in "
+                f"{listed(known)}, where a piece was stopped inside the box; elsewhere "
+                f"{self.words}; {words}"
+            )
+        if wrong:
+            alpha, count, number = wrong[0]
+            which = "others" if number == count else f"{number} of them"
             return (
                 f"not complete: {counted(count, 'solution')} proved in the box at "
                 f"{graph.parameter} = {alpha:.8g}, but {which} found; {words}"
@@ -196,10 +206,12 @@ class BoxProof:
     def disagreements(self, graph: ConnectedPieces) -> Iterator[tuple[float, int, int]]:
         """Yield where a graph has not the proved solutions: alpha, and how many are proved, found.
 
-        Solutions are compared where the solutions were counted, and numbers between special points.
+        Solutions are compared where the solutions were counted, and numbers between special points
+        and ends of stretches: a piece may have been stopped within a stretch.
         """
         known = {each.alpha: each.solutions for each in self.stretches}
-        middles = [(lo, 0.5 * (lo + hi), hi) for lo, hi in pairwise(graph.breaks())]
+        parts = ((lo, hi) for lo, hi in self._parts(graph) if not is_blurred(graph, lo, hi))
+        middles = ((lo, 0.5 * (lo + hi), hi) for lo, hi in parts)
         between = [at for lo, at, hi in middles if not any(lo < alpha < hi for alpha in known)]
         far = (np.abs(piece.points[:, : len(self.box[0])]).max(axis=0) for piece in graph.pieces)
         typical = np.max([0.0 * self.box[0], *far], axis=0)
@@ -209,6 +221,17 @@ class BoxProof:
                 proved = known.get(alpha)
                 if len(found) != count or (proved and not are_matched(proved, found)):
                     yield alpha, count, len(found)
+
+    def _parts(self, graph: ConnectedPieces) -> list[Range]:
+        """Return the parts of the interval between special points and ends of stretches."""
+        ends = {end for each in self.stretches for end in (each.lo, each.hi)}
+        return list(pairwise(sorted(ends.union(graph.breaks()))))
+
+    def _beyond_a_stop(self, graph: ConnectedPieces, alpha: float) -> Range | None:
+        """Return the part around alpha if a piece was stopped at an end of the part, else None."""
+        stops = [point.alpha for point in graph.special_points(Kind.STOPPED)]
+        part = next((each for each in self._parts(graph) if each[0] <= alpha <= each[1]), None)
+        return part if part and any(graph.same(np.array(part), at).any() for at in stops) else None
 
     def _inside(self, graph: ConnectedPieces, alpha: float, typical: Array) -> Iterator[Corners]:
         """Yield the solutions of a graph in the box, with their slack."""

@@ -231,7 +231,8 @@ def refuse_jump(one: Selection, other: Selection, x: Array, error: Array, scale:
             f"{name}.residual jumps by {size:.3g} in row {row} where {one.label} and {other.label} "
             f"meet, at alpha = {x[-1]:.10g}, z = {np.array2string(x[:-1], threshold=6)}: H must be "
             "continuous, so both selections must agree there, and the test function needs a slope "
-            "where it is zero; run check_system"
+            "where it is zero; run check_system; rounding beside a huge coefficient looks like a "
+            "jump, too"
         )
 
 

@@ -33,6 +33,7 @@ from pwscont.basics.outcome import Failure, Kind
 from pwscont.basics.printing import at
 from pwscont.basics.rounding import EPS
 from pwscont.curve.curve import Curve, State
+from pwscont.curve.error_samples import has_digits
 from pwscont.curve.metric import Metric
 from pwscont.enumeration.by_parts import is_regular, most_cells, parts_of_table
 from pwscont.enumeration.options import Table
@@ -129,10 +130,16 @@ def tangent_cone(corner: Corner, back: Ray | None = None) -> TangentCone:
 
 
 def _rays(corner: Corner, directions: Sequence[Direction]) -> tuple[Ray, ...]:
-    """Return rays in some directions, one ray for parallel directions."""
+    """Return rays in some directions, one ray for parallel directions.
+
+    A curve that begins so far from the corner that no digit agrees does not leave from there.
+    """
     rays: list[Ray] = []
     for found in _completed(corner, directions):
         ray = _ray(corner, found)
+        state = ray.state
+        if state.x is not corner.x and not has_digits(state.x, state.error, corner.metric.scale):
+            continue
         if not any(parallel(ray, other) for other in rays):
             along = ray.interface_cells
             rays.append(replace(ray, index=index_along(ray, corner.zero)) if along else ray)

@@ -19,7 +19,7 @@ from typing import Any, TypeAlias, final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Indices, Matrix, Signs, generic
+from pwscont.basics.arrays import Array, Indices, Matrix, Signs, generic, joined
 from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidSystemError
 from pwscont.basics.outcome import Failure
@@ -27,7 +27,7 @@ from pwscont.basics.printing import at, named
 from pwscont.basics.rounding import CONFIDENCE, EPS, GUARD
 from pwscont.curve.corrector import BorderedNewton
 from pwscont.curve.curve import Curve, State
-from pwscont.curve.error_samples import magnitude, rounding_of_values
+from pwscont.curve.error_samples import magnitude, rounding_of_values, slack_by_constants
 from pwscont.curve.metric import Metric
 from pwscont.linear.factorise import bordered, last_unit
 from pwscont.system.promises import refuse_jump
@@ -163,6 +163,27 @@ def beyond(selection: Selection, x: Array, test: int) -> Character:
     return character.with_sign(test, not selection.character.signs[test])
 
 
+def _vanish(system: PiecewiseSystem, metric: Metric, x: Array, error: Array, tests: Array) -> Signs:
+    """Tell which tests are zero at ``x``, shape (m,).
+
+    Where only typical magnitudes say so, and H is linear in z, the constants of H and of the tests
+    decide: the constants are what typical magnitudes stand for.
+    """
+    gradients, sizes = system.test_jacobian(x[:-1], float(x[-1])), np.abs(tests)
+    vanish = np.asarray(sizes <= rounding_of_tests(gradients, x, error, metric.scale))
+    surely = sizes <= CONFIDENCE * rounding_of_values(gradients, np.abs(x), error)
+    if surely[vanish].all() or not isinstance(system, SlicewiseLinearSystem):
+        return vanish  # nearly always
+    here = Selection(system, Character.of(tests))
+    jacobian = here.jacobian(x)
+    factor = bordered(jacobian, last_unit(len(x)), metric.binary)
+    if factor.is_singular():
+        return vanish
+    constants = here.residual_and(x, 0.0) - joined(jacobian @ x, 0.0)
+    known = slack_by_constants(gradients, tests, x, error, factor, constants)
+    return np.asarray(vanish & (sizes <= known))
+
+
 #: A direction d of length one in the metric, and the cells whose closures contain d.
 Direction: TypeAlias = tuple[Array, tuple[Character, ...]]
 
@@ -197,8 +218,7 @@ class Corner:
         """Return the corner at ``x``, by default with all tests that are zero there to rounding."""
         tests = np.array(system.test_functions(x[:-1], float(x[-1])), dtype=float)
         if zero is None:
-            gradients = system.test_jacobian(x[:-1], float(x[-1]))
-            vanish = np.abs(tests) <= rounding_of_tests(gradients, x, error, metric.scale)
+            vanish = _vanish(system, metric, x, error, tests)
             zero = frozenset(np.flatnonzero(vanish).tolist())
         return cls(system, metric, x, error, zero, tests)
 

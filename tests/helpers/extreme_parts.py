@@ -46,6 +46,8 @@ class Path:
 def label(modes):
     if len(modes) == 1:
         return modes[0]
+    if len(modes) == 3 and len(set(modes)) == 1:
+        return f"nodes 1 to 3 {modes[0]}"
     return ", ".join(f"node {i} {mode}" for i, mode in enumerate(modes, start=1))
 
 
