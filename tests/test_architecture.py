@@ -63,7 +63,7 @@ BUDGET = {
     "curve": (13, 2988),
     "enumeration": (11, 2670),
     "transitions": (13, 3919),
-    "graph": (10, 2701),
+    "graph": (10, 2702),
     "search": (7, 1657),
     "continuation": (8, 2760),
     "kit": (4, 940),

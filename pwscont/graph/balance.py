@@ -41,7 +41,7 @@ from pwscont.graph.queries import (
     solutions_at,
 )
 from pwscont.graph.records import Piece, SpecialPoint, Stretch, are_one
-from pwscont.graph.structure import ConnectedPieces, connected
+from pwscont.graph.structure import NOT_SEARCHED, ConnectedPieces, connected
 from pwscont.system.system import SlicewiseLinearSystem
 
 #: Kinds of points at which a branch may end, the kind first that explains the end best.
@@ -207,7 +207,8 @@ def verdict(graph: ConnectedPieces) -> str:
     promises = graph.searched.promise not in (Guarantee.NOTHING, Guarantee.UNIQUE)
     found = graph.pieces or graph.infinite or any(p.kind != Kind.STOPPED for p in graph.nodes)
     if not found and not promises:
-        return "; ".join([f"{NOTHING_FOUND} by {graph.searched.what}", *doubts])
+        where = "on" if graph.searched.what == NOT_SEARCHED.what else "by"
+        return "; ".join([f"{NOTHING_FOUND} {where} {graph.searched.what}", *doubts])
     words = "balanced" if doubts else WORDS[graph.searched.promise]
     ends_said = _places("a branch ends on purpose", graph, ends)
     return "; ".join([words, *doubts, *_at_single_values(graph), *ends_said])

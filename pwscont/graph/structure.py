@@ -44,7 +44,7 @@ def connected(members: Iterable[int], pairs: Iterable[Pair]) -> list[set[int]]:
 
 #: A word as similar as this to the word of a kind is a misspelt word.
 MISSPELT = 0.7
-NOT_SEARCHED = SearchScope("nothing but the component through the start", Guarantee.NOTHING)
+NOT_SEARCHED = SearchScope("the component through the start", Guarantee.NOTHING)
 
 
 class ConnectedPieces:
