@@ -226,3 +226,17 @@ def test_the_same_with_derivatives_by_differences(arm, kink, size, begin):
     graph = trace(system, (np.linalg.solve(mix, y), begin + 0.3), (-0.6, 0.99))
     assert [graph.count(alpha) for alpha in (-0.01, 0.61)] == [1, 3]
     assert graph.is_balanced()
+
+
+@pytest.mark.parametrize("beside", [1e-2, 2e-3, 1e-4, 1e-5, 1e-7])
+@pytest.mark.parametrize("begin", [0.31, 0.77])
+@pytest.mark.parametrize("tilt", [0.0, 0.2])
+@pytest.mark.sweep(4)
+def test_a_kink_next_to_a_branch_point_is_no_path(beside, begin, tilt):
+    """The curve z = alpha meets the kink close to z = 0, where curves cross inside a cell."""
+    system = Switched(
+        1, lambda z, a, sw: z * (z - a) * (1.0 + 0.3 * sw.max(z - beside - tilt * a, 0.0))
+    )
+    graph = trace(system, ([begin], begin), (-1.0, 1.0))
+    assert [graph.count(alpha) for alpha in (-0.9, -0.4, 0.2, 0.6)] == [2, 2, 2, 2]
+    assert graph.is_balanced()

@@ -20,7 +20,7 @@ from typing import final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Matrix, dense, product
+from pwscont.basics.arrays import Array, Matrix, product
 from pwscont.basics.character import Character
 from pwscont.basics.outcome import TOUCH, Failure, FailureReason, Kind
 from pwscont.basics.rounding import CONFIDENCE, EPS
@@ -158,11 +158,13 @@ def path_through(curve: Curve, corner: Corner) -> SpecialPointFound | None:
     if found is None:
         return None
     x = found.x  # more digits: where the curve meets the interface, the Jacobian loses rank
-    rows = dense(replace(corner, x=x).vanishing(here)[1])
-    if not len(rows):
+    tests, rows = replace(corner, x=x).vanishing(here)
+    values = corner.system.some_tests(x[:-1], float(x[-1]), tests)
+    sizes = abs(rows) @ scale
+    if not len(tests) or (np.abs(values) > LOCATED_AGAIN * sizes).any():
         return None
     tangent = _least_along(found, rows)
-    if (np.abs(rows @ tangent) > DISTANCE_TO_SIGN * (np.abs(rows) @ scale)).any():
+    if (np.abs(product(rows, tangent)) > DISTANCE_TO_SIGN * sizes).any():
         return None
     cells = tuple(cell for cell in corner.all_cells() if is_solid(corner, cell))
     path = Curve(Selection(corner.system, here.character, cells), corner.metric)
