@@ -62,7 +62,7 @@ BUDGET = {
     "notation": (13, 2884),
     "curve": (13, 2988),
     "enumeration": (11, 2670),
-    "transitions": (13, 3921),
+    "transitions": (13, 3936),
     "graph": (10, 2702),
     "search": (7, 1657),
     "continuation": (8, 2760),

@@ -428,35 +428,6 @@ def test_curves_that_touch_to_third_order_are_followed_or_named():
     assert right or graph.guarantee.startswith("not balanced")
 
 
-#: Equations that vanish twice on a curve, and the numbers of solutions at three alphas.
-DOUBLE = {
-    "a line": (lambda z, a, sw: (z - a) ** 2, [1, 1, 1]),
-    "a level line beside a line": (lambda z, a, sw: (z - 0.3) ** 2 * (z + 0.5), [2, 2, 2]),
-    "a level line that a line crosses": (
-        lambda z, a, sw: (z - 0.3) ** 2 * (z + 0.5 - a),
-        [2, 2, 2],
-    ),
-    "a line that a line crosses": (lambda z, a, sw: (z - a) ** 2 * (z + a), [2, 2, 2]),
-}
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", DOUBLE)
-def test_a_straight_curve_of_double_roots_is_followed(name):
-    """The sign of det[J; t^T] is rounding all along the curve, and tells of no branch point."""
-    function, counts = DOUBLE[name]
-    graph = explore(Switched(1, function), (-1.0, 1.0))
-    assert [graph.count(alpha) for alpha in (-0.7, 0.2, 0.9)] == counts
-    assert sum(len(piece.points) for piece in graph.pieces) < 300
-
-
-@pytest.mark.slow
-def test_a_parabola_of_double_roots_ends_in_words_after_few_points():
-    graph = explore(Switched(1, lambda z, a, sw: (z**2 - a) ** 2), (-1.0, 2.0))
-    assert graph.guarantee.startswith("not balanced")
-    assert sum(len(piece.points) for piece in graph.pieces) < 3000
-
-
 #: Equations whose path z = c lies on a kink, c, and the other solutions at an alpha.
 PITCHFORKS = {
     "two sides": (lambda z, t, sw: z * (sw.abs(z) - t), 0.0, lambda t: [t, -t] if t > 0.0 else []),

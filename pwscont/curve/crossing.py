@@ -20,7 +20,7 @@ from typing import final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Matrix, generic_angles, largest, power_of_two
+from pwscont.basics.arrays import Array, Matrix, generic, generic_angles, largest, power_of_two
 from pwscont.basics.outcome import Failure, FailureReason
 from pwscont.basics.rounding import CONFIDENCE, CONVERGED, EPS, GUARD
 from pwscont.curve.curve import Curve, State
@@ -146,7 +146,7 @@ def may_cross(curve: Curve, state: State, index: int) -> bool:
     scale = curve.metric.scale
     last = np.abs(curve.selection.test_gradient(state.x, index)) @ scale
     rows = np.append(_sizes_of_rows(curve, _aside(curve, state.x)), last)
-    found = state.located_by.solve(rows * np.cos(generic_angles(len(rows))))
+    found = state.located_by.solve(rows * generic(len(rows)))
     return not curve.metric.norm(found) < CLOSE_TO_CROSSING
 
 

@@ -20,7 +20,7 @@ from typing import final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Matrix, product
+from pwscont.basics.arrays import Array, Matrix, generic, product
 from pwscont.basics.character import Character
 from pwscont.basics.outcome import TOUCH, Failure, FailureReason, Kind
 from pwscont.basics.rounding import CONFIDENCE, EPS
@@ -51,6 +51,9 @@ from pwscont.transitions.rays import Corner, Ray, beside
 #: A branch point outside a step, within this part of the step's length, belongs to the step.
 OUTSIDE_STEP = 0.1
 MOST_BISECTIONS = 10
+#: Distance across a curve, in the metric, over which the sign flips if H vanishes twice on the
+#: curve: far more than the EPS**0.5 to which the place of such a curve is known.
+ACROSS = EPS**0.375
 #: The functions of a reading that belong to the cell that is followed: the sign and its negative.
 OWN_SIGNS = 2
 #: Most tests that vanish along a path of which all adjacent cells are tried.
@@ -236,7 +239,13 @@ def _sign_beside(curve: Curve, x: Array, tangent: Array, side: float) -> int | N
     near, metric = x + side * DISTANCE_TO_SIGN * tangent, curve.metric
     if not metric.interval[0] <= near[-1] <= metric.interval[1]:
         return None
-    factor = bordered(curve.selection.jacobian(near), metric.covector(tangent), metric.binary)
+    return _sign_at(curve, near, tangent)
+
+
+def _sign_at(curve: Curve, x: Array, tangent: Array) -> int:
+    """Return the sign of det[J; t^T] at a point, zero where J has lower rank."""
+    metric = curve.metric
+    factor = bordered(curve.selection.jacobian(x), metric.covector(tangent), metric.binary)
     return 0 if factor.is_singular() else factor.sign
 
 
@@ -306,9 +315,15 @@ def _locate(
 
 
 def _is_double(segment: CurvedSegment) -> bool:
-    """Tell whether the Jacobian loses rank along a segment that no branch point explains."""
-    is_long = segment.length > 1.0 / CLOSE_TO_CROSSING
-    return is_long and all(loses_rank(segment.curve, end.x) for end in (segment.start, segment.end))
+    """Tell whether H vanishes twice along a segment: J loses rank, and the sign flips across."""
+    curve = segment.curve
+
+    def flips(state: State) -> bool:
+        aside = ACROSS * curve.metric.scale * np.append(generic(len(state.x) - 1), 0.0)
+        beside = (state.x + aside, state.x - aside)
+        return len({_sign_at(curve, x, state.tangent) for x in beside} & {-1, 1}) == 2
+
+    return all(loses_rank(curve, end.x) and flips(end) for end in (segment.start, segment.end))
 
 
 def _touching(segment: CurvedSegment, last: State, apart: float, before: int) -> State | Failure:

@@ -1,0 +1,50 @@
+"""Curves on which H vanishes twice, and curves of equations that nearly agree."""
+
+import pytest
+
+from pwscont import Switched, explore, trace
+
+#: Equations that vanish twice on a curve, and the numbers of solutions at three alphas.
+DOUBLE = {
+    "a line": (lambda z, a, sw: (z - a) ** 2, [1, 1, 1]),
+    "a level line beside a line": (lambda z, a, sw: (z - 0.3) ** 2 * (z + 0.5), [2, 2, 2]),
+    "a level line that a line crosses": (
+        lambda z, a, sw: (z - 0.3) ** 2 * (z + 0.5 - a),
+        [2, 2, 2],
+    ),
+    "a line that a line crosses": (lambda z, a, sw: (z - a) ** 2 * (z + a), [2, 2, 2]),
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", DOUBLE)
+def test_a_straight_curve_of_double_roots_is_followed(name):
+    """The sign of det[J; t^T] is rounding all along the curve, and tells of no branch point."""
+    function, counts = DOUBLE[name]
+    graph = explore(Switched(1, function), (-1.0, 1.0))
+    assert [graph.count(alpha) for alpha in (-0.7, 0.2, 0.9)] == counts
+    assert sum(len(piece.points) for piece in graph.pieces) < 300
+
+
+@pytest.mark.parametrize("apart", [1e-3, 1e-5, 1e-7, 1e-8])
+@pytest.mark.parametrize("begin", [-1.0, 0.5])
+def test_equations_that_nearly_agree_are_no_double_curve(apart, begin):
+    """J nearly loses rank all along the curve, but its determinant keeps its sign across."""
+
+    def equations(z, a, sw):
+        first, second = z[0] * (z[0] ** 2 - a), z[1] - 0.3 * z[0] + 0.1 * a
+        return [first + second, first + (1.0 + apart) * second]
+
+    z0 = max(begin, 0.0) ** 0.5
+    start = [z0, 0.3 * z0 - 0.1 * begin]
+    graph = trace(Switched(2, equations), (start, begin), (-1.0, 1.0))
+    assert [graph.count(alpha) for alpha in (-0.6, 0.2, 0.7)] == [1, 3, 3]
+    assert graph.is_balanced()
+
+
+@pytest.mark.slow
+def test_a_parabola_of_double_roots_is_followed_or_named():
+    graph = explore(Switched(1, lambda z, a, sw: (z**2 - a) ** 2), (-1.0, 2.0))
+    right = [graph.count(alpha) for alpha in (-0.5, 0.7, 1.6)] == [0, 2, 2]
+    assert right or graph.guarantee.startswith("not balanced")
+    assert sum(len(piece.points) for piece in graph.pieces) < 3000
