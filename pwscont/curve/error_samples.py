@@ -25,6 +25,7 @@ from pwscont.basics.arrays import (
 from pwscont.basics.rounding import CONFIDENCE, EPS
 from pwscont.curve.metric import Metric
 from pwscont.linear.factor import Factor
+from pwscont.linear.factorise import columns_scaled, largest_in_rows
 from pwscont.system.box import Box
 
 #: A solution (z, alpha), and samples of the error or the size of the last correction.
@@ -92,16 +93,29 @@ def slack_of_values(rows: Matrix, x: Array, error: Array, scale: Array) -> Array
 
 
 def slack_by_constants(
-    rows: Matrix, values: Array, x: Array, error: Array, factor: Factor, constants: Array
+    rows: Matrix,
+    values: Array,
+    x: Array,
+    error: Array,
+    factor: Factor,
+    jacobian: Matrix,
+    constants: Array,
 ) -> Array:
     """Return how far from zero affine tests may be computed at a root of affine equations.
 
     The constants of equations, shape (n + 1,), and of tests round, which the error of x does not
-    show. Typical magnitudes may be far more, as of F lam_nu with a large F.
+    show. Typical magnitudes may be far more, as of F lam_nu with a large F. As equations may be
+    written by tests, the constants of tests may cancel in the equations, where the coefficients of
+    a test are as large as the entries of ``jacobian`` say.
     """
-    shifts = factor.solve_all(EPS * np.abs(constants) * samples(len(constants)))
+    sizes, known = abs(rows), np.abs(values - product(rows, x))
+    sums = product(sizes, np.ones(len(x)))
+    hidden = sizes.T @ (known / np.where(sums > 0.0, sums, 1.0) ** 2)
+    constants = np.abs(constants)
+    constants[:-1] += largest_in_rows(columns_scaled(jacobian, hidden))
+    shifts = factor.solve_all(EPS * constants * samples(len(constants)))
     off = rounding_of_values(rows, np.abs(x), np.vstack([error, shifts]))
-    slack: Array = CONFIDENCE * (off + EPS * np.abs(values - product(rows, x)))
+    slack: Array = CONFIDENCE * (off + EPS * known)
     return slack
 
 

@@ -245,7 +245,8 @@ class Points:
         if (is_doubtful := (tests != 0.0) & (np.abs(tests) <= slack)).any():
             terms = np.append(product(root.jacobian, x), -product(root.row, x))
             constants = curve.selection.residual_and(x, 0.0) - terms
-            less = slack_by_constants(gradients, tests, x, error, root.factor, constants)
+            equations = root.factor, root.jacobian, constants
+            less = slack_by_constants(gradients, tests, x, error, *equations)
             slack[is_doubtful] = np.minimum(slack, less)[is_doubtful]
         slack += _inherited_slack(self._system, slice(None))
         holds = [

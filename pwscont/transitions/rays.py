@@ -180,7 +180,7 @@ def _vanish(system: PiecewiseSystem, metric: Metric, x: Array, error: Array, tes
     if factor.is_singular():
         return vanish
     constants = here.residual_and(x, 0.0) - joined(jacobian @ x, 0.0)
-    known = slack_by_constants(gradients, tests, x, error, factor, constants)
+    known = slack_by_constants(gradients, tests, x, error, factor, jacobian, constants)
     return np.asarray(vanish & (sizes <= known))
 
 
