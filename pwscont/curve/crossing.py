@@ -152,8 +152,12 @@ def may_cross(curve: Curve, state: State, index: int) -> bool:
 
 def may_lose_rank(curve: Curve, x: Array) -> bool:
     """Tell whether the Jacobian may have rank n - 1 at most near a point; seldom by mistake."""
+    return _may_lose_rank(curve, x, _equations(curve, x))
+
+
+def _may_lose_rank(curve: Curve, x: Array, equations: Array) -> bool:
     n = len(x) - 1
-    _, matrix = _bordered(curve, x, _equations(curve, x), *_generic(n))
+    _, matrix = _bordered(curve, x, equations, *_generic(n))
     if matrix.is_singular():
         return True
     # generic borders make these numbers larger at other points, by far less than the bound
@@ -163,10 +167,10 @@ def may_lose_rank(curve: Curve, x: Array) -> bool:
 
 def loses_rank(curve: Curve, x: Array) -> bool:
     """Tell whether the Jacobian has rank n - 1 at most at a point, compared to points beside."""
-    if not may_lose_rank(curve, x):
+    equations = _equations(curve, x)
+    if not _may_lose_rank(curve, x, equations):
         return False  # nearly always
-    equations, borders = _equations(curve, x), _generic(len(x) - 1)
-    null = _null(curve, x, equations, *borders)
+    null = _null(curve, x, equations, *_generic(len(x) - 1))
     for _ in range(FIRST_BORDERS):
         null = null and _null(curve, x, equations, *null.borders)
     return null is None or largest(np.abs(null.g)) < FULL_RANK

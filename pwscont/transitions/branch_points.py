@@ -83,7 +83,8 @@ class SmoothBranchPoints(TransitionDetector):
     ) -> State | Failure | None:
         """Solve the extended system from within the bracket.
 
-        None where the sign of a cell that is not followed flips, and no curve leads into that cell.
+        None where the sign of a cell that is not followed flips, and no curve leads into that cell,
+        and where the sign is rounding, as on a curve of double roots.
         """
         assert isinstance(segment, CurvedSegment)  # straight curves cannot cross
         before, orientation = -1 if index % 2 else 1, segment.start.orientation
