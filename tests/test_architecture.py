@@ -59,7 +59,7 @@ BUDGET = {
     "basics": (10, 1184),
     "system": (10, 2195),
     "linear": (11, 1484),
-    "notation": (13, 2884),
+    "notation": (13, 2913),
     "curve": (13, 3006),
     "enumeration": (11, 2671),
     "transitions": (13, 3937),
