@@ -62,7 +62,7 @@ BUDGET = {
     "notation": (13, 2913),
     "curve": (13, 3006),
     "enumeration": (11, 2671),
-    "transitions": (13, 3937),
+    "transitions": (13, 3957),
     "graph": (10, 2702),
     "search": (7, 1657),
     "continuation": (8, 2760),
