@@ -60,7 +60,7 @@ BUDGET = {
     "system": (10, 2195),
     "linear": (11, 1484),
     "notation": (13, 2913),
-    "curve": (13, 3006),
+    "curve": (13, 3044),
     "enumeration": (11, 2671),
     "transitions": (13, 3957),
     "graph": (10, 2702),
