@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pwscont import PiecewiseSystem, Switched, explore
+from pwscont import PiecewiseSystem, Switched, explore, trace
 from pwscont.curve.metric import Metric, deflation, stretch
 from pwscont.search.multi_start import Throughout
 
@@ -272,3 +272,34 @@ def test_known_branches_are_not_searched_again_where_constants_cancel():
         ]
         assert np.allclose(sorted(s.z[0] for s in graph.solutions(alpha)), sorted(exact), atol=1e-7)
     assert counted.calls < 150_000
+
+
+#: Factors of z, which is zero for all alpha, and the number of solutions with this factor.
+WITH_TRIVIAL = {
+    "pitchfork": (lambda z, a, sw: z**2 - a, lambda a: 1 + 2 * (a > 0.0)),
+    "nonsmooth pitchfork": (lambda z, a, sw: sw.abs(z) - a, lambda a: 1 + 2 * (a > 0.0)),
+    "loop": (lambda z, a, sw: (z - 1) ** 2 + a * a - 0.01, lambda a: 1 + 2 * (abs(a) < 0.1)),
+}
+
+
+@pytest.mark.sweep(15)
+@pytest.mark.parametrize("unit", [1e-12, 1e-6, 1e-3, 1e3, 1e12])
+@pytest.mark.parametrize("name", WITH_TRIVIAL)
+def test_beside_a_solution_that_stays_at_zero_in_any_unit(name, unit):
+    factor, count = WITH_TRIVIAL[name]
+    system = Switched(1, lambda z, a, sw: z / unit * factor(z / unit, a, sw))
+    graph = explore(system, (-1.0, 1.0))
+    assert [graph.count(a) for a in (-0.3, -0.05, 0.05, 0.3)] == [
+        count(a) for a in (-0.3, -0.05, 0.05, 0.3)
+    ]
+
+
+@pytest.mark.parametrize("start", [0.0, 1e-9])
+@pytest.mark.parametrize("unit", [1e-6, 1e3])
+def test_many_unknowns_that_stay_at_zero_in_any_unit(unit, start):
+    """A chain buckles where alpha is an eigenvalue of K, the first at 2 - 2 cos(pi / 41)."""
+    K = 2.0 * np.eye(40) - np.eye(40, k=1) - np.eye(40, k=-1)
+    system = Switched(40, lambda z, a, sw: K @ z - a * z + z**3 / unit**2)
+    graph = trace(system, (np.full(40, start * unit), 0.0), (0.0, 0.015))
+    assert [graph.count(a) for a in (0.003, 0.013)] == [1, 3]
+    assert sum(len(piece.points) for piece in graph.pieces) < 120

@@ -240,3 +240,22 @@ def test_a_kink_next_to_a_branch_point_is_no_path(beside, begin, tilt):
     graph = trace(system, ([begin], begin), (-1.0, 1.0))
     assert [graph.count(alpha) for alpha in (-0.9, -0.4, 0.2, 0.6)] == [2, 2, 2, 2]
     assert graph.is_balanced()
+
+
+@pytest.mark.slow
+def test_curves_that_cross_a_path_outside_of_all_cells_are_no_branches():
+    """At -0.2 the equations of the cell (-, -) have a curve along (1, -1), outside of the cell."""
+
+    def coupled(z, a, sw):
+        first, second = z + 0.5 * sw.abs(z)
+        return [z[0] ** 3 - a * z[0] + 0.4 * second, z[1] ** 3 - a * z[1] + 0.4 * first]
+
+    graph = trace(Switched(2, coupled), ([0.0, 0.0], -0.5), (-0.5, 0.25))
+    assert str(graph.guarantee) == "balanced"
+    for a in (-0.4, -0.25, -0.1, 0.1, 0.23):
+        # the first equation gives the second unknown, and the second equation is left
+        x = np.linspace(0.001, 1.5, 100_000) * [[-1.0], [1.0]]
+        w = (a * x - x**3) / 0.4
+        y = np.where(w > 0.0, w / 1.5, w / 0.5)
+        rest = np.sign(y**3 - a * y + 0.4 * np.where(x > 0.0, 1.5 * x, 0.5 * x))
+        assert graph.count(a) == 1 + (np.diff(rest) != 0.0).sum()

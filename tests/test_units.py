@@ -481,3 +481,20 @@ def test_differences_fit_the_unit(unit):
         assert len(found) == len(expected)
         for s, known in zip(found, expected, strict=True):
             np.testing.assert_allclose(s.z / unit, known.z, rtol=1e-9)
+
+
+def test_the_function_of_a_complementarity_problem_is_in_any_unit():
+    """z = 0 until t = 0, then z = (0, t) until t = 1/2, then ((4 t - 2) / 3, (5 t - 1) / 3)."""
+    M, q, d, calls = np.array([[2, -1], [-1, 2]]), np.array([1, 0]), np.array([1, 2]), {}
+    for length, force in ((1.0, 1.0), (1e6, 1e-6), (1e-6, 1e6), (1e-2, 1e9)):
+        calls[length, force] = 0
+
+        def f(z, t, length=length, force=force):
+            calls[length, force] += 1
+            return force * (M @ (z / length) + q - t * d)
+
+        graph = trace(Complementarity(f, n=2), ([0.0, 0.0], -1.0), (-1.0, 2.0))
+        kinks = [p.alpha for p in graph.special_points("transition")]
+        np.testing.assert_allclose(sorted(kinks), [0.0, 0.5], atol=1e-12)
+        np.testing.assert_allclose(graph.solutions(1.0)[0].z / length, [2 / 3, 4 / 3], rtol=1e-9)
+    assert max(calls.values()) <= 2 * calls[1.0, 1.0]

@@ -9,7 +9,8 @@ Before a solution is known (:func:`rough_magnitudes`), the magnitude of an unkno
 which H changes by the terms of H. H is evaluated for changes of all sizes, because H may be flat or
 singular at a point; if unknowns are many, one Newton step tells, in less time. If H oscillates, as
 tan(z), the size by which H changes a little is found first, and larger sizes in turn. Equations
-with alpha come first: the constant of another equation may be a small saturation current.
+with alpha come first: the constant of another equation may be a small saturation current. At a
+solution that stays for all alpha no term is left, and the change by which H bends is taken.
 
 Solutions (:func:`magnitudes_of`) tell the sizes of the unknowns that move; an unknown at rest may
 rest at a bound. Next to a fold dz/dalpha is large, so the smallest of several solutions counts if
@@ -157,6 +158,8 @@ ALIKE = 4.0
 BASE, POWERS, MORE_POWERS = 2.0**0.25, 512, (768, 1024, 1536)
 #: What part of its terms a row is seen to change by: by all of them sin(z) would hardly ever do.
 PART = 0.5
+#: What part of the change of a row two changes in proportion may differ by.
+BENT = 0.25
 #: A little of the terms; and so many powers less than what PART of them needs, by 10,000, not even
 #: a little would do if H were straight. If LEVEL does, H levels off, and rounding may reach PART.
 LITTLE, FAR_BELOW, LEVEL = 0.001, 53, 0.99 * PART
@@ -222,7 +225,9 @@ def rough_magnitudes(system: PiecewiseSystem, interval: Range, z: Array) -> Arra
         if sizes.all() or (number and not sizes[unknown].any()):
             break
         terms = np.maximum(terms, np.maximum(others, most.max(axis=1)))
-    sizes = np.where(sizes > 0.0, sizes, np.minimum(1.0, box.upper - box.lower))
+    for j in np.flatnonzero(sizes == 0.0).tolist():
+        sizes[j] = _bend(system, alphas, z, here, np.eye(system.size)[j])
+    sizes = np.where(sizes > 0.0, sizes, np.minimum(largest(sizes) or 1.0, box.upper - box.lower))
     if largest(sizes) > FAR_APART * smallest(sizes):
         sizes = np.maximum(sizes, _least_steps(system, alphas, sizes))
     return sizes
@@ -295,6 +300,31 @@ def _reach(
     return float(BASE**high / PART)
 
 
+def _bend(
+    system: PiecewiseSystem, alphas: Sequence[float], z: Array, here: Sequence[Array], way: Array
+) -> float:
+    """Return the step along a way at which H is clearly not in proportion to the step; 0 if none.
+
+    H has no terms at a solution that stays for all alpha, such as z = 0: only bends tell the units.
+    The longest step of all alphas counts, because at a branch point H is nothing but bent.
+    """
+    box = Box.of(system)
+
+    def bend(alpha: float, before: Array) -> float:
+        def change(step: float) -> Array:
+            return _residual(system, box.inside(z + step * way), alpha) - before
+
+        def is_bent(power: int) -> bool:
+            step = BASE**power
+            once, twice = np.array([[change(k * s) for s in (step, -step)] for k in (1.0, 2.0)])
+            return is_anywhere((np.abs(twice - 2.0 * once) > BENT * np.abs(twice)).ravel())
+
+        power = _first(is_bent, -POWERS, POWERS)
+        return float(BASE**power / PART) if 1 - POWERS < power < POWERS else 0.0
+
+    return max(map(bend, alphas, here))
+
+
 def _first(holds: Callable[[int], bool], low: int, high: int) -> int:
     """Return the first power at which a condition holds, by bisection."""
     while high - low > 1:
@@ -355,15 +385,23 @@ def _terms(system: PiecewiseLinearSystem, interval: Range, sign: bool) -> Array:
 
 def _by_newton(system: PiecewiseSystem, interval: Range, z: Array) -> Array:
     """Return the sizes of the Newton steps at both ends, the largest for unknowns that stay."""
-    steps = np.zeros(system.size)
-    for alpha in interval:
+    steps = np.zeros((2, system.size))
+    for i, alpha in enumerate(interval):
         jacobian = jacobian_at(system, z, alpha, system.character(z, alpha))
-        factor = bordered(jacobian, last_unit(system.size + 1), balanced_columns(jacobian))
+        way = balanced_columns(jacobian)
+        factor = bordered(jacobian, last_unit(system.size + 1), way)
         if not factor.is_singular():
-            step = factor.solve(joined(_residual(system, z, alpha), 0.0))
-            steps = np.maximum(steps, _finite(np.abs(step[:-1])))
-            steps = _without_tails(steps, jacobian)
-    return np.where(steps > 0.0, steps, 1.0)
+            steps[i] = _finite(factor.solve(joined(_residual(system, z, alpha), 0.0))[:-1])
+    sizes, middle = np.abs(steps).max(axis=0), 0.5 * sum(interval)
+    before, after = (np.abs(_residual(system, x, middle)) for x in (z, z - steps[0]))
+    stays = largest(np.ptp(steps, axis=0)) <= STILL * largest(sizes)
+    if stays and largest(after) <= STILL * largest(before):  # a solution of all alphas
+        z, way = z - steps[0], way[:-1]
+        here = [_residual(system, z, alpha) for alpha in interval]
+        sizes = way * _bend(system, interval, z, here, way * generic(system.size))
+    else:
+        sizes = _without_tails(sizes, jacobian)
+    return np.where(sizes > 0.0, sizes, 1.0)
 
 
 def _without_tails(sizes: Array, jacobian: Matrix) -> Array:

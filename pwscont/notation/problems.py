@@ -10,7 +10,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from pwscont import InvalidInputError
-from pwscont.extending import Array, Matrix, balanced, finite_array
+from pwscont.extending import Array, Matrix, balanced, finite_array, generic
 from pwscont.notation.dual import Dual, as_dual, as_operand, joined
 from pwscont.notation.notated import Notated
 from pwscont.notation.switched import Switched
@@ -18,6 +18,9 @@ from pwscont.notation.switches import Switches
 
 #: Largest number of unknowns that is tried if the user does not say how many F takes.
 MOST_UNKNOWNS = 1000
+#: Largest power of two between the magnitudes of F and z at which F is compared as it is: three of
+#: sixteen digits are lost.
+FAR_UNITS = 10
 
 
 def Complementarity(  # noqa: N802  used like a class
@@ -37,7 +40,7 @@ def Complementarity(  # noqa: N802  used like a class
     Parameters
     ----------
     F : callable
-        (z, alpha) -> (n,), smooth.
+        (z, alpha) -> (n,), smooth. F in far other units than z is multiplied by powers of two.
     lower, upper : array_like or callable
         Broadcastable to (n,), infinite where there is no bound; or functions of alpha.
     n : int, optional
@@ -70,14 +73,41 @@ def Complementarity(  # noqa: N802  used like a class
     size = n if n is not None else _size(F, lower, upper)
     below, above = (bound if callable(bound) else _Constant(bound) for bound in (lower, upper))
     function = F if jacobian is None else WithJacobian(F, jacobian)
-    return Switched(size, partial(_median, function, below, above), **given)
+    factors = _factors_of(function, below, above, size)
+    return Switched(size, partial(_median, function, factors, below, above), **given)
 
 
-def _median(function: Any, below: Any, above: Any, z: Any, alpha: Any, sw: Any) -> Any:
+def _median(
+    function: Any, factors: Any, below: Any, above: Any, z: Any, alpha: Any, sw: Any
+) -> Any:
     """Return the median of z - upper, F and z - lower, in a form without small differences."""
     value = function(z, alpha)
     value = as_operand(value) if isinstance(sw, Switches) else np.asarray(value)
+    if factors is not None:
+        value = factors * value
     return -sw.clip(-value, below(alpha) - z, above(alpha) - z)
+
+
+def _factors_of(function: Any, below: Any, above: Any, size: int) -> Array | None:
+    """Return powers of two by which F has the magnitudes of z, None where F has them already.
+
+    The median compares F with z: next to a bound, F in far larger or far smaller units would be
+    rounding of z, or the other way round. Derivatives at the bounds tell the units.
+    """
+    alpha = float(generic(1)[0])
+    try:
+        with np.errstate(all="ignore"):
+            at = np.clip(np.zeros(size), below(alpha), above(alpha))
+            u = Dual.variables(np.append(at, alpha), 0, size + 1)
+            rows = as_dual(function(u[:-1], u[-1]), size + 1).rows[:, :-1]
+    except Exception:  # F may be undefined there, or take plain numbers only
+        return None
+    if rows.shape != (size, size):
+        return None
+    rows = sp.csr_array(rows)
+    rows.data[~np.isfinite(rows.data)] = 0.0
+    factors = np.where(abs(rows).sum(axis=1) > 0.0, _factors(rows), 1.0)
+    return factors if np.abs(np.log2(factors)).max() > FAR_UNITS else None
 
 
 def LCP(M: Any, q: Any, d: Any, **given: Any) -> Notated:  # noqa: N802  the usual name
@@ -112,11 +142,10 @@ def LCP(M: Any, q: Any, d: Any, **given: Any) -> Notated:  # noqa: N802  the usu
         raise InvalidInputError(f"M must be square, got shape {matrix.shape}")
     n = matrix.shape[0]
     q, d = finite_array("q", q, (n,)), finite_array("d", d, (n,))
-    # z is compared with w: a row in other units would lose its digits
-    factors = _factors(matrix)
-    matrix = sp.diags(factors) @ matrix if sp.issparse(matrix) else factors[:, np.newaxis] * matrix
-    q, d = factors * q, factors * d
-    return Complementarity(lambda z, t: matrix @ z + q + t * d, n=n, **{"linear": True} | given)
+    median = partial(_median, lambda z, t: matrix @ z + q + t * d, _factors(matrix))
+    return Switched(
+        n, partial(median, _Constant(0.0), _Constant(np.inf)), **{"linear": True} | given
+    )
 
 
 def _factors(matrix: Any) -> Array:

@@ -134,20 +134,22 @@ def branch_point(curve: Curve, found: Crossing, state: State) -> SpecialPointFou
 def branch_point_on_interface(curve: Curve, state: State) -> SpecialPointFound | None:
     """Return the point where curves cross a path along an interface, as of z (|z| - alpha) at 0.
 
-    Each cell next to the path has a crossing curve of its own, of which the half inside the cell is
-    followed. None where no cell has one.
+    Each cell next to the path has a crossing curve of its own. The half inside the cell is
+    followed. If the equations of the cell that is followed have such a curve outside of the cell
+    only, the path just goes on. None where nothing crosses, or two paths along the interface cross.
 
     ``state``: the point as an arrival on the path.
     """
     every = _in_cells(curve, curve.selection.adjacent_cells)
     rays = [ray for own in every for ray in _crossing_rays(own, state)]
-    if not rays:
+    if not (rays or _leaves_interface(curve, state)):
         return None
     after = _sign_beside(curve, state.x, state.tangent, 1.0)
     onward = State(state.x, state.tangent, state.error, after or -state.orientation)
     path = [_along(curve, Ray(curve, state).reversed()), _along(curve, Ray(curve, onward))]
-    message = f"curves cross on the boundary of {curve.selection.label}"
-    return SpecialPointFound(Kind.BRANCH_POINT, state.x, message, (*path, *rays))
+    kind, does = (Kind.BRANCH_POINT, "") if rays else (Kind.TRANSITION, ", outside of all cells")
+    message = f"curves cross on the boundary of {curve.selection.label}{does}"
+    return SpecialPointFound(kind, state.x, message, (*path, *rays))
 
 
 def path_through(curve: Curve, corner: Corner) -> SpecialPointFound | None:
@@ -210,15 +212,33 @@ def _sign_around(own: Curve, state: State) -> int:
 
 def _crossing_rays(own: Curve, state: State) -> list[Ray]:
     """Return the rays into a cell of the curve that crosses a path along the cell's boundary."""
+    if not (across := _across(own, state)):
+        return []
+    other, rates = across
+    sign = _sign_before(own, state.x, state.tangent)
+    ways = [way for way, into in ((other, rates), (-other, -rates)) if (into > 0.0).all()]
+    return [Ray(own, State(state.x, way, state.error, sign)) for way in ways]
+
+
+def _leaves_interface(own: Curve, state: State) -> bool:
+    """Tell whether the equations of a cell have a curve that crosses a path on the boundary."""
+    across = _across(own, state)
+    return across is not None and bool((np.abs(across[1]) > DISTANCE_TO_SIGN).any())
+
+
+def _across(own: Curve, state: State) -> tuple[Array, Array] | None:
+    """Return the direction in which equations of a cell cross a path on the boundary of the cell.
+
+    With the direction come the rates of the tests that vanish, relative to their gradients.
+    """
     metric, x = own.metric, state.x
     if not (found := crossing_near(own, x)):
-        return []
+        return None
     other = _least_along(found, metric.covector(state.tangent))
-    sign = _sign_before(own, x, state.tangent)
     gradients = own.selection.test_gradients(x)
-    vanish = np.abs(own.selection.tests(x)) <= LOCATED_AGAIN * (abs(gradients) @ metric.scale)
-    ways = [way for way in (other, -other) if (product(gradients, way)[vanish] > 0.0).all()]
-    return [Ray(own, State(x, way, state.error, sign)) for way in ways]
+    sizes = abs(gradients) @ metric.scale
+    vanish = np.abs(own.selection.tests(x)) <= LOCATED_AGAIN * sizes
+    return other, (product(gradients, other) / np.where(sizes > 0.0, sizes, 1.0))[vanish]
 
 
 def _least_along(found: Crossing, rows: Matrix) -> Array:
