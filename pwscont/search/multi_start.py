@@ -19,7 +19,6 @@ import numpy as np
 from pwscont.basics.arrays import Array, finite_array
 from pwscont.basics.errors import InvalidInputError
 from pwscont.basics.outcome import Guarantee, SearchScope
-from pwscont.basics.printing import counted
 from pwscont.curve.error_samples import Found
 from pwscont.curve.metric import Metric, Range
 from pwscont.search.enumeration import starts_at
@@ -115,7 +114,7 @@ class MultiStart(Search):
 
     def searched(self, system: PiecewiseSystem) -> SearchScope:
         """Promise nothing."""
-        starts = counted(self.count, "start")
+        starts = "1 start" if self.count == 1 else f"{self.count} starts"
         what = f"Newton from {starts} at both ends (seed {self.seed}), with deflation"
         return SearchScope(what, Guarantee.NOTHING)
 
@@ -207,7 +206,7 @@ class Throughout(Search):
     def searched(self, system: PiecewiseSystem) -> SearchScope:
         """Promise nothing."""
         what = "Newton once per cell at both ends; " if self.in_cells else ""
-        what += f"Newton from {counted(self.at_ends, 'start')} at both ends (seed 0)"
+        what += f"Newton from {self.at_ends} starts at both ends (seed 0)"
         what += f" and {self.count} at {self.slices} values of alpha between, deflated"
         what += ", and where one equation changes its sign" if shown_size(system) == 1 else ""
         what += "; again while more is found"
