@@ -58,7 +58,7 @@ LONGEST_FILE = 500
 BUDGET = {
     "basics": (10, 1183),
     "system": (10, 2201),
-    "linear": (11, 1484),
+    "linear": (11, 1480),
     "notation": (13, 2884),
     "curve": (13, 3011),
     "enumeration": (11, 2671),
