@@ -113,7 +113,6 @@ def changed(seed, smallest):
 @pytest.mark.parametrize("seed", range(40))
 @pytest.mark.sweep(6)
 def test_changes_lead_to_the_matrix_as_it_is(seed):
-    """Solutions, also with the transposed matrix."""
     matrix, made, bound = changed(seed, 1e-3)
     rng = np.random.default_rng(seed)
     assert made.count > MOST_CHANGES_KEPT // 2
@@ -121,9 +120,6 @@ def test_changes_lead_to_the_matrix_as_it_is(seed):
     exact = np.linalg.solve(matrix, rhs.T).T
     for solved in (made.solve_all(rhs), [made.solve(one) for one in rhs]):
         np.testing.assert_allclose(solved, exact, rtol=0.0, atol=bound * np.abs(exact).max())
-    exact = np.linalg.solve(matrix.T, rhs[0])
-    transposed = made.solve_transposed(rhs[0])
-    np.testing.assert_allclose(transposed, exact, rtol=0.0, atol=bound * np.abs(exact).max())
 
 
 @pytest.mark.parametrize("seed", range(10))
@@ -137,7 +133,6 @@ def test_a_factorisation_and_its_changes_are_one_of_the_changed_matrix(seed):
         matrix += np.outer(c, g)
         bound = 1e-11 * np.linalg.cond(matrix)
         np.testing.assert_allclose(made.solve(matrix @ rhs), rhs, atol=bound)
-        np.testing.assert_allclose(made.solve_transposed(rhs @ matrix), rhs, atol=bound)
         assert made.sign == np.linalg.slogdet(matrix)[0]
 
 

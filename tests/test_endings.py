@@ -2,16 +2,10 @@
 
 import numpy as np
 import pytest
+from searches import Nothing
 
-from pwscont import PiecewiseLinearSystem, Search, explore, trace
+from pwscont import PiecewiseLinearSystem, explore, trace
 from pwscont.extending import Ending
-
-
-class Nowhere(Search):
-    """Finds nothing, so that only given starts are followed."""
-
-    def starts(self, system, metric, interval):
-        return iter(())
 
 
 class Fuse(PiecewiseLinearSystem, Ending):
@@ -66,7 +60,7 @@ def test_a_curve_ends_from_either_side(asked, alpha):
     ],
     ids=str,
 )
-@pytest.mark.parametrize("search", [None, Nowhere()], ids=["default", "nowhere"])
+@pytest.mark.parametrize("search", [None, Nothing()], ids=["default", "nowhere"])
 def test_no_curve_goes_on_as_another_from_any_start(starts, search):
     graph = explore(Fuse((False, True)), (0.0, 1.0), starts=starts, search=search)
     (point,) = (p for p in graph.special_points() if p.alpha == 0.5)

@@ -8,6 +8,7 @@ from pwscont_coulomb import AffineLoad, CoulombFriction, CoulombLoad, FromFricti
 from random_bodies import contact_body, load_with_several_solutions, random_body, random_vector
 from reference_enumeration import enumerate_solutions as brute_force
 from reference_enumeration import modes_of, slacks
+from searches import Nothing
 from sweeps import swept
 
 from pwscont import (
@@ -304,13 +305,6 @@ def test_default_search_by_size():
     assert explore(friction, (0.0, 6.0)).guarantee == BUT_LOOPS
     assert explore(large_system(0)[2], (0.0, 1.0)).guarantee == "balanced"
     assert explore(Cubic(), (-0.1, 0.1)).guarantee != "complete"
-
-
-class Nothing(Search):
-    """A user's search that says nothing of itself."""
-
-    def starts(self, system, metric, interval):
-        return iter(())
 
 
 PROMISES = {

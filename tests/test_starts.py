@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from searches import Nothing
 
 from pwscont import (
     EndPoints,
@@ -9,7 +10,6 @@ from pwscont import (
     InvalidSystemError,
     MultiStart,
     PiecewiseSystem,
-    Slices,
     SlicewiseLinearSystem,
     StartNotFoundError,
     explore,
@@ -71,7 +71,7 @@ class Parallels(PiecewiseSystem):
 
 def test_given_starts_are_followed_first():
     given = [([997.02], 0.0), ([-400.45], 0.5)]
-    graph = explore(Parallels(), (0.0, 1.0), starts=given, search=Slices(()))
+    graph = explore(Parallels(), (0.0, 1.0), starts=given, search=Nothing())
     assert sorted(s.z[0] for s in graph.solutions(0.5)) == pytest.approx([-400.5, 997.5])
     assert graph.searched.what.startswith("2 given starts; ")
 
@@ -82,6 +82,7 @@ def test_the_search_looks_around_given_starts():
     search = default_search(system, (0.0, 1.0), [np.array([1000.02])])
     assert "around=((1000.02,),)" in repr(search)
     one = MultiStart(count=1, around=((1000.02,),))
+    assert one.searched(system).what.startswith("Newton from 1 start at both ends (")
     found = one.starts(system, Metric.of(system, (0.0, 1.0)), (0.0, 1.0))
     assert next(found)[0][0] == pytest.approx(1000.0)
 

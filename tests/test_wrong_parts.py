@@ -182,6 +182,8 @@ def test_searches_that_cannot_be_made():
         EndPoints() + MultiStart
     with pytest.raises(InvalidInputError, match=r"as in Slices\(\(0.7,\)\), got 0.7"):
         Slices(0.7)
+    with pytest.raises(InvalidInputError, match=r"one value of alpha or several, .* got \[\]"):
+        Slices([])
 
 
 # -- steps ---------------------------------------------------------------------------------------

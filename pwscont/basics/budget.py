@@ -66,13 +66,10 @@ class Limits:
         whole = isinstance(pieces, Integral) and not isinstance(pieces, bool)
         if pieces is not None and not (whole and pieces > 0):
             raise InvalidInputError(f"pieces must be a positive whole number, got {pieces!r}")
-        if seconds is not None and not _is_positive(seconds):
+        number = isinstance(seconds, Real) and not isinstance(seconds, bool)
+        most = sys.float_info.max  # a larger integer overflows
+        if seconds is not None and not (number and (0 < seconds <= most or seconds == math.inf)):
             raise InvalidInputError(f"seconds must be a positive number, got {seconds!r}")
-
-
-def _is_positive(value: object) -> bool:
-    number = isinstance(value, Real) and not isinstance(value, bool)
-    return number and (0 < value <= sys.float_info.max or value == math.inf)  # type: ignore[operator]
 
 
 #: The limits of a run to which a user gives none.

@@ -119,6 +119,12 @@ class Failure:
     ----------
     trouble : FailureReason or str
         Advice to the user: a :class:`FailureReason`, or the words of a user's own stepper.
+
+    Examples
+    --------
+    >>> from pwscont.extending import Failure, FailureReason
+    >>> print(Failure(FailureReason.NO_TURN))
+    this stepper cannot turn at a fold; use PseudoArclength
     """
 
     trouble: FailureReason | str

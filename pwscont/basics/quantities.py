@@ -141,10 +141,6 @@ class Quantities:
         names = self.naming() if callable(self.naming) else self.naming or ()
         return tuple(names)
 
-    @cached_property
-    def _components(self) -> dict[str, int]:
-        return {name: i for i, name in reversed(list(enumerate(self._names)))}
-
     @property
     def is_named(self) -> bool:
         """Whether the system names the unknowns."""
@@ -183,7 +179,7 @@ class Quantities:
         if name in self.record:
             return _recorded(name, self.record[name], z, alpha)
         if name in names:
-            return float(z[self._components[name] if self.is_named else names.index(name)])
+            return float(z[names.index(name)])
         if name in self._elsewhere:
             raise UnknownNameError(ONLY_SPECIAL.format(name))
         raise UnknownNameError(_unknown(name, [*names, *self.record]))

@@ -34,7 +34,7 @@ from pwscont.curve.stepper import Segment, StraightSegment
 from pwscont.graph import BranchGraph, Piece, SpecialPoint
 from pwscont.graph.queries import cubics_between
 from pwscont.graph.records import Place, are_one, significant
-from pwscont.system.abilities import Ending, HidesUnknowns, Reduction, shown_points
+from pwscont.system.abilities import Ending, Reduction, shown_points, shown_size
 from pwscont.system.box import Box
 from pwscont.system.system import PiecewiseSystem
 from pwscont.transitions.detector import TransitionDetector, kinds_at
@@ -162,8 +162,8 @@ def assemble(
         whole = reduction.points(points, system.size, are_errors=errors) if reduction else points
         return shown_points(system, whole)
 
-    edges, places = discovery.edges, {}
-    if discovery.nodes and (reduction or isinstance(system, HidesUnknowns)):
+    edges, places, shown = discovery.edges, {}, shown_size(system)
+    if discovery.nodes and (reduction or shown < system.size):
         places = _shown_places(discovery, show)
         edges = [_shown(edge, places, show) for edge in edges]
     edges = list(_in_order([e if e.orientation > 0 else e.reversed() for e in edges]))
@@ -172,8 +172,8 @@ def assemble(
     numbers = {node: i for i, node in enumerate(dict.fromkeys([*ends, *discovery.nodes]))}
     whole = reduction.character if reduction else None
     pieces = [_piece(edge, i, numbers, whole, system, metric) for i, edge in enumerate(edges)]
-    if isinstance(system, HidesUnknowns):
-        period = Box.of(system).period[: system.shown]
+    if shown < system.size:
+        period = Box.of(system).period[:shown]
         metric = Metric(shown_points(system, metric.scale), metric.interval, period)
     before: dict[int, list[Directed]] = defaultdict(list)
     after: dict[int, list[Directed]] = defaultdict(list)

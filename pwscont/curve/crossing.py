@@ -150,13 +150,12 @@ def may_cross(curve: Curve, state: State, index: int) -> bool:
     return not curve.metric.norm(found) < CLOSE_TO_CROSSING
 
 
-def may_lose_rank(curve: Curve, x: Array) -> bool:
-    """Tell whether the Jacobian may have rank n - 1 at most near a point; seldom by mistake."""
-    return _may_lose_rank(curve, x, _equations(curve, x))
+def may_lose_rank(curve: Curve, x: Array, equations: Array | None = None) -> bool:
+    """Tell whether the Jacobian may have rank n - 1 at most near a point; seldom by mistake.
 
-
-def _may_lose_rank(curve: Curve, x: Array, equations: Array) -> bool:
-    n = len(x) - 1
+    ``equations``: their typical magnitudes, shape (n,), if known.
+    """
+    n, equations = len(x) - 1, _equations(curve, x) if equations is None else equations
     _, matrix = _bordered(curve, x, equations, *_generic(n))
     if matrix.is_singular():
         return True
@@ -168,7 +167,7 @@ def _may_lose_rank(curve: Curve, x: Array, equations: Array) -> bool:
 def loses_rank(curve: Curve, x: Array) -> bool:
     """Tell whether the Jacobian has rank n - 1 at most at a point, compared to points beside."""
     equations = _equations(curve, x)
-    if not _may_lose_rank(curve, x, equations):
+    if not may_lose_rank(curve, x, equations):
         return False  # nearly always
     null = _null(curve, x, equations, *_generic(len(x) - 1))
     for _ in range(FIRST_BORDERS):

@@ -63,6 +63,16 @@ class Curve:
     ----------
     selection : Selection
     metric : Metric
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pwscont import LCP
+    >>> from pwscont.extending import Curve, Metric, Selection
+    >>> problem = LCP([[2.0]], q=[0.0], d=[-1.0])  # z = alpha / 2 where alpha is positive
+    >>> above = Selection(problem, problem.character(np.array([0.5]), 1.0))
+    >>> Curve(above, Metric.of(problem, (-1.0, 1.0))).selection.residual(np.array([0.5, 1.0]))
+    array([0.])
     """
 
     selection: Selection

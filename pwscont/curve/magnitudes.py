@@ -369,18 +369,14 @@ def _by_coefficients(system: PiecewiseLinearSystem, interval: Range) -> Array:
 
     Another unit of an unknown or of an equation changes nothing else.
     """
-    terms = np.vstack([_terms(system, interval, sign) for sign in (True, False)])
-    return balanced(terms, system.size)[0]
-
-
-def _terms(system: PiecewiseLinearSystem, interval: Range, sign: bool) -> Array:
-    """Return coefficients of z and values at z = 0 of a cell, shape (n, n + 2), sizes only."""
-    zero = np.zeros(system.size)
+    zero, terms = np.zeros(system.size), []
     count = len(system.test_functions(zero, interval[0]))
-    character = Character((sign,) * count)
-    jacobian = dense(jacobian_at(system, zero, interval[0], character))[:, :-1]
-    values = [residual_at(system, zero, alpha, character) for alpha in interval]
-    return _finite(np.abs(np.column_stack([jacobian, *values])))
+    for sign in (True, False):
+        character = Character((sign,) * count)
+        jacobian = dense(jacobian_at(system, zero, interval[0], character))[:, :-1]
+        values = [residual_at(system, zero, alpha, character) for alpha in interval]
+        terms.append(_finite(np.abs(np.column_stack([jacobian, *values]))))
+    return balanced(np.vstack(terms), system.size)[0]
 
 
 def _by_newton(system: PiecewiseSystem, interval: Range, z: Array) -> Array:

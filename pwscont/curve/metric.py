@@ -54,6 +54,14 @@ class Metric:
         The magnitudes, and the next larger powers of two.
     width : float
         The typical magnitude of alpha.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pwscont.extending import Metric
+    >>> metric = Metric(np.array([1e-3, 2.0]))
+    >>> metric.norm(np.array([3e-3, 8.0])), metric.normalised(np.array([0.0, 9.0]))
+    (5.0, array([0., 2.]))
     """
 
     def __init__(

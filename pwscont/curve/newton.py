@@ -224,7 +224,8 @@ def uncertainty(root: Root, unseen: Array | float = 0.0) -> Array:
     """
     # the last solve made errors as large as the largest part of the correction everywhere
     size = np.abs(root.x) + largest(root.error / root.scale) * root.scale
-    return root.factor.solve_all(_rounding(root.jacobian, root.row, size, unseen))
+    terms = joined(product(abs(root.jacobian), size), product(abs(root.row), size).item())
+    return root.factor.solve_all((EPS * terms + unseen) * samples(len(size)))
 
 
 def is_rounding(root: Root, error: Array | None = None) -> bool:
@@ -295,10 +296,3 @@ def _asides(curve: Curve, root: Root) -> Array:
     leaves = (selection.tests(x)[:, np.newaxis] + along < 0.0).any(axis=0)
     steps[leaves, :-1] *= -1.0
     return steps
-
-
-def _rounding(jacobian: Matrix, row: Matrix, size: Array, unseen: Array | float = 0.0) -> Array:
-    """Return samples of the rounding of all rows, for unknowns of a size."""
-    terms = joined(product(abs(jacobian), size), product(abs(row), size).item())
-    rounding: Array = (EPS * terms + unseen) * samples(len(size))
-    return rounding

@@ -169,6 +169,11 @@ class PseudoArclength(Stepper):
         :class:`BorderedNewton` (default) or :class:`MoorePenrose`.
     step_size : StepSize
 
+    Raises
+    ------
+    InvalidInputError
+        If a part is of another class.
+
     Examples
     --------
     >>> from pwscont import PseudoArclength, Secant, StepSize, Switched, trace
@@ -194,7 +199,9 @@ class PseudoArclength(Stepper):
         """Return a true step of the proposed length, of half of that length, and so on."""
         previous, length = self._proposed(before)
         length, failure = min(length, longest), NOT_CONVERGED
-        wanted, gap = length, self._gap(curve, before)
+        wanted, gap = length, gap_of(self.step_size, curve.selection.system)
+        if isinstance(before, CurvedSegment):  # closer after a step that was looked into closely
+            gap = min(gap, 2.0 * before.gap)
         while length >= self.step_size.smallest:
             segment = self._try(curve, interval, previous, state, length, gap)
             if not isinstance(segment, Failure):
@@ -205,13 +212,6 @@ class PseudoArclength(Stepper):
                 gap = min(gap, 0.5 * length / CLOSER_PLACES)
             failure, length = segment, 0.5 * length
         return failure
-
-    def _gap(self, curve: Curve, before: Segment | None) -> float:
-        """Return the distance between looks, closer after a step that was looked into closely."""
-        if curve.selection.is_slicewise:
-            return 0.0
-        gap = gap_of(self.step_size, curve.selection.system)
-        return min(gap, 2.0 * before.gap) if isinstance(before, CurvedSegment) else gap
 
     def _proposed(self, before: Segment | None) -> tuple[State | None, float]:
         """Return the state before on the same piece, and the length of the next step."""
@@ -394,6 +394,11 @@ class NaturalParameter(Stepper):
     ----------
     step_size : StepSize
         Lengths along the tangent, in the metric, in which the interval of alpha has length 1.
+
+    Raises
+    ------
+    InvalidInputError
+        If step_size is no StepSize.
 
     Examples
     --------

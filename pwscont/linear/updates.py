@@ -88,22 +88,18 @@ class ProductForm(Factor):
 
     def solve(self, rhs: Array) -> Array:
         """Return the solution for a right-hand side."""
-        return self._changed(self._factor.solve(rhs), self._d, self._v)
+        return self._changed(self._factor.solve(rhs))
 
     def solve_all(self, rhs: Array) -> Array:
         """Return the solutions for several right-hand sides, shape (l, k)."""
-        return self._changed(self._factor.solve_all(rhs), self._d, self._v)
+        return self._changed(self._factor.solve_all(rhs))
 
-    def solve_transposed(self, rhs: Array) -> Array:
-        """Return the solution with the transposed matrix."""
-        return self._factor.solve_transposed(self._changed(rhs, self._v, self._d))
-
-    def _changed(self, vectors: Array, rows: Array, columns: Array) -> Array:
-        """Return x - C (R x) for vectors x, with the rows R and columns C of all changes."""
+    def _changed(self, vectors: Array) -> Array:
+        """Return (I - V D) x for vectors x."""
         k = self.count
         if not k:
             return vectors
-        changed: Array = vectors - vectors.dot(rows[:k].T).dot(columns[:k])
+        changed: Array = vectors - vectors.dot(self._d[:k].T).dot(self._v[:k])
         return changed
 
     def change(self, w: Array, g: Array) -> float:

@@ -63,7 +63,13 @@ class AllTransitions(Search):
     """
 
     def starts(self, system: PiecewiseSystem, metric: Metric, interval: Range) -> Iterator[Found]:
-        """Yield the solutions at lo, then the points where each test function vanishes."""
+        """Yield the solutions at lo, then the points where each test function vanishes.
+
+        Raises
+        ------
+        InvalidInputError
+            If the system is no :class:`~pwscont.PiecewiseLinearSystem`.
+        """
         if not isinstance(system, PiecewiseLinearSystem):
             raise InvalidInputError(
                 f"AllTransitions needs a PiecewiseLinearSystem, and {type(system).__name__} is "

@@ -323,6 +323,11 @@ class Slices(Search):
     alphas : tuple of float
         Values of the interval that is explored.
 
+    Raises
+    ------
+    InvalidInputError
+        If alphas are no finite numbers, a single number without a tuple, or none at all.
+
     Examples
     --------
     >>> from pwscont import LCP, Slices, explore
@@ -335,9 +340,10 @@ class Slices(Search):
 
     def __post_init__(self) -> None:
         """Check the values."""
-        if finite_array("Slices.alphas", self.alphas).ndim != 1:
+        if finite_array("Slices.alphas", self.alphas).ndim != 1 or not len(self.alphas):
             raise InvalidInputError(
-                f"Slices takes several values of alpha, as in Slices((0.7,)), got {self.alphas!r}"
+                "Slices takes one value of alpha or several, as in Slices((0.7,)), "
+                f"got {self.alphas!r}"
             )
 
     @classmethod

@@ -114,7 +114,8 @@ class MultiStart(Search):
 
     def searched(self, system: PiecewiseSystem) -> SearchScope:
         """Promise nothing."""
-        what = f"Newton from {self.count} starts at both ends (seed {self.seed}), with deflation"
+        starts = "1 start" if self.count == 1 else f"{self.count} starts"
+        what = f"Newton from {starts} at both ends (seed {self.seed}), with deflation"
         return SearchScope(what, Guarantee.NOTHING)
 
 

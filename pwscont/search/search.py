@@ -85,9 +85,19 @@ class Search(ABC):
 
     Examples
     --------
-    >>> from pwscont import EndPoints, Slices
-    >>> EndPoints() + Slices((0.5,))
-    CombinedSearch(first=EndPoints(), second=Slices(alphas=(0.5,)))
+    >>> from pwscont import EndPoints, Search, Switched, explore
+    >>> from pwscont.extending import Failure, Guarantee, SearchScope, semismooth_newton
+    >>> class FromAbove(Search):
+    ...     def starts(self, system, metric, interval):
+    ...         found = semismooth_newton(system, metric, metric.scale[:-1], sum(interval) / 2)
+    ...         if not isinstance(found, Failure):
+    ...             yield found
+    ...     def searched(self, system):
+    ...         return SearchScope("Newton from above", Guarantee.NOTHING)
+    >>> ring = Switched(1, lambda z, t, sw: z**2 + t**2 - 1)
+    >>> graph = explore(ring, (-2.0, 2.0), search=EndPoints() + FromAbove())
+    >>> graph.count(0.0), graph.searched.what
+    (2, 'Newton once per cell at both ends; Newton from above')
     """
 
     @abstractmethod

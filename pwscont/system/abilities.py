@@ -36,7 +36,24 @@ class Compact(ABC):
 
 
 class Ending(ABC):
-    """A system whose curves end at some interfaces, as the locus of a transition does."""
+    """A system whose curves end at some interfaces, as the locus of a transition does.
+
+    Examples
+    --------
+    >>> from pwscont import PiecewiseLinearSystem, trace
+    >>> from pwscont.extending import Ending
+    >>> class Fuse(PiecewiseLinearSystem, Ending):
+    ...     size = 1
+    ...     def test_functions(self, z, alpha):
+    ...         return 1.0 - z
+    ...     def residual(self, z, alpha, character):
+    ...         return z - alpha
+    ...     def end(self, character, tests):
+    ...         return "the fuse blows" if character.signs[0] else None
+    >>> graph = trace(Fuse(), ([0.0], 0.0), (0.0, 2.0))
+    >>> [(point.alpha, point.message) for point in graph.special_points("end")]
+    [(1.0, 'the fuse blows')]
+    """
 
     @abstractmethod
     def end(self, character: Character, tests: frozenset[int]) -> str | None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import chain, product
@@ -61,12 +61,6 @@ def characters(blocks: Sequence[Block], tests: int) -> Iterator[Character]:
     decided = [test for block in blocks for test in block.tests]
     for modes in product(*(block.modes for block in blocks)):
         yield positive.with_signs(decided, chain.from_iterable(modes))
-
-
-def _residual_of(system: PiecewiseSystem, x: Array, character: Character) -> Array:
-    """Return H_chi(x) for differences, which copy the value and would not notice a wrong shape."""
-    value = system.residual(x[:-1], float(x[-1]), character)
-    return checked_array(system, "residual", value, (system.size,))
 
 
 def _some_of(system: PiecewiseSystem, rows: Any, alpha: float, which: Indices) -> Any:
@@ -149,17 +143,23 @@ class PiecewiseSystem(Undefined, ABC):
     def jacobian(self, z: Array, alpha: float, character: Character) -> Matrix:
         """Return d H_chi / d(z, alpha), shape (n, n + 1), dense or scipy.sparse.
 
-        Default: by :meth:`differences`.
+        Default: by :meth:`differences`, exact where a class promises that H is affine.
         """
-        return self.differences(alpha).jacobian(
-            lambda x: _residual_of(self, x, character), np.append(z, alpha)
-        )
+
+        def residual(x: Array) -> Array:
+            value = self.residual(x[:-1], float(x[-1]), character)
+            return checked_array(self, "residual", value, (self.size,))
+
+        return self._default_jacobian_of(residual, joined(z, alpha))
 
     def test_jacobian(self, z: Array, alpha: float) -> Matrix:
-        """Return d kappa / d(z, alpha), shape (m, n + 1); default by :meth:`differences`."""
-        return self.differences(alpha).jacobian(
-            lambda x: self.test_functions(x[:-1], float(x[-1])), np.append(z, alpha)
-        )
+        """Return d kappa / d(z, alpha), shape (m, n + 1); default as of :meth:`jacobian`."""
+        tests = self.test_functions
+        return self._default_jacobian_of(lambda x: tests(x[:-1], float(x[-1])), joined(z, alpha))
+
+    def _default_jacobian_of(self, function: Callable[[Array], Array], x: Array) -> Array:
+        """Return the Jacobian at x of a function that is as smooth as a selection."""
+        return self.differences(float(x[-1])).jacobian(function, x)
 
     def differences(self, alpha: float) -> Differences:
         """Return the object that differentiates functions of (z, alpha), in steps that fit.
@@ -211,13 +211,14 @@ class PiecewiseSystem(Undefined, ABC):
     @property
     def knows_jacobian(self) -> bool:
         """Whether the derivatives are the system's own, which no typical magnitude changes."""
-        return getattr(self.jacobian, "__func__", None) is not PiecewiseSystem.jacobian
+        own = getattr(self.jacobian, "__func__", None) is not PiecewiseSystem.jacobian
+        return own or isinstance(self, SlicewiseLinearSystem)
 
     @property
     def knows_derivatives(self) -> bool:
         """Whether the derivatives of H and of the tests are the system's own."""
-        tests = getattr(self.test_jacobian, "__func__", None)
-        return self.knows_jacobian and tests is not PiecewiseSystem.test_jacobian
+        own = getattr(self.test_jacobian, "__func__", None) is not PiecewiseSystem.test_jacobian
+        return self.knows_jacobian and (own or isinstance(self, SlicewiseLinearSystem))
 
     @property
     def _is_fitted(self) -> bool:
@@ -366,17 +367,9 @@ class SlicewiseLinearSystem(PiecewiseSystem):
     'complete but for closed loops'
     """
 
-    def jacobian(self, z: Array, alpha: float, character: Character) -> Matrix:
-        """Return d H_chi / d(z, alpha), shape (n, n + 1); the default is exact in z."""
-        return self.differences(alpha).exact_in_z(
-            lambda x: _residual_of(self, x, character), np.append(z, alpha)
-        )
-
-    def test_jacobian(self, z: Array, alpha: float) -> Matrix:
-        """Return d kappa / d(z, alpha), shape (m, n + 1); the default is exact in z."""
-        return self.differences(alpha).exact_in_z(
-            lambda x: self.test_functions(x[:-1], float(x[-1])), np.append(z, alpha)
-        )
+    def _default_jacobian_of(self, function: Callable[[Array], Array], x: Array) -> Array:
+        """Return the Jacobian at x of a function that is affine in z."""
+        return self.differences(float(x[-1])).exact_in_z(function, x)
 
     def blocks(self) -> tuple[Block, ...]:
         """Return the parts whose modes combine freely; default a single part with all cells."""
@@ -412,13 +405,9 @@ class PiecewiseLinearSystem(SlicewiseLinearSystem):
     'complete'
     """
 
-    def jacobian(self, z: Array, alpha: float, character: Character) -> Matrix:
-        """Return the constant matrix d H_chi / d(z, alpha), shape (n, n + 1)."""
-        return self.differences(alpha).exact(lambda x: _residual_of(self, x, character))
-
-    def test_jacobian(self, z: Array, alpha: float) -> Matrix:
-        """Return the constant matrix d kappa / d(z, alpha), shape (m, n + 1)."""
-        return self.differences(alpha).exact(lambda x: self.test_functions(x[:-1], float(x[-1])))
+    def _default_jacobian_of(self, function: Callable[[Array], Array], x: Array) -> Array:
+        """Return the constant Jacobian of an affine function."""
+        return self.differences(float(x[-1])).exact(function)
 
     def kink(self, before: Character, after: Character, test: int) -> Array | None:
         """Return c, shape (n,), where H_after - H_before = c kappa_test at every point (F11).

@@ -137,10 +137,22 @@ class TransitionDetector(ABC):
 
     Examples
     --------
-    >>> from pwscont import TransitionDetector
-    >>> from pwscont.transitions import SmoothFolds
-    >>> isinstance(SmoothFolds(), TransitionDetector)
-    True
+    >>> import numpy as np
+    >>> from pwscont import Switched, TransitionDetector, trace
+    >>> from pwscont.extending import Ray, Reading, SpecialPointFound, locate_zero
+    >>> class Level(TransitionDetector):  # z falls to 1/2
+    ...     def read(self, curve, state):
+    ...         return Reading(state.x[:1] - 0.5, state.tangent[:1])
+    ...     def locate(self, segment, index, bracket):
+    ...         row = np.array([1.0, 0.0])
+    ...         return locate_zero(segment, lambda x: (x[0] - 0.5, row), bracket)
+    ...     def arrive(self, curve, state, index):
+    ...         forth = Ray(curve, state)
+    ...         return SpecialPointFound("level", state.x, "low", (forth.reversed(), forth))
+    >>> circle = Switched(1, lambda z, t, sw: z**2 + t**2 - 1)
+    >>> graph = trace(circle, ([1.0], 0.0), (-2.0, 2.0), detectors=[Level()])
+    >>> [round(point.alpha, 6) for point in graph.special_points("level")]
+    [-0.866025, 0.866025]
     """
 
     is_affine: bool = False
@@ -360,9 +372,6 @@ def locate_zero(
 class _OffCurveError(Exception):
     """The corrector failed within a bracket; carries the failure out of the root finder."""
 
-    def __init__(self, failure: Failure) -> None:
-        self.failure = failure
-
 
 def locate_point(segment: Segment, s: float) -> State | Failure:
     """Return the state of the curve at a distance along a straight segment."""
@@ -408,4 +417,5 @@ def locate_sign_change(
         s = brentq(along, *bracket, xtol=xtol, rtol=4.0 * EPS, maxiter=most)
         return state(s) if is_curved else locate_point(segment, s)
     except _OffCurveError as off:
-        return off.failure
+        failure: Failure = off.args[0]
+        return failure

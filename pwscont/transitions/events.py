@@ -301,7 +301,7 @@ ALWAYS = (
 
 
 def checked_events(events: Mapping[str, Any], shown: int | None = None) -> Events:
-    """Return the detector of events given by name.
+    """Return the events that a user gives by name.
 
     Event functions are given the first ``shown`` unknowns, default all.
 
