@@ -15,6 +15,7 @@ to the places must be in order.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import lru_cache
 from math import ceil, inf, nan, sqrt
 
@@ -68,16 +69,13 @@ def farthest_off(segment: CurvedSegment, factor: Factor, allowed: float, is_sure
     single place is enough in a step no longer than the gap.
     """
     if not 0.0 < segment.gap < segment.length:
-        places = np.array([INSIDE] if is_sure else [INSIDE, SECOND])
-        off, _ = _looked_at(segment, factor, _weights(places))
-        worst = _farthest(off) if len(off) == len(places) else nan
-        return worst if worst < inf else nan
+        return _off_at(segment, factor, (INSIDE,) if is_sure else (INSIDE, SECOND))
     count = min(max(ceil(segment.length / segment.gap) - 1, 2), MOST_PLACES)
     u, weights, rough = _places(count)
     off, alphas = _looked_at(segment, factor, weights)
     if len(off) < count and not segment.curve.metric.admits(segment.near(INSIDE * segment.length)):
         return nan
-    worst = _farthest(off)
+    worst = sqrt(largest(np.einsum("ij,ij->i", off, off)))
     if not worst <= allowed:
         return worst  # may be nan
     if worst > INVISIBLE and len(off) == count:
@@ -112,9 +110,18 @@ def _weights(u: Array) -> Array:
     return np.stack([u - first + last, first, -last], axis=1)
 
 
-def _farthest(off: Array) -> float:
-    """Return the largest of some distances, each a row of components in typical magnitudes."""
-    return sqrt(largest(np.einsum("ij,ij->i", off, off)))
+def _off_at(segment: CurvedSegment, factor: Factor, parts: Sequence[float]) -> float:
+    """Return how far the curve is from the cubic at some parts of the step at most."""
+    curve, worst = segment.curve, 0.0
+    for part in parts:
+        x = segment.near(part * segment.length)
+        if not curve.metric.admits(x):
+            return nan
+        off = curve.metric.norm(factor.solve(curve.selection.residual_and(x, 0.0)))
+        if not off < inf:
+            return nan
+        worst = max(off, worst)
+    return worst
 
 
 def _looked_at(segment: CurvedSegment, factor: Factor, weights: Array) -> tuple[Array, Array]:
