@@ -56,16 +56,16 @@ LONGEST_FILE = 500
 #: Most files and lines of each room, a little above the figures when they were set. When a room
 #: becomes smaller, its budget becomes smaller.
 BUDGET = {
-    "basics": (10, 1184),
+    "basics": (10, 1186),
     "system": (10, 2195),
     "linear": (11, 1484),
     "notation": (13, 2884),
-    "curve": (13, 3006),
+    "curve": (13, 3012),
     "enumeration": (11, 2671),
-    "transitions": (13, 3937),
-    "graph": (10, 2702),
+    "transitions": (13, 3941),
+    "graph": (10, 2705),
     "search": (7, 1657),
-    "continuation": (8, 2760),
+    "continuation": (8, 2764),
     "kit": (4, 940),
     "proof": (9, 2213),
     "scenes": (14, 2652),
