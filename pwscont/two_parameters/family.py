@@ -133,7 +133,7 @@ class Family:
             raise InvalidSystemError(
                 f"the system at mu = {mu:.10g} has {sizes[0]} unknowns and {sizes[1]} tests, the "
                 f"system at mu = {self._sampled_at:.10g} {self._sizes[0]} and {self._sizes[1]}; "
-                "calls of switches that agree at one mu are one switch there: end the range of mu before"
+                "calls of switches that agree at one mu are one switch there: leave that mu out"
             )
 
     def scale(self, mus: tuple[float, float]) -> Array:
