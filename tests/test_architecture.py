@@ -71,7 +71,7 @@ BUDGET = {
     "scenes": (14, 2652),
     "view": (6, 940),
     "evolution": (14, 2999),
-    "two_parameters": (16, 3648),
+    "two_parameters": (16, 3670),
     "studies": (11, 2249),
     "bench": (15, 1840),
     "commands": (10, 1158),
