@@ -126,6 +126,42 @@ def test_a_law_with_switches_remembers():
     assert evolution.states(5.0)[0].memory == pytest.approx([0.0], abs=1e-12)
 
 
+class Jenkins(SystemWithMemory):
+    """A spring with a yield force under a force that goes up, down past the yield force, and back.
+
+    z = (stretch, force); the unit of the stretch is ``unit``. The stretch stands within the clip
+    alone.
+    """
+
+    def __init__(self, unit):
+        self.unit = unit
+
+    def remembering(self, memory):
+        def law(z, t, sw):
+            load = t - 5.0 * sw.relu(t - 1.0) + 6.0 * sw.relu(t - 1.75)
+            return [z[1] - load, z[1] - sw.clip((z[0] - memory[0]) / self.unit, -2.0, 2.0)]
+
+        return Switched(2, law, linear=True)
+
+    def memory(self, z, t):
+        return z[:1] - self.unit * z[1:]
+
+    def initial_memory(self):
+        return [0.0]
+
+
+@pytest.mark.parametrize("unit", [2.0**-40, 2.0**-20, 1.0, 2.0**20, 2.0**40])
+def test_an_unknown_within_a_clip_may_have_any_unit(unit):
+    """The corners of the load were taken for losses where the unit is large."""
+    evolution = evolve(Jenkins(unit), (0.0, 3.0))
+    assert evolution.guarantee == "all evolutions with finitely many events"
+    assert evolution.losses() == []
+    assert len(evolution.paths()) == 1
+    for t, load in ((0.5, 0.5), (1.0, 1.0), (1.5, -1.0), (1.75, -2.0), (3.0, 0.5)):
+        (state,) = evolution.states(t)
+        assert state.z == pytest.approx([unit * load, load], rel=1e-9, abs=0.0)
+
+
 def test_events_of_users_and_recorded_quantities():
     evolution = evolve(
         Pulled(),

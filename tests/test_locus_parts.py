@@ -5,6 +5,7 @@ import pytest
 from pwscont_coulomb import AffineLoad, ContactBody, CoulombLoad
 from sweeps import swept
 
+from pwscont import Axes, PlaneScene
 from pwscont.two_parameters.loci import follow_transitions, parts_of
 
 
@@ -55,3 +56,18 @@ def test_folds_end_where_a_determinant_changes_its_sign(seed, level):
                     assert part.error[place, -1] < 1e-11
                     compared += 1
     assert compared >= 4
+
+
+@pytest.mark.slow
+def test_a_locus_along_which_friction_stays_the_same():
+    """Node 2 is loaded with (2, 3) (1 + alpha): while node 1 sticks, node 2 slips below F = 1.5."""
+    A = [[10, -1, -3, 4], [-1, 4, -3, -5], [-3, -3, 10, 4], [4, -5, 4, 10]]
+    body = ContactBody(A, N=np.eye(4)[0::2], T=np.eye(4)[1::2])
+    load = AffineLoad([1, 1, 2, 3], [2, -1, 2, 3])
+    window, axes = ((-2.0, 2.0), (1.2, 2.0), (1.8,)), Axes(alpha="load", mu="F")
+    plane = PlaneScene("p", "p", lambda F: CoulombLoad(body, load, F), *window, axes).run()
+    (level,) = [p.plane for group in plane.parts for p in group if not np.ptp(p.plane[:, 1])]
+    # lambda_t of node 1 is F lambda_nu at alpha = -1 / 8
+    assert np.sort(level[[0, -1], 0]) == pytest.approx([-0.125, 2.0], rel=1e-12)
+    assert level[:, 1] == pytest.approx(1.5, rel=1e-12)
+    assert plane.guarantee.startswith("balanced; 10 of 10 regions proven")

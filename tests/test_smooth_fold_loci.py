@@ -117,3 +117,36 @@ def test_area_and_centre_of_a_triangle():
     area, centre = area_and_centre(np.array([[10.0, 5.0], [13.0, 5.0], [10.0, 11.0]]))
     assert area == pytest.approx(9.0)
     np.testing.assert_allclose(centre, [11.0, 7.0])
+
+
+class CuspInUnits(PiecewiseSystem):
+    """z^3 - mu z = t with z in another unit, and no word on the unit."""
+
+    size = 1
+
+    def __init__(self, mu, unit):
+        self.mu, self.unit = mu, unit
+
+    def test_functions(self, z, alpha):
+        return np.zeros(0)
+
+    def residual(self, z, alpha, character):
+        return (z / self.unit) ** 3 - self.mu * z / self.unit - alpha
+
+    def jacobian(self, z, alpha, character):
+        slope = 3.0 * (z[0] / self.unit) ** 2 - self.mu
+        return np.array([[slope / self.unit, -1.0]])
+
+
+@pytest.mark.parametrize("unit", [1e-6, 1.0, 1e6])
+def test_folds_in_units_that_the_family_does_not_give(unit):
+    """Folds stand at z^2 = mu / 3, t = -+2 (mu / 3)^(3/2)."""
+    locus = FoldLocus(lambda mu: CuspInUnits(mu, unit), mu=1.0, alphas=(-2.0, 2.0))
+    z = unit * 3.0**-0.5
+    graph = trace(locus, locus.start([z], -2.0 * 3.0**-1.5, 1.0), (-0.5, 2.0))
+    assert graph.count(-0.2) == 0
+    for mu in (0.2, 0.9, 1.7):
+        alphas = sorted(float(solution.z[-1]) for solution in graph.solutions(mu))
+        highest = 2.0 * (mu / 3.0) ** 1.5
+        assert alphas == pytest.approx([-highest, highest], rel=1e-7)
+    assert sum(len(piece.points) for piece in graph.pieces) < 100

@@ -26,7 +26,7 @@ from pwscont_coulomb import AffineLoad, ContactBody, CoulombLoad
 from pwscont_coulomb.plane_scenes import critical_friction, fig4, fig5, fig6, load_plane
 from reference_enumeration import enumerate_solutions, modes_of
 
-from pwscont import LCP, TransitionLocus, check_system, explore, trace
+from pwscont import LCP, InvalidSystemError, Switched, TransitionLocus, check_system, explore, trace
 from pwscont.two_parameters.loci import Passing, follow_transitions, parts_of, turning
 from pwscont.two_parameters.loci_plane import LociPlane
 from pwscont.two_parameters.plane import area_and_centre
@@ -460,3 +460,20 @@ def test_sparse_bodies_have_the_same_loci():
     for dense, sparse in zip(*(graph.pieces for graph in graphs), strict=True):
         assert dense.label == sparse.label
         np.testing.assert_allclose(dense.points, sparse.points, rtol=1e-8, atol=1e-10)
+
+
+@pytest.mark.slow
+def test_switches_that_agree_at_one_mu_are_named():
+    """At mu = -0.5 both calls of relu agree: the system has one test there, two elsewhere."""
+
+    def family(mu):
+        def law(z, t, sw):
+            return z - 2.0 * sw.relu(z - mu) + 3.0 * sw.relu(z + 0.5) - t
+
+        return Switched(1, law)
+
+    locus = TransitionLocus(family, 1, mu=0.2, alphas=(-1.5, 1.5))  # z = -0.5, at t = -0.5
+    start = (np.array([-0.5, -0.5]), 0.2)
+    assert trace(locus, start, (-0.45, 0.3)).solutions(0.0)[0].z == pytest.approx([-0.5, -0.5])
+    with pytest.raises(InvalidSystemError, match=r"at mu = -0.5 has .* one switch there"):
+        trace(locus, start, (-1.0, 0.3))

@@ -39,6 +39,8 @@ FILL = "solutions fill"
 FILL_CURVES = f"{FILL} a curve or more at this alpha"
 #: The message of a point at which curves meet, only some of which are known.
 TOUCH = "curves touch here, or more than two cross: only the curves that arrive are followed"
+#: What is added to the message of a point if the determinant changed its sign on the piece before.
+TWOFOLD = "; on the way, two curves may have been taken for one"
 #: The message of a point at which only some of the branches stay within the bounds.
 ON_BOUND = "a branch ends on its bound"
 

@@ -20,7 +20,7 @@ import numpy as np
 from pwscont.basics.arrays import Array, are_finite, generic
 from pwscont.basics.budget import Budget, check_budget, current_budget
 from pwscont.basics.errors import InvalidInputError
-from pwscont.basics.outcome import Failure, FailureReason, Kind
+from pwscont.basics.outcome import TWOFOLD, Failure, FailureReason, Kind
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.magnitudes import Gauge
 from pwscont.curve.metric import Range
@@ -177,6 +177,7 @@ class PieceFollower:
         self._blocked = self._tiny = self._shortened = 0
         self._part = part_of(ray.curve)
         self._stops: EventsAlong | None = None
+        self._is_twofold = False
 
     def _to_the_end(self) -> Followed:
         """Return the piece, step after step."""
@@ -279,6 +280,8 @@ class PieceFollower:
         before, self._step_before = self._step_before, step
         self._state_before, self._state = self._state, step.end
         self._points.append(step.end.x)
+        # no detector took the change of sign for a special point
+        self._is_twofold |= step.start.orientation != step.end.orientation
         if before and step.length < SHORTENED * before.suggestion:
             self._shortened += 1
         elif before and before.suggestion > before.length:  # else kept short for another reason
@@ -302,6 +305,7 @@ class PieceFollower:
         watch, events = self._watch, self._events
         arrival = watch.ended(event.arrive(self._curve))
         arrival = events.ended(arrival) if events else arrival
+        arrival = arrival.adding(TWOFOLD) if self._is_twofold else arrival
         final = ended_by_system(arrival)
         arrival = arrival if final is arrival else final.leading(final.rays[:1])
         return self._points_to(step, event.position, event.state), arrival

@@ -365,18 +365,28 @@ def _finite(sizes: Array) -> Array:
 
 
 def _by_coefficients(system: PiecewiseLinearSystem, interval: Range) -> Array:
-    """Return the magnitudes that balance the rows of the cells of all positive and negative tests.
+    """Return the magnitudes that balance the rows of some cells.
 
-    Another unit of an unknown or of an equation changes nothing else.
+    Another unit of an unknown or of an equation changes nothing else. The cells are those of all
+    positive and of all negative tests; where some unknown stands in no row of these, as the
+    unknown in ``clip(z)`` does, cells with one other sign are added.
     """
-    zero, terms = np.zeros(system.size), []
-    count = len(system.test_functions(zero, interval[0]))
-    for sign in (True, False):
-        character = Character((sign,) * count)
-        jacobian = dense(jacobian_at(system, zero, interval[0], character))[:, :-1]
-        values = [residual_at(system, zero, alpha, character) for alpha in interval]
-        terms.append(_finite(np.abs(np.column_stack([jacobian, *values]))))
-    return balanced(np.vstack(terms), system.size)[0]
+    count = len(system.test_functions(np.zeros(system.size), interval[0]))
+    cells = [Character((sign,) * count) for sign in (True, False)]
+    terms = np.vstack([_terms(system, interval, cell) for cell in cells])
+    for cell in (cell.flip(test) for test in range(count) for cell in cells):
+        if terms[:, : system.size].any(axis=0).all():
+            break
+        terms = np.vstack([terms, _terms(system, interval, cell)])
+    return balanced(terms, system.size)[0]
+
+
+def _terms(system: PiecewiseLinearSystem, interval: Range, cell: Character) -> Array:
+    """Return coefficients of z and values at z = 0 of a cell, shape (n, n + 2), sizes only."""
+    zero = np.zeros(system.size)
+    jacobian = dense(jacobian_at(system, zero, interval[0], cell))[:, :-1]
+    values = [residual_at(system, zero, alpha, cell) for alpha in interval]
+    return _finite(np.abs(np.column_stack([jacobian, *values])))
 
 
 def _by_newton(system: PiecewiseSystem, interval: Range, z: Array) -> Array:

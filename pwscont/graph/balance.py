@@ -24,6 +24,7 @@ from pwscont.basics.outcome import (
     NOTHING_FOUND,
     ON_BOUND,
     TOUCH,
+    TWOFOLD,
     FailureReason,
     Guarantee,
     Kind,
@@ -291,6 +292,8 @@ def _doubts(graph: ConnectedPieces) -> Iterator[str]:
     left = [p for p in filled if not all(piece.is_vertical for piece in graph.pieces_at(p.id))]
     yield from _places("solutions fill more than curves", graph, left)
     yield from _touches(graph)
+    twofold = [point for point in graph.nodes if TWOFOLD in point.message]
+    yield from _places("two curves may be taken for one on the piece that ends", graph, twofold)
     begun = [graph.point(each.start) for each in graph.pieces if _goes_back(graph, each)]
     yield from _places("a fold was passed over on the piece that begins", graph, begun)
     vague = [point for point in graph.nodes if point.digits < TOO_FEW_DIGITS]

@@ -113,6 +113,10 @@ class SpecialPointFound:
         """Return the same special point with other ways on."""
         return SpecialPointFound(self.kind, self.x, self.said, rays)
 
+    def adding(self, words: str) -> SpecialPointFound:
+        """Return the same special point with words at the end of the message."""
+        return SpecialPointFound(self.kind, self.x, self.message + words, self.rays)
+
     def __repr__(self) -> str:
         rays = counted(len(self.rays), "ray")
         return named(self, self.kind, at(self.x), short(self.message), rays)

@@ -100,6 +100,7 @@ class Family:
         self._make, self._sampled_at, self._limits = make, float(sample), limits
         self._magnitudes = magnitudes
         self.at = lru_cache(REMEMBERED)(self._checked)
+        self._sizes: tuple[int, int] | None = None
         self.sample = self.at(self._sampled_at)
 
     def __reduce__(self) -> tuple[type[Family], tuple[MakeSystem, float, AlphaRange, Array | None]]:
@@ -118,9 +119,22 @@ class Family:
                 "PiecewiseSystem is expected"
             )
         limits = self._limits
+        self._check_sizes(mu, system)
         if not limits.are_finite:
             return system
         return system.within(limits.lo, limits.hi, self._magnitudes)
+
+    def _check_sizes(self, mu: float, system: PiecewiseSystem) -> None:
+        """Refuse a system with other numbers of unknowns or tests than the first system."""
+        alpha = self._limits.lo if self._limits.are_finite else 0.0
+        sizes = system.size, len(system.test_functions(np.zeros(system.size), alpha))
+        self._sizes = self._sizes or sizes
+        if sizes != self._sizes:
+            raise InvalidSystemError(
+                f"the system at mu = {mu:.10g} has {sizes[0]} unknowns and {sizes[1]} tests, the "
+                f"system at mu = {self._sampled_at:.10g} {self._sizes[0]} and {self._sizes[1]}; "
+                "calls of switches that agree at one mu are one switch there: leave that mu out"
+            )
 
     def scale(self, mus: tuple[float, float]) -> Array:
         """Return typical magnitudes of z, shape (n,), over ``mus`` and the limits of alpha."""

@@ -323,8 +323,13 @@ def _inner(locus: Locus, piece: Piece) -> list[Array]:
 def _between(
     graph: BranchGraph, piece: Piece, ends: tuple[Array, Array], flat: float
 ) -> list[Array]:
-    """Return points of a piece between the points ``ends``, so dense that chords are flat."""
+    """Return points of a piece between the points ``ends``, so dense that chords are flat.
+
+    A vertical piece, along which mu stays the same, is straight in the plane of alpha and mu.
+    """
     a, b = ends
+    if piece.is_vertical:
+        return [0.5 * (a + b)]
     middle, _ = _on(graph, piece, 0.5 * float(a[-1] + b[-1]))
     if abs(middle[-2] - 0.5 * (a[-2] + b[-2])) <= flat:
         return [middle]
@@ -347,7 +352,12 @@ def _crossing(value: float) -> Passing:
 def _cuts(
     locus: Locus, piece: Piece, ends: tuple[Array, Array], sides: Indices
 ) -> list[tuple[Array, Array]]:
-    """Return the points where the slope of exactly one side changes sign, with errors."""
+    """Return the points where the slope of exactly one side changes sign, with errors.
+
+    None on a vertical piece, on which mu does not tell the points.
+    """
+    if piece.is_vertical:
+        return []
     found = [_cut(locus, piece, (float(ends[0][-1]), float(ends[1][-1])), side) for side in sides]
     found.sort(key=lambda cut: abs(cut[0][-1] - ends[0][-1]))
     if len(found) == 2 and abs(np.diff([x[-1] for x, _ in found])) <= sum(e[-1] for _, e in found):

@@ -26,7 +26,7 @@ Failure modes and answers
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import Any, final
+from typing import Any, Self, final
 
 import numpy as np
 import scipy.sparse as sp
@@ -39,8 +39,30 @@ from pwscont.two_parameters.family import ALL, AlphaRange, Family, MakeSystem
 SIDE = True
 
 
+class LocusSystem(PiecewiseSystem, Ending):
+    """A system whose equations are those of a family, whose unknowns begin with z.
+
+    Where the family gives no typical magnitudes, those of the locus are looked for, and hold for
+    the systems of the family as well.
+    """
+
+    family: Family
+
+    @property
+    def gives_scale(self) -> bool:
+        """Whether the family gives typical magnitudes."""
+        return self.family.sample.gives_scale
+
+    def within(self, lo: float, hi: float, magnitudes: Array | None = None) -> Self:
+        """Return the same locus for work on an interval of mu."""
+        twin = super().within(lo, hi, magnitudes)
+        if magnitudes is not None:
+            twin.family = self.family.with_magnitudes(magnitudes[: self.family.sample.size])
+        return twin
+
+
 @final
-class TransitionLocus(PiecewiseSystem, Ending):
+class TransitionLocus(LocusSystem):
     """The system whose branch is the locus of a transition along a second parameter.
 
     The unknowns are (z, alpha), the parameter is mu:
@@ -225,7 +247,7 @@ def with_column(rows: Matrix, column: Array) -> Matrix:
 
 
 @final
-class FoldLocus(PiecewiseSystem, Ending):
+class FoldLocus(LocusSystem):
     """The system whose branch is the locus of a smooth fold along a second parameter.
 
     The unknowns are (z, v, alpha), the parameter is mu:
