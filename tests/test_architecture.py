@@ -63,7 +63,7 @@ BUDGET = {
     "curve": (13, 3066),
     "enumeration": (11, 2671),
     "transitions": (13, 3971),
-    "graph": (10, 2705),
+    "graph": (10, 2710),
     "search": (7, 1680),
     "continuation": (8, 2764),
     "kit": (4, 940),

@@ -149,8 +149,13 @@ class ConnectedPieces:
             A component of :meth:`components`, without branch points.
         orientation : int
             +1 or -1 (Janovsky and Ligursky 2012, Definition 1).
+
+        Returns
+        -------
+        list of SpecialPoint
+            Empty for a component without pieces, which is an isolated solution.
         """
-        nodes = [component[0].start, *(piece.end for piece in component)]
+        nodes = [*(piece.start for piece in component[:1]), *(piece.end for piece in component)]
         return [self.point(node) for node in nodes[::orientation]]
 
     def pieces_at(self, node: int) -> list[Piece]:
