@@ -81,9 +81,9 @@ def test_a_single_selection_at_kinks_is_caught(monkeypatch):
 
 
 @pytest.mark.slow
-def test_tubes_that_are_not_told_apart_are_caught(monkeypatch):
-    """Each tube counted for itself: the same solution counts several times."""
-    each = lambda tubes, found, alpha: list(range(len(tubes.first)))  # noqa: E731
+def test_enclosures_that_are_not_told_apart_are_caught(monkeypatch):
+    """Each enclosure counted for itself: the same solution counts several times."""
+    each = lambda region, found: list(range(found.lo.shape[1]))  # noqa: E731
     monkeypatch.setattr(pwscont.proof.counts, "_distinct", each)
     with pytest.raises(AssertionError):
         test_counts_of_piecewise_polynomials(range(12))

@@ -1,4 +1,4 @@
-"""What tubes and open boxes prove of the solutions of a formula in a box.
+"""What accepted and open boxes prove of the solutions of a formula in a box.
 
 The number of solutions is constant on every stretch of alpha between groups of open boxes. A group
 is *passed* if all solutions in its hull are proved to lie on one curve; the *turn* says how the
@@ -22,14 +22,16 @@ from pwscont.proof.interval import (
     MODES,
     Interval,
     chosen,
-    solved,
+    solved_last,
     together,
 )
-from pwscont.proof.search import FINEST_ALPHA, Covered, Tubes, around, inverse_of, polished
-from pwscont.proof.tape import Tape, evaluated, with_slopes
+from pwscont.proof.search import FINEST_ALPHA, Covered, Region, are_regular, covered
+from pwscont.proof.tape import evaluated, with_slopes
 
-#: How often the derivatives are taken anew when solutions are enclosed.
-NEWTONS = 3
+#: How often a solution that is enclosed is enclosed anew, ever more narrowly.
+NARROWED = 4
+#: Most boxes that are looked at for a count, for every accepted box.
+LOOKED_AT = 30
 #: Parts of a stretch at which solutions are counted, in turn, until all are told apart.
 PLACES = (0.5, 0.381966, 0.61803, 0.26, 0.74)
 ASSUMED = (
@@ -48,25 +50,23 @@ MOST_GROUPED = 4000
 WEIGHTS = 8
 
 
-def counted_proof(
-    tape: Tape, box: Interval, scale: Array, found: Covered, *, is_whole: bool = False
-) -> BoxProof:
-    """Return what tubes and open boxes with all solutions prove, from the answer of ``covered``.
+def counted_proof(region: Region, found: Covered, *, is_whole: bool = False) -> BoxProof:
+    """Return what accepted and open boxes with all solutions prove.
 
     ``is_whole``: a proof of a part is of no use, so that nothing is counted where a box is open.
     """
-    tubes, open_boxes, boxes = found
-    hulls, passed, turns = grouped(tape, open_boxes, box, scale)
-    unsaid = _united(hulls[-1], turns, FINEST_ALPHA * float(scale[-1]))
-    interval = float(box.lo[-1]), float(box.hi[-1])
+    box, alpha = region.box[:-1], region.box[-1]
+    hulls, passed, turns = grouped(region, found.open)
+    unsaid = _united(hulls[-1], turns, FINEST_ALPHA * float(region.scale[-1]))
+    interval = float(alpha.lo), float(alpha.hi)
     ends = [interval[0], *(end for lo, hi, _ in unsaid for end in (lo, hi)), interval[1]]
     pairs = zip(ends[::2], ends[1::2], strict=True) if passed.all() or not is_whole else ()
-    stretches = [_counted(tape, box, tubes, each) for each in pairs if each[0] < each[1]]
+    stretches = [_counted(region, found.accepted, each) for each in pairs if each[0] < each[1]]
     opened = list(zip(hulls.lo.T[~passed], hulls.hi.T[~passed], strict=True))
     assumed = ASSUMED + ACCURATE_FUNCTIONS * (not BY_CRIVAL)
-    assumed += AGREEING_SELECTIONS * any(step.name == "select" for step in tape.steps)
-    corners = box.lo[:-1], box.hi[:-1]
-    return BoxProof(corners, interval, stretches, unsaid, opened, boxes, assumed)
+    assumed += AGREEING_SELECTIONS * any(step.name == "select" for step in region.tape.steps)
+    corners = box.lo, box.hi
+    return BoxProof(corners, interval, stretches, unsaid, opened, found.looked_at, assumed)
 
 
 def _united(ranges: Interval, turns: Array, apart: float) -> list[tuple[float, float, float]]:
@@ -83,54 +83,46 @@ def _united(ranges: Interval, turns: Array, apart: float) -> list[tuple[float, f
     return united
 
 
-def _counted(tape: Tape, box: Interval, tubes: Tubes, stretch: Range) -> CountedStretch:
+def _counted(region: Region, boxes: Interval, stretch: Range) -> CountedStretch:
     """Return a stretch with its solutions at the first place where they are told apart."""
     lo, hi = stretch
     places = [alpha for part in PLACES if lo < (alpha := lo + (hi - lo) * part) < hi]
-    counted = ((alpha, _solutions(tape, box, tubes, alpha)) for alpha in places)
+    counted = ((alpha, enclosures_at(region, boxes, alpha)) for alpha in places)
     found = (each for each in counted if each[1] is not None)
     return CountedStretch(lo, hi, *next(found, (0.5 * (lo + hi), None)))
 
 
 @np.errstate(all="ignore")
-def _solutions(tape: Tape, box: Interval, tubes: Tubes, alpha: float) -> list[Corners] | None:
-    """Return an enclosure (least, largest) of every solution in the box at alpha, off all groups.
+def enclosures_at(region: Region, boxes: Interval, alpha: float) -> list[Corners] | None:
+    """Return an enclosure (least, largest) of every solution in accepted boxes at alpha.
 
-    None where solutions are not told apart for certain.
+    None where solutions are not enclosed, or not told apart, for certain.
     """
-    tubes = tubes.only((tubes.first <= alpha) & (alpha <= tubes.last))
-    found, whole = _enclosed(tape, tubes, alpha), box[:-1, np.newaxis]
-    outside = np.any((found.hi < whole.lo) | (found.lo > whole.hi), axis=0)
-    tubes, found = tubes.only(~outside), found[:, ~outside]
-    groups = _distinct(tubes, found, alpha) if found.is_within(whole).all() else None
-    return None if groups is None else [(found.lo[:, i], found.hi[:, i]) for i in groups]
+    boxes = boxes[:, (boxes.lo[-1] <= alpha) & (alpha <= boxes.hi[-1])]
+    boxes.lo[-1] = boxes.hi[-1] = alpha
+
+    def accepts(some: Interval, _: Interval) -> Signs:
+        holds: Signs = np.all(np.isfinite(region.enclosed(some).lo), axis=0)
+        return holds
+
+    found, left, _ = covered(region, boxes, accepts, np.inf, LOOKED_AT * boxes.lo.shape[1])
+    for _ in range(NARROWED):
+        new = region.enclosed(found)
+        found = together(np.vstack, chosen(np.isfinite(new.lo), new, found[:-1]), found[-1])
+    groups = None if left.lo.size else _distinct(region, found)
+    return None if groups is None else [(found.lo[:-1, i], found.hi[:-1, i]) for i in groups]
 
 
-def _enclosed(tape: Tape, tubes: Tubes, alpha: float) -> Interval:
-    """Return narrow enclosures of the solutions in tubes at one alpha, shape (n, k)."""
-    point = Interval(np.full(len(tubes.first), alpha))
-    known = tubes.at(point, tubes.image)
-    centre = known.middle()
-    for _ in range(NEWTONS):
-        box = Interval(np.vstack([centre, point.lo]))
-        about = with_slopes(tape.slopes, box)[1].middle()
-        centre = polished(tape, centre, point.lo, inverse_of(about[:, :-1]))
-    thin, is_proved = around(tape, box, about, tubes.radius)
-    found = thin.at(point, thin.image)
-    return chosen(is_proved & tubes.hold(found, point), found, known)
+def _distinct(region: Region, found: Interval) -> list[int] | None:
+    """Return one enclosure for every different solution, None where two are not told apart.
 
-
-def _distinct(tubes: Tubes, found: Interval, alpha: float) -> list[int] | None:
-    """Return one tube for every different solution, None where two are not told apart.
-
-    Solutions whose enclosures do not meet are different. Two enclosures that lie in one tube hold
-    the same solution.
+    Solutions whose enclosures do not meet are different. Two enclosures hold the same solution if H
+    is injective on the hull of both.
     """
     touching = _touching(found)
     one, other = np.nonzero(np.triu(touching, 1))
-    point = Interval(np.full(len(one), alpha))
-    is_same = tubes.only(one).hold(found[:, other], point)
-    is_same |= tubes.only(other).hold(found[:, one], point)
+    slopes = region.slopes(found[:, one].hull(found[:, other]))
+    is_same = are_regular(slopes[:, :-1], region.size[:-1])
     group = connected_components(touching, directed=False)[1]
     first: list[int] = np.unique(group, return_index=True)[1].tolist()
     return first if is_same.all() else None
@@ -144,13 +136,10 @@ def _touching(boxes: Interval) -> Signs:
     return touch & touch.T
 
 
-def grouped(
-    tape: Tape, boxes: Interval, whole: Interval, scale: Array
-) -> tuple[Interval, Signs, Array]:
+def grouped(region: Region, boxes: Interval) -> tuple[Interval, Signs, Array]:
     """Return the hulls of groups of open boxes (n + 1, k) that touch, which are passed, and turns.
 
-    ``whole`` is the whole box (n + 1,), and ``scale`` are the magnitudes of coordinates. Where many
-    boxes are open, every box is a group.
+    Where many boxes are open, every box is a group.
     """
     if not 0 < (number := boxes.lo.shape[1]) <= MOST_GROUPED:
         return boxes, np.zeros(number, dtype=bool), np.full(number, np.nan)
@@ -160,9 +149,9 @@ def grouped(
     np.minimum.at(lo, group, boxes.lo.T)
     np.maximum.at(hi, group, boxes.hi.T)
     hulls = Interval(lo.T, hi.T)
-    passage = _Passage(tape, hulls, scale)
+    passage = _Passage(region, hulls)
     passed = passage.is_passed()
-    return hulls, passed, np.where(passed, passage.turns(whole), np.nan)
+    return hulls, passed, np.where(passed, passage.turns(), np.nan)
 
 
 @final
@@ -172,17 +161,19 @@ class _Passage:
     If one switch may be in two modes, the derivatives are averages of both modes with any weight.
     """
 
-    def __init__(self, tape: Tape, hulls: Interval, scale: Array) -> None:
-        self._tape, self.hulls, self._scale = tape, hulls, Interval(scale[:, np.newaxis])
-        tests, by = with_slopes(tape.tests, hulls)
+    def __init__(self, region: Region, hulls: Interval) -> None:
+        self._region, self.hulls, self._scale = region, hulls, Interval(region.size)
+        tests, by = with_slopes(region.tape.tests, hulls)
         either = ~((tests.lo >= 0.0) | (tests.hi < 0.0))
         self._undecided = either.sum(axis=0)
         self._test = Interval(np.zeros_like(hulls.lo))  # of the switch that is undecided
         for k in range(len(either)):
             self._test = chosen(either[k], by[k] * self._scale, self._test)
-        hull, *modes = (with_slopes(tape.slopes, hulls, rules)[1] for rules in MODES)
-        self._modes = [chosen(self._undecided > 1, hull, each) * self._scale for each in modes]
-        self._along = np.sum([_tangent(each.middle()) for each in self._modes], axis=0)
+        hull, *modes = (with_slopes(region.tape.slopes, hulls, rules)[1] for rules in MODES)
+        modes = [chosen(self._undecided > 1, hull, each) * self._scale for each in modes]
+        along = np.sum([_tangent(each.middle()) for each in modes], axis=0)
+        #: The derivatives with one more row, along the curve.
+        self._modes = [together(np.concatenate, m, Interval(along[np.newaxis])) for m in modes]
 
     def is_passed(self) -> Signs:
         """Tell in which hulls all solutions lie on one curve without branch points."""
@@ -191,34 +182,34 @@ class _Passage:
         for k in range(WEIGHTS):
             weight = Interval(np.full(1, k / WEIGHTS), np.full(1, (k + 1) / WEIGHTS))
             mixed = chosen(self._undecided == 1, other + weight * (one - other), one)
-            found = _solved(mixed, self._along, Interval(0.0 * self._along))
-            passed &= np.isfinite(found.lo).all(axis=0)
+            passed &= are_regular(mixed, np.ones((len(one.lo), 1)))
         return passed
 
-    def turns(self, whole: Interval) -> Array:
+    def turns(self) -> Array:
         """Return the turns of groups that are passed."""
-        # tangents t, with K t = (0, ..., 0, 1)
-        unit = np.eye(len(self._along))[:, -1:] + 0.0 * self._along
-        ways = [_solved(each, self._along, Interval(unit)) for each in self._modes]
+        unit = np.zeros_like(self.hulls.lo)
+        unit[-1] = -1.0  # tangents t: K t = (0, ..., 0, 1)
+        ways = [solved_last(each, Interval(unit)) for each in self._modes]
         slope, before = (_sign(each[-1]) for each in ways)
         test, other = (_sign((self._test * each).total()) for each in ways)
         is_crossed = (self._undecided == 1) & (test == other) & (slope == -before)  # once
         kinks = np.where(is_crossed, test * slope, np.nan)
         opens = np.where(self._undecided == 0, self._of_folds(ways[0]), kinks)
-        inside = self.hulls[:-1].is_within(whole[:-1, np.newaxis]).all(axis=0)
+        inside = self.hulls[:-1].is_within(self._region.whole[:-1]).all(axis=0)
         turning = np.where(inside, opens, np.nan)
-        return np.where(slope == before, self._of_faces(whole, ways), turning)
+        return np.where(slope == before, self._of_faces(ways), turning)
 
     def _of_folds(self, way: Interval) -> Array:
         """Return the signs of the second derivative of alpha along smooth curves."""
-        bent = evaluated(self._tape.bent, together(np.vstack, self.hulls, way * self._scale))
-        right = together(np.vstack, bent, Interval(np.zeros_like(bent.lo[:1])))
-        return -_sign(_solved(self._modes[0], self._along, right)[-1])
+        bend = evaluated(self._region.tape.bent, together(np.vstack, self.hulls, way * self._scale))
+        right = together(np.vstack, bend, Interval(np.zeros_like(bend.lo[:1])))
+        return _sign(solved_last(self._modes[0], right)[-1])
 
-    def _of_faces(self, whole: Interval, ways: list[Interval]) -> Array:
+    def _of_faces(self, ways: list[Interval]) -> Array:
         """Return the turns of hulls in which the curve goes on in alpha, by the faces touched."""
         touched = turns = 0.0 * self._undecided
-        for i in range(self._tape.size):
+        whole = self._region.whole
+        for i in range(self._region.tape.size):
             one, other = (_sign(each[i]) * _sign(each[-1]) for each in ways)
             speed = np.where(one == other, one, np.nan)
             at_least, at_most = self.hulls.lo[i] <= whole.lo[i], self.hulls.hi[i] >= whole.hi[i]
@@ -239,15 +230,3 @@ def _tangent(slopes: Array) -> Array:
     sign = np.linalg.slogdet(np.concatenate([rows, tangent], axis=1))[0]
     oriented: Array = (sign[:, np.newaxis] * tangent[:, 0]).T
     return oriented
-
-
-def _solved(slopes: Interval, along: Array, right: Interval) -> Interval:
-    """Return what holds all x, shape (n + 1, k), with K x = right.
-
-    K are the derivatives with the row ``along``, shape (n + 1, n + 1, k); where K may be singular,
-    nothing is said.
-    """
-    square = together(np.concatenate, slopes, Interval(along[np.newaxis]))
-    parts = [each.arranged(lambda end: np.moveaxis(end, -1, 0)) for each in (square, -right)]
-    found = solved(parts[0], parts[1][..., np.newaxis])
-    return found[..., 0].arranged(np.transpose)

@@ -20,7 +20,7 @@ from pwscont.curve.metric import Metric, Range
 from pwscont.graph.proved import BoxProof
 from pwscont.proof.counts import counted_proof
 from pwscont.proof.interval import Interval
-from pwscont.proof.search import covered
+from pwscont.proof.search import MOST_BOXES, Region, covered
 from pwscont.proof.tape import check_tape, tape_of
 from pwscont.search.default_search import default_search
 from pwscont.search.pursuit import solution_from
@@ -48,10 +48,10 @@ class Everywhere(Search):
 
     For systems written as formulas with switches (:func:`pwscont.Switched`,
     :func:`pwscont.Complementarity`), and for classes whose
-    methods do arithmetic only. Boxes of (z, alpha) are excluded, contracted, proved to hold
-    one solution at every alpha, or halved. Starts are the proved solutions between the windows of
-    alpha around folds; where something is not proved, the default search goes on. ``graph.proof``
-    says what was proved, see :class:`~pwscont.graph.proved.BoxProof`.
+    methods do arithmetic only. Boxes of (z, alpha) are excluded, contracted, accepted where each
+    solution is proved to go on with alpha, or halved. Starts are the proved solutions between the
+    windows of alpha around folds; where something is not proved, the default search goes on.
+    ``graph.proof`` says what was proved, see :class:`~pwscont.graph.proved.BoxProof`.
 
     Attributes
     ----------
@@ -128,8 +128,10 @@ class Everywhere(Search):
             return last
         check_tape(tape, system, box)
         with np.errstate(all="ignore"):
-            found = covered(tape, box, scale, self.seconds, most)
-            proof = counted_proof(tape, box, scale, found, is_whole=most is not None)
+            region = Region(tape, box, scale)
+            limits = self.seconds, most or MOST_BOXES * max(tape.size - 2, 1) ** 2
+            found = covered(region, region.whole, region.continues, *limits)
+            proof = counted_proof(region, found, is_whole=most is not None)
         self._last.update(asked=(formula_of(system) or system, interval), key=key, proof=proof)
         return proof
 

@@ -247,6 +247,18 @@ def solved(matrix: Interval, right: Interval) -> Interval:
     return Interval.rounded(x - image, x + image).where(holds)
 
 
+def inverse_of(matrices: Array) -> Array:
+    """Return about the inverses of matrices (n, n, B), nan for singular matrices."""
+    return inverses(matrices.transpose(2, 0, 1)).transpose(1, 2, 0)
+
+
+def solved_last(matrix: Interval, right: Interval) -> Interval:
+    """Return what :func:`solved` returns, for shapes (n, n, B) and (n, B)."""
+    by_system = matrix.arranged(lambda end: end.transpose(2, 0, 1))
+    column = right.arranged(lambda end: end.T[..., np.newaxis])
+    return solved(by_system, column).arranged(lambda end: end[..., 0].T)
+
+
 #: Arguments of sine and cosine from here on say nothing but [-1, 1].
 FAR = 1e6
 #: By how much of a period the place of a crest may be misjudged; rounding of arguments below FAR
