@@ -19,11 +19,9 @@ PLACES = (-0.83, -0.21, 0.35, 0.77)
 def rechecked(region, f, every=1):
     """Return the verdicts of accepted boxes, and of the solutions that are enclosed in them."""
     boxes = accepted_in(region)
-    pairs = zip(boxes.lo.T[::every], boxes.hi.T[::every], strict=True)
-    enclosed = [
-        (alpha, pwscont.proof.counts.enclosures_at(region, boxes, alpha)) for alpha in PLACES
-    ]
-    zeros = [(box, alpha) for alpha, some in enclosed for box in some or ()]
+    pairs = zip(boxes.lo[::every], boxes.hi[::every], strict=True)
+    enclosed = pwscont.proof.counts.enclosures(region, boxes, PLACES)
+    zeros = [(z, alpha) for alpha, some in zip(PLACES, enclosed, strict=True) for z in some or ()]
     found = verdicts(is_injective(f, pair) for pair in pairs)
     return found, verdicts(holds_a_zero(f, *zero) for zero in zeros)
 
@@ -65,7 +63,7 @@ def kink(z, t, sw):
 def test_an_enclosure_is_narrow():
     """z = |t|: to a few roundings."""
     region = region_of(kink, 1, (-3.0, 3.0), (-1.0, 1.0))
-    ((lo, hi),) = pwscont.proof.counts.enclosures_at(region, accepted_in(region), 0.4)
+    (((lo, hi),),) = pwscont.proof.counts.enclosures(region, accepted_in(region), [0.4])
     assert lo <= 0.4 <= hi
     assert hi - lo < 1e-14
 
@@ -79,30 +77,32 @@ def stairs(z, t, sw):
 def test_newton_may_leave_a_box_for_another_solution():
     """From x = -0.103 the steps of Newton are 0.9 and -4, then on to the other solution."""
     region = region_of(stairs, 1, (-3.0, 3.0), (-1.0, 1.0))
-    boxes = Interval(np.array([[-0.8, -1.7], [-1.0, -1.0]]), np.array([[0.8, -1.4], [1.0, 1.0]]))
+    boxes = Interval(np.array([[-0.8, -1.0], [-1.7, -1.0]]), np.array([[0.8, 1.0], [-1.4, 1.0]]))
     assert region.continues(boxes, region.slopes(boxes)).all()
-    found = pwscont.proof.counts.enclosures_at(region, boxes, 1.0)
+    (found,) = pwscont.proof.counts.enclosures(region, boxes, [1.0])
     for (lo, hi), x in zip(sorted(found), (-1.6, 0.0), strict=True):
         assert lo[0] <= x + 0.103 + 1e-15
         assert hi[0] >= x + 0.103 - 1e-15
 
 
 def distinct(f):
-    """Return what is told apart of two enclosures, from -0.05 to 0.08 and from 0.08 to 0.2."""
-    found = Interval(np.array([[-0.05, 0.08], [0.5, 0.5]]), np.array([[0.08, 0.2], [0.5, 0.5]]))
-    return pwscont.proof.counts._distinct(region_of(f, 1, (-3.0, 3.0), (-1.0, 1.0)), found)
+    """Return how many solutions two enclosures, of -0.05 to 0.08 and of 0.08 to 0.2, hold."""
+    found = Interval(np.array([[-0.05, 0.5], [0.08, 0.5]]), np.array([[0.08, 0.5], [0.2, 0.5]]))
+    region = region_of(f, 1, (-3.0, 3.0), (-1.0, 1.0))
+    some, doubtful = pwscont.proof.counts._told_apart(region, found)
+    return None if doubtful else len(some.lo)
 
 
 def test_enclosures_that_touch_are_told_apart_only_if_both_hold_one_solution():
     assert distinct(lambda z, t, sw: z * (z - 0.15) + 0.0 * t) is None
-    assert distinct(lambda z, t, sw: z - 0.08 + 0.0 * t) == [0]
+    assert distinct(lambda z, t, sw: z - 0.08 + 0.0 * t) == 1
 
 
 # -- faults: the tests above must see them --------------------------------------------------------
 
 FAULTS = {
-    "each matrix regular": lambda matrices, size: np.ones(matrices.lo.shape[-1], dtype=bool),
-    "the middle regular": lambda matrices, size: np.linalg.det(matrices.middle().T) != 0.0,
+    "each matrix regular": lambda matrices, size: np.ones(len(matrices.lo), dtype=bool),
+    "the middle regular": lambda matrices, size: np.linalg.det(matrices.middle()) != 0.0,
 }
 
 
@@ -123,7 +123,8 @@ def half_the_width(region, boxes):
 
 def not_where_the_zero_is(region, boxes):
     found = original(region, boxes)
-    return Interval(found.lo + 1e-9, found.hi + 1e-9)
+    aside = np.array([1e-9, 0.0])  # not of alpha
+    return Interval(found.lo + aside, found.hi + aside)
 
 
 @pytest.mark.parametrize("fault", [half_the_width, not_where_the_zero_is])
@@ -149,9 +150,9 @@ def test_boxes_without_what_lies_beside_are_caught(monkeypatch):
 
 
 def covers_zero(boxes):
-    return ((boxes.lo <= 0.0) & (boxes.hi >= 0.0)).all(axis=0).sum()
+    return ((boxes.lo <= 0.0) & (boxes.hi >= 0.0)).all(axis=1).sum()
 
 
 def test_enclosures_said_to_hold_one_solution_are_caught(monkeypatch):
     monkeypatch.setattr(pwscont.proof.counts, "are_regular", FAULTS["each matrix regular"])
-    assert distinct(lambda z, t, sw: z * (z - 0.15) + 0.0 * t) == [0]
+    assert distinct(lambda z, t, sw: z * (z - 0.15) + 0.0 * t) == 1

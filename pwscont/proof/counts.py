@@ -8,6 +8,7 @@ not known (not a number). The theorem stands on the page "Proofs".
 
 from __future__ import annotations
 
+from functools import partial
 from typing import final
 
 import numpy as np
@@ -21,11 +22,12 @@ from pwscont.proof.interval import (
     FUNCTION_ULPS,
     MODES,
     Interval,
+    are_regular,
     chosen,
-    solved_last,
+    solved,
     together,
 )
-from pwscont.proof.search import FINEST_ALPHA, Covered, Region, are_regular, covered
+from pwscont.proof.search import FINEST_ALPHA, Covered, Region, covered
 from pwscont.proof.tape import evaluated, with_slopes
 
 #: How often a solution that is enclosed is enclosed anew, ever more narrowly.
@@ -57,12 +59,12 @@ def counted_proof(region: Region, found: Covered, *, is_whole: bool = False) -> 
     """
     box, alpha = region.box[:-1], region.box[-1]
     hulls, passed, turns = grouped(region, found.open)
-    unsaid = _united(hulls[-1], turns, FINEST_ALPHA * float(region.scale[-1]))
+    unsaid = _united(hulls[:, -1], turns, FINEST_ALPHA * float(region.scale[-1]))
     interval = float(alpha.lo), float(alpha.hi)
     ends = [interval[0], *(end for lo, hi, _ in unsaid for end in (lo, hi)), interval[1]]
     pairs = zip(ends[::2], ends[1::2], strict=True) if passed.all() or not is_whole else ()
-    stretches = [_counted(region, found.accepted, each) for each in pairs if each[0] < each[1]]
-    opened = list(zip(hulls.lo.T[~passed], hulls.hi.T[~passed], strict=True))
+    stretches = _counted(region, found.accepted, [(lo, hi) for lo, hi in pairs if lo < hi])
+    opened = list(zip(hulls.lo[~passed], hulls.hi[~passed], strict=True))
     assumed = ASSUMED + ACCURATE_FUNCTIONS * (not BY_CRIVAL)
     assumed += AGREEING_SELECTIONS * any(step.name == "select" for step in region.tape.steps)
     corners = box.lo, box.hi
@@ -83,72 +85,83 @@ def _united(ranges: Interval, turns: Array, apart: float) -> list[tuple[float, f
     return united
 
 
-def _counted(region: Region, boxes: Interval, stretch: Range) -> CountedStretch:
-    """Return a stretch with its solutions at the first place where they are told apart."""
-    lo, hi = stretch
-    places = [alpha for part in PLACES if lo < (alpha := lo + (hi - lo) * part) < hi]
-    counted = ((alpha, enclosures_at(region, boxes, alpha)) for alpha in places)
-    found = (each for each in counted if each[1] is not None)
-    return CountedStretch(lo, hi, *next(found, (0.5 * (lo + hi), None)))
+def _counted(region: Region, boxes: Interval, stretches: list[Range]) -> list[CountedStretch]:
+    """Return stretches with solutions at the first place of each where all are told apart."""
+    known = dict[Range, CountedStretch]()
+    for part in PLACES:
+        places = {(lo, hi): lo + (hi - lo) * part for lo, hi in stretches if (lo, hi) not in known}
+        places = {(lo, hi): alpha for (lo, hi), alpha in places.items() if lo < alpha < hi}
+        found = enclosures(region, boxes, list(places.values()))
+        for ((lo, hi), alpha), solutions in zip(places.items(), found, strict=True):
+            if solutions is not None:
+                known[lo, hi] = CountedStretch(lo, hi, alpha, solutions)
+    return [
+        known.get((lo, hi), CountedStretch(lo, hi, 0.5 * (lo + hi), None)) for lo, hi in stretches
+    ]
 
 
 @np.errstate(all="ignore")
-def enclosures_at(region: Region, boxes: Interval, alpha: float) -> list[Corners] | None:
-    """Return an enclosure (least, largest) of every solution in accepted boxes at alpha.
+def enclosures(region: Region, boxes: Interval, alphas: list[float]) -> list[list[Corners] | None]:
+    """Return enclosures (least, largest) of all solutions in accepted boxes at each alpha.
 
     None where solutions are not enclosed, or not told apart, for certain.
     """
-    boxes = boxes[:, (boxes.lo[-1] <= alpha) & (alpha <= boxes.hi[-1])]
-    boxes.lo[-1] = boxes.hi[-1] = alpha
+    slices = [boxes[(boxes.lo[:, -1] <= alpha) & (alpha <= boxes.hi[:, -1])] for alpha in alphas]
+    for each, alpha in zip(slices, alphas, strict=True):
+        each.lo[:, -1] = each.hi[:, -1] = alpha
+    boxes = together(np.concatenate, boxes[:0], *slices)
 
     def accepts(some: Interval, _: Interval) -> Signs:
-        holds: Signs = np.all(np.isfinite(region.enclosed(some).lo), axis=0)
+        holds: Signs = np.all(np.isfinite(region.enclosed(some).lo), axis=1)
         return holds
 
-    found, left, _ = covered(region, boxes, accepts, np.inf, LOOKED_AT * boxes.lo.shape[1])
+    found, left, _ = covered(region, boxes, accepts, np.inf, LOOKED_AT * len(boxes.lo))
     for _ in range(NARROWED):
         new = region.enclosed(found)
-        found = together(np.vstack, chosen(np.isfinite(new.lo), new, found[:-1]), found[-1])
-    groups = None if left.lo.size else _distinct(region, found)
-    return None if groups is None else [(found.lo[:-1, i], found.hi[:-1, i]) for i in groups]
+        found = chosen(np.isfinite(new.lo), new, found)
+    found, doubtful = _told_apart(region, found)
+    vague = {*left.lo[:, -1].tolist(), *doubtful}
+    zeros = [(lo[-1], (lo[:-1], hi[:-1])) for lo, hi in zip(found.lo, found.hi, strict=True)]
+    return [
+        None if alpha in vague else [zero for at, zero in zeros if at == alpha] for alpha in alphas
+    ]
 
 
-def _distinct(region: Region, found: Interval) -> list[int] | None:
-    """Return one enclosure for every different solution, None where two are not told apart.
+def _told_apart(region: Region, found: Interval) -> tuple[Interval, list[float]]:
+    """Return one enclosure for every different solution, and alphas where that is not certain.
 
     Solutions whose enclosures do not meet are different. Two enclosures hold the same solution if H
     is injective on the hull of both.
     """
     touching = _touching(found)
     one, other = np.nonzero(np.triu(touching, 1))
-    slopes = region.slopes(found[:, one].hull(found[:, other]))
-    is_same = are_regular(slopes[:, :-1], region.size[:-1])
+    slopes = region.slopes(found[one].hull(found[other]))
+    is_same = are_regular(slopes[..., :-1], region.scale[:-1])
     group = connected_components(touching, directed=False)[1]
-    first: list[int] = np.unique(group, return_index=True)[1].tolist()
-    return first if is_same.all() else None
+    doubtful: list[float] = found.lo[one[~is_same], -1].tolist()
+    return found[np.unique(group, return_index=True)[1]], doubtful
 
 
 def _touching(boxes: Interval) -> Signs:
-    """Tell which of boxes (n, k) touch which, shape (k, k)."""
-    touch = np.ones((boxes.lo.shape[1],) * 2, dtype=bool)
-    for lo, hi in zip(boxes.lo, boxes.hi, strict=True):
+    """Tell which of k boxes touch which, shape (k, k)."""
+    touch = np.ones((len(boxes.lo),) * 2, dtype=bool)
+    for lo, hi in zip(boxes.lo.T, boxes.hi.T, strict=True):
         touch &= lo <= hi[:, np.newaxis]
     return touch & touch.T
 
 
 def grouped(region: Region, boxes: Interval) -> tuple[Interval, Signs, Array]:
-    """Return the hulls of groups of open boxes (n + 1, k) that touch, which are passed, and turns.
+    """Return the hulls of groups of open boxes (k, n + 1) that touch, which are passed, and turns.
 
     Where many boxes are open, every box is a group.
     """
-    if not 0 < (number := boxes.lo.shape[1]) <= MOST_GROUPED:
+    if not 0 < (number := len(boxes.lo)) <= MOST_GROUPED:
         return boxes, np.zeros(number, dtype=bool), np.full(number, np.nan)
-    boxes = boxes[:, np.argsort(boxes.lo[-1])]
+    boxes = boxes[np.argsort(boxes.lo[:, -1])]
     count, group = connected_components(_touching(boxes), directed=False)
-    lo, hi = (np.full((count, len(boxes.lo)), far) for far in (np.inf, -np.inf))
-    np.minimum.at(lo, group, boxes.lo.T)
-    np.maximum.at(hi, group, boxes.hi.T)
-    hulls = Interval(lo.T, hi.T)
+    hulls = Interval(*(np.full((count, boxes.lo.shape[1]), far) for far in (np.inf, -np.inf)))
+    np.minimum.at(hulls.lo, group, boxes.lo)
+    np.maximum.at(hulls.hi, group, boxes.hi)
     passage = _Passage(region, hulls)
     passed = passage.is_passed()
     return hulls, passed, np.where(passed, passage.turns(), np.nan)
@@ -162,60 +175,61 @@ class _Passage:
     """
 
     def __init__(self, region: Region, hulls: Interval) -> None:
-        self._region, self.hulls, self._scale = region, hulls, Interval(region.size)
+        self._region, self._hulls = region, hulls
         tests, by = with_slopes(region.tape.tests, hulls)
         either = ~((tests.lo >= 0.0) | (tests.hi < 0.0))
-        self._undecided = either.sum(axis=0)
+        self._undecided = either.sum(axis=1)
         self._test = Interval(np.zeros_like(hulls.lo))  # of the switch that is undecided
-        for k in range(len(either)):
-            self._test = chosen(either[k], by[k] * self._scale, self._test)
+        for k, each in enumerate(either.T):
+            self._test = chosen(each[:, np.newaxis], by[:, k] * region.scale, self._test)
         hull, *modes = (with_slopes(region.tape.slopes, hulls, rules)[1] for rules in MODES)
-        modes = [chosen(self._undecided > 1, hull, each) * self._scale for each in modes]
-        along = np.sum([_tangent(each.middle()) for each in modes], axis=0)
+        is_many = (self._undecided > 1)[:, np.newaxis, np.newaxis]
+        modes = [chosen(is_many, hull, each) * region.scale for each in modes]
+        along = Interval(np.sum([_tangents(each.middle()) for each in modes], axis=0))
         #: The derivatives with one more row, along the curve.
-        self._modes = [together(np.concatenate, m, Interval(along[np.newaxis])) for m in modes]
+        self._modes = [together(partial(np.concatenate, axis=1), m, along) for m in modes]
 
     def is_passed(self) -> Signs:
         """Tell in which hulls all solutions lie on one curve without branch points."""
         one, other = self._modes
         passed = np.ones(len(self._undecided), dtype=bool)
+        is_one = (self._undecided == 1)[:, np.newaxis, np.newaxis]
         for k in range(WEIGHTS):
             weight = Interval(np.full(1, k / WEIGHTS), np.full(1, (k + 1) / WEIGHTS))
-            mixed = chosen(self._undecided == 1, other + weight * (one - other), one)
-            passed &= are_regular(mixed, np.ones((len(one.lo), 1)))
+            mixed = chosen(is_one, other + weight * (one - other), one)
+            passed &= are_regular(mixed, np.ones(one.lo.shape[-1]))
         return passed
 
     def turns(self) -> Array:
         """Return the turns of groups that are passed."""
-        unit = np.zeros_like(self.hulls.lo)
-        unit[-1] = -1.0  # tangents t: K t = (0, ..., 0, 1)
-        ways = [solved_last(each, Interval(unit)) for each in self._modes]
-        slope, before = (_sign(each[-1]) for each in ways)
+        unit = np.zeros((*self._hulls.lo.shape, 1))
+        unit[:, -1] = -1.0  # tangents t: K t = (0, ..., 0, 1)
+        ways = [solved(each, Interval(unit))[..., 0] for each in self._modes]
+        slope, before = (_sign(each[:, -1]) for each in ways)
         test, other = (_sign((self._test * each).total()) for each in ways)
         is_crossed = (self._undecided == 1) & (test == other) & (slope == -before)  # once
         kinks = np.where(is_crossed, test * slope, np.nan)
         opens = np.where(self._undecided == 0, self._of_folds(ways[0]), kinks)
-        inside = self.hulls[:-1].is_within(self._region.whole[:-1]).all(axis=0)
+        inside = self._hulls[:, :-1].is_within(self._region.box[:-1]).all(axis=1)
         turning = np.where(inside, opens, np.nan)
         return np.where(slope == before, self._of_faces(ways), turning)
 
     def _of_folds(self, way: Interval) -> Array:
         """Return the signs of the second derivative of alpha along smooth curves."""
-        bend = evaluated(self._region.tape.bent, together(np.vstack, self.hulls, way * self._scale))
-        right = together(np.vstack, bend, Interval(np.zeros_like(bend.lo[:1])))
-        return _sign(solved_last(self._modes[0], right)[-1])
+        join = partial(np.concatenate, axis=1)
+        at = together(join, self._hulls, way * self._region.scale)
+        bend = evaluated(self._region.tape.bent, at)
+        right = together(join, bend, Interval(np.zeros_like(bend.lo[:, :1])))
+        return _sign(solved(self._modes[0], right[..., np.newaxis])[:, -1, 0])
 
     def _of_faces(self, ways: list[Interval]) -> Array:
         """Return the turns of hulls in which the curve goes on in alpha, by the faces touched."""
-        touched = turns = 0.0 * self._undecided
-        whole = self._region.whole
-        for i in range(self._region.tape.size):
-            one, other = (_sign(each[i]) * _sign(each[-1]) for each in ways)
-            speed = np.where(one == other, one, np.nan)
-            at_least, at_most = self.hulls.lo[i] <= whole.lo[i], self.hulls.hi[i] >= whole.hi[i]
-            touched = touched + at_least + at_most
-            turns = np.where(at_least, speed, np.where(at_most, -speed, turns))
-        return np.where(touched > 1.0, np.nan, turns)
+        one, other = (_sign(each[:, :-1]) * _sign(each[:, -1:]) for each in ways)
+        speed, whole = np.where(one == other, one, np.nan), self._region.box
+        at_least, at_most = self._hulls.lo <= whole.lo, self._hulls.hi >= whole.hi
+        at_least, at_most = at_least[:, :-1], at_most[:, :-1]
+        turns = np.where(at_least, speed, np.where(at_most, -speed, 0.0)).sum(axis=1)
+        return np.where(at_least.sum(axis=1) + at_most.sum(axis=1) > 1, np.nan, turns)
 
 
 def _sign(x: Interval) -> Array:
@@ -223,10 +237,10 @@ def _sign(x: Interval) -> Array:
     return np.where(x.lo > 0.0, 1.0, np.where(x.hi < 0.0, -1.0, np.nan))
 
 
-def _tangent(slopes: Array) -> Array:
-    """Return about the unit tangents of curves, oriented by determinants, shape (n + 1, k)."""
-    rows = np.where(np.isfinite(slopes), slopes, 0.0).transpose(2, 0, 1)
-    tangent = np.linalg.svd(rows)[2][:, -1:]
-    sign = np.linalg.slogdet(np.concatenate([rows, tangent], axis=1))[0]
-    oriented: Array = (sign[:, np.newaxis] * tangent[:, 0]).T
+def _tangents(slopes: Array) -> Array:
+    """Return about the unit tangents of curves, oriented by determinants, shape (k, 1, n + 1)."""
+    rows = np.where(np.isfinite(slopes), slopes, 0.0)
+    tangents = np.linalg.svd(rows)[2][:, -1:]
+    signs = np.linalg.slogdet(np.concatenate([rows, tangents], axis=1))[0]
+    oriented: Array = signs[:, np.newaxis, np.newaxis] * tangents
     return oriented

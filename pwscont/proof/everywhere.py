@@ -130,7 +130,7 @@ class Everywhere(Search):
         with np.errstate(all="ignore"):
             region = Region(tape, box, scale)
             limits = self.seconds, most or MOST_BOXES * max(tape.size - 2, 1) ** 2
-            found = covered(region, region.whole, region.continues, *limits)
+            found = covered(region, box[np.newaxis], region.continues, *limits)
             proof = counted_proof(region, found, is_whole=most is not None)
         self._last.update(asked=(formula_of(system) or system, interval), key=key, proof=proof)
         return proof

@@ -180,10 +180,9 @@ class Interval:
         """Return about how wide each interval is."""
         return self.hi - self.lo
 
-    def total(self, axis: int = 0) -> Interval:
-        """Return the sums along an axis."""
-        parts = self.arranged(lambda end: np.moveaxis(end, axis, 0))
-        return reduce(operator.add, (parts[i] for i in range(len(parts.lo))))
+    def total(self) -> Interval:
+        """Return the sums along the last axis."""
+        return reduce(operator.add, (self[..., i] for i in range(self.lo.shape[-1])))
 
     def arranged(self, arrange: Callable[[Array], Array]) -> Interval:
         """Return the same intervals in another shape or order."""
@@ -211,12 +210,6 @@ def chosen(condition: Signs, one: Interval, other: Interval) -> Interval:
 def together(function: Callable[[list[Array]], Array], *parts: Interval) -> Interval:
     """Return one interval from several, put together by np.stack, np.vstack or the like."""
     return Interval(function([x.lo for x in parts]), function([x.hi for x in parts]))
-
-
-def times(matrix: Array, right: Interval) -> Interval:
-    """Return matrices of numbers (m, n, B) times intervals (n, ..., B)."""
-    shape = (*matrix.shape[:2], *(1,) * (right.lo.ndim - 2), matrix.shape[-1])
-    return (Interval(matrix.reshape(shape)) * right).total(axis=1)
 
 
 def inverses(matrices: Array) -> Array:
@@ -247,16 +240,17 @@ def solved(matrix: Interval, right: Interval) -> Interval:
     return Interval.rounded(x - image, x + image).where(holds)
 
 
-def inverse_of(matrices: Array) -> Array:
-    """Return about the inverses of matrices (n, n, B), nan for singular matrices."""
-    return inverses(matrices.transpose(2, 0, 1)).transpose(1, 2, 0)
+def are_regular(matrices: Interval, size: Array) -> Signs:
+    """Tell which intervals of matrices (B, n, n) hold regular matrices only.
 
-
-def solved_last(matrix: Interval, right: Interval) -> Interval:
-    """Return what :func:`solved` returns, for shapes (n, n, B) and (n, B)."""
-    by_system = matrix.arranged(lambda end: end.transpose(2, 0, 1))
-    column = right.arranged(lambda end: end.T[..., np.newaxis])
-    return solved(by_system, column).arranged(lambda end: end[..., 0].T)
+    With any matrix R, best about the inverse, they do if |I - R K| v < v for some v > 0; ``size``
+    are typical unknowns (n,).
+    """
+    off = (Interval(inverses(matrices.middle())) @ matrices - np.eye(len(size))).reach()
+    v = size + off @ size
+    image = (off @ v[..., np.newaxis])[..., 0]
+    regular: Signs = np.all(upper(image, len(size)) < v, axis=-1)
+    return regular
 
 
 #: Arguments of sine and cosine from here on say nothing but [-1, 1].

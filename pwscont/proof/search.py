@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from time import perf_counter
 from typing import NamedTuple, final
 
@@ -15,7 +16,7 @@ import numpy as np
 
 from pwscont.basics.arrays import Array, Signs
 from pwscont.basics.budget import check_budget
-from pwscont.proof.interval import ULP, Interval, inverse_of, solved_last, times, together
+from pwscont.proof.interval import ULP, Interval, are_regular, inverses, solved, together
 from pwscont.proof.tape import Tape, evaluated, with_slopes
 
 #: No coordinate is halved below this part of its magnitude; the magnitude of alpha is the interval.
@@ -38,7 +39,7 @@ WIDER, SLACK, ROOM = 1.25, 64.0 * ULP, 2.0
 
 
 class Covered(NamedTuple):
-    """Accepted and open boxes (n + 1, k) with all solutions, and how many boxes were looked at."""
+    """Accepted and open boxes (k, n + 1) with all solutions, and how many boxes were looked at."""
 
     accepted: Interval
     open: Interval
@@ -54,60 +55,38 @@ class Region:
     box: Interval
     scale: Array
 
-    @property
-    def whole(self) -> Interval:
-        """The box, shape (n + 1, 1)."""
-        return self.box[:, np.newaxis]
-
-    @property
-    def size(self) -> Array:
-        """The magnitudes, shape (n + 1, 1)."""
-        return self.scale[:, np.newaxis]
-
     def slopes(self, boxes: Interval) -> Interval:
-        """Return the derivatives in boxes (n + 1, B) and a little around, shape (n, n + 1, B).
+        """Return the derivatives in boxes (B, n + 1) and a little around, shape (B, n, n + 1).
 
         Not a number where the formula, or a derivative, may be without a value.
         """
-        beside = Interval(-BESIDE * self.size, BESIDE * self.size)
-        value, slopes = with_slopes(self.tape.slopes, (boxes + beside).meet(self.whole))
-        is_smooth = np.isfinite(slopes.width()).all(axis=1) & np.isfinite(value.width())
-        return slopes.where(np.all(is_smooth, axis=0))
+        beside = Interval(-BESIDE * self.scale, BESIDE * self.scale)
+        value, slopes = with_slopes(self.tape.slopes, (boxes + beside).meet(self.box))
+        is_finite = np.isfinite(slopes.width()).all(axis=2) & np.isfinite(value.width())
+        return slopes.where(np.all(is_finite, axis=1, keepdims=True)[..., np.newaxis])
 
     def continues(self, boxes: Interval, slopes: Interval) -> Signs:
         """Tell in which boxes inside of the whole box all solutions go on with alpha, one each."""
-        is_inside = boxes[:-1].is_within(self.whole[:-1]).all(axis=0)
-        return is_inside & are_regular(slopes[:, :-1], self.size[:-1])
+        is_inside = boxes[:, :-1].is_within(self.box[:-1]).all(axis=1)
+        return is_inside & are_regular(slopes[..., :-1], self.scale[:-1])
 
     def enclosed(self, boxes: Interval) -> Interval:
-        """Return what holds the only zero in and around boxes at one alpha, shape (n, B).
+        """Return what holds the only zero in and around boxes at one alpha, and alpha.
 
         Around the centre c of a neighbourhood of a box, all x with H'x + H(c) = 0 are enclosed,
         whatever the derivatives there. If c + x lies inside, the neighbourhood has one zero. Where
         that is not so, or the neighbourhood leaves the whole box, nothing is said.
         """
-        centre, alpha = boxes.middle()[:-1], boxes[-1]
-        value = evaluated(self.tape, together(np.vstack, Interval(centre), alpha))
-        step = times(inverse_of(self.slopes(boxes).middle()[:, :-1]), value).reach()
-        far = WIDER * (boxes[:-1] - centre).reach() + SLACK * np.abs(centre) + ROOM * step
-        far += BESIDE * self.size[:-1]
+        centre, alpha, join = boxes.middle()[:, :-1], boxes[:, -1:], partial(np.concatenate, axis=1)
+        value = evaluated(self.tape, together(join, Interval(centre), alpha))[..., np.newaxis]
+        inverse = inverses(self.slopes(boxes).middle()[..., :-1])
+        far = WIDER * (boxes[:, :-1] - centre).reach() + SLACK * np.abs(centre)
+        far += ROOM * (Interval(inverse) @ value).reach()[..., 0] + BESIDE * self.scale[:-1]
         near = Interval(centre - far, centre + far)
-        slopes = self.slopes(together(np.vstack, near, alpha))
-        found = solved_last(slopes[:, :-1], value) + centre
-        is_proved = found.is_within(near) & near.is_within(self.whole[:-1])
-        return found.where(np.all(is_proved, axis=0))
-
-
-def are_regular(matrices: Interval, size: Array) -> Signs:
-    """Tell which intervals of matrices (n, n, B) hold regular matrices only.
-
-    With any matrix R, best about the inverse, they do if |I - R K| v < v for some v > 0.
-    """
-    unit = np.eye(len(size))[..., np.newaxis]
-    off = (unit - times(inverse_of(matrices.middle()), matrices)).reach()
-    v = size + (off * size).sum(axis=1)
-    regular: Signs = ((Interval(off) * Interval(v)).total(axis=1).hi < v).all(axis=0)
-    return regular
+        slopes = self.slopes(together(join, near, alpha))
+        found = solved(slopes[..., :-1], value)[..., 0] + centre
+        is_proved = found.is_within(near) & near.is_within(self.box[:-1])
+        return together(join, found.where(np.all(is_proved, axis=1, keepdims=True)), alpha)
 
 
 Accepts = Callable[[Interval, Interval], Signs]
@@ -121,80 +100,82 @@ def covered(
     ``accepts`` tells of boxes, and the derivatives in the boxes, which are accepted. A generation
     with which more than ``most`` boxes would be looked at is not begun.
     """
-    none, number, end = boxes[:, :0], 0, perf_counter() + seconds
+    none, number, end = boxes[:0], 0, perf_counter() + seconds
     accepted, left = [none], [none]
-    while count := boxes.lo.shape[1]:
+    while count := len(boxes.lo):
         halves, is_last = [none], number + count > most
         for first in range(0, count, TOGETHER):
-            some = boxes[:, first : first + TOGETHER]
+            some = boxes[first : first + TOGETHER]
             check_budget()
             if is_last or perf_counter() > end:
                 left.append(some)
                 continue
-            number += some.lo.shape[1]
+            number += len(some.lo)
             found, small, more = _looked_at(region, some, accepts)
             accepted.append(found)
             left.append(small)
             halves += more
-        boxes = together(np.hstack, *halves)
-    return Covered(together(np.hstack, *accepted), together(np.hstack, *left), number)
+        boxes = together(np.concatenate, *halves)
+    return Covered(together(np.concatenate, *accepted), together(np.concatenate, *left), number)
 
 
 def _looked_at(
     region: Region, boxes: Interval, accepts: Accepts
 ) -> tuple[Interval, Interval, list[Interval]]:
     """Return the boxes that are accepted, those too small to be halved, and halves of others."""
-    tape, size = region.tape, region.size
-    boxes = boxes[:, ~evaluated(tape, boxes).excludes_zero().any(axis=0)]
+    boxes = boxes[~evaluated(region.tape, boxes).excludes_zero().any(axis=1)]
     slopes = region.slopes(boxes)
-    matrix = preconditioner(slopes.middle(), boxes.width())
-    rows = times(matrix, slopes)
-    boxes, empty = contracted(boxes, rows, times(matrix, evaluated(tape, Interval(boxes.middle()))))
-    boxes, rows, slopes = boxes[:, ~empty], rows[..., ~empty], slopes[..., ~empty]
+    matrix = Interval(preconditioner(slopes.middle(), boxes.width()))
+    start = evaluated(region.tape, Interval(boxes.middle()))[..., np.newaxis]
+    rows = matrix @ slopes
+    boxes, empty = contracted(boxes, rows, (matrix @ start)[..., 0])
+    boxes, rows, slopes = boxes[~empty], rows[~empty], slopes[~empty]
     is_accepted = accepts(boxes, slopes)
-    *unknowns, alpha = boxes.width() / size
-    widest = np.max(unknowns, axis=0)
+    relative = boxes.width() / region.scale
+    widest, alpha = relative[:, :-1].max(axis=1), relative[:, -1]
     is_flat = (widest <= THIN) & (alpha > 0.0) & (alpha <= FINEST_ALPHA)
     is_small = (np.maximum(widest, alpha) <= FINEST) | is_flat
     wide = ~is_accepted & ~is_small
-    halves = _halved(boxes[:, wide], rows[..., wide], size)
-    return boxes[:, is_accepted], boxes[:, ~is_accepted & is_small], halves
+    halves = _halved(boxes[wide], rows[wide], region.scale)
+    return boxes[is_accepted], boxes[~is_accepted & is_small], halves
 
 
-def contracted(box: Interval, rows: Interval, rest: Interval) -> tuple[Interval, Signs]:
+def contracted(boxes: Interval, rows: Interval, rest: Interval) -> tuple[Interval, Signs]:
     """Return boxes contracted by one sweep of interval Newton, and which boxes are empty.
 
     Solutions x solve rows (x - middle) + rest = 0, every row for an unknown of its own.
     """
-    middle, found = box.middle(), Interval(box.lo.copy(), box.hi.copy())
-    empty = np.zeros(box.lo.shape[1], dtype=bool)
-    for i, row in enumerate(rows[i] for i in range(len(middle))):
-        terms = row * (found - middle)
-        empty |= (rest[i] + terms.total()).excludes_zero()
-        terms.lo[i] = terms.hi[i] = 0.0
-        new = found[i].meet(middle[i] - (rest[i] + terms.total()) / row[i])
-        found.lo[i], found.hi[i] = new.lo, new.hi
-    return found, empty | (found.lo > found.hi).any(axis=0)
+    middle, found = boxes.middle(), Interval(boxes.lo.copy(), boxes.hi.copy())
+    empty = np.zeros(len(middle), dtype=bool)
+    for i in range(middle.shape[1]):
+        terms = rows[:, i] * (found - middle)
+        empty |= (rest[:, i] + terms.total()).excludes_zero()
+        terms.lo[:, i] = terms.hi[:, i] = 0.0
+        new = middle[:, i] - (rest[:, i] + terms.total()) / rows[:, i, i]
+        new = found[:, i].meet(new)
+        found.lo[:, i], found.hi[:, i] = new.lo, new.hi
+    return found, empty | (found.lo > found.hi).any(axis=1)
 
 
 def preconditioner(middle: Array, width: Array) -> Array:
-    """Return finite matrices (n + 1, n, B) that project derivatives on what they determine.
+    """Return finite matrices (B, n + 1, n) that project derivatives on what they determine.
 
-    ``middle`` (n, n + 1, B) is about the derivatives; with coordinates in units of ``width``, the
+    ``middle`` (B, n, n + 1) is about the derivatives; with coordinates in units of ``width``, the
     matrix times the derivatives is about I - t t', t the unit tangent. Any numbers will do.
     """
-    rows = np.where(np.isfinite(middle), middle, 0.0) * width
-    square = inverse_of(np.einsum("ikb,jkb->ijb", rows, rows))
-    matrix: Array = np.einsum("jkb,jib->kib", rows, np.where(np.isfinite(square), square, 0.0))
+    rows = np.where(np.isfinite(middle), middle, 0.0) * width[:, np.newaxis]
+    square = inverses(rows @ rows.mT)
+    matrix: Array = rows.mT @ np.where(np.isfinite(square), square, 0.0)
     return matrix
 
 
-def _halved(boxes: Interval, rows: Interval, size: Array) -> list[Interval]:
+def _halved(boxes: Interval, rows: Interval, scale: Array) -> list[Interval]:
     """Return both halves of boxes, along the widest coordinate that matters."""
     width = boxes.width()
-    effect = np.where(width > FINEST * size, (rows.reach() * width).sum(axis=0), 0.0)
-    relative = np.where(effect < MATTERS * effect.max(axis=0), 0.0, width / size)
-    split = relative.argmax(axis=0), np.arange(boxes.lo.shape[1])
+    effect = (rows.reach() * width[:, np.newaxis]).sum(axis=1)
+    effect = np.where(width > FINEST * scale, effect, 0.0)
+    relative = np.where(effect < MATTERS * effect.max(axis=1, keepdims=True), 0.0, width / scale)
+    split = np.arange(len(width)), relative.argmax(axis=1)
     lower, upper = boxes.hi.copy(), boxes.lo.copy()
     lower[split] = upper[split] = boxes.middle()[split]
     return [Interval(boxes.lo, lower), Interval(upper, boxes.hi)]

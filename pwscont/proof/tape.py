@@ -273,32 +273,34 @@ DERIVED: dict[str, Callable[..., Any]] = {
 }
 
 
-def evaluated(tape: Tape, box: Interval, rules: Rules = OPERATIONS) -> Interval:
-    """Return the outputs of a tape on boxes (n + 1, B), shape (outputs, B)."""
+def evaluated(tape: Tape, boxes: Interval, rules: Rules = OPERATIONS) -> Interval:
+    """Return the outputs of a tape on boxes (B, n + 1), shape (B, outputs)."""
     values: list[Interval] = []
     for step in tape.steps:
         if step.name == "variable":
-            values.append(box[step.numbers[0]])
+            values.append(boxes[:, step.numbers[0]])
         else:
             values.append(rules[step.name](*(values[arg] for arg in step.args), *step.numbers))
-    shape = (len(tape.outputs), *box.lo.shape[1:])
+    shape = len(boxes.lo), len(tape.outputs)
     found = Interval(np.empty(shape), np.empty(shape))
     for k, place in enumerate(tape.outputs):
-        found.lo[k], found.hi[k] = values[place].lo, values[place].hi
+        found.lo[:, k], found.hi[:, k] = values[place].lo, values[place].hi
     return found
 
 
-def with_slopes(tape: Tape, box: Interval, rules: Rules = OPERATIONS) -> tuple[Interval, Interval]:
-    """Return m outputs and their derivatives by (z, alpha), shapes (m, B) and (m, n + 1, B).
+def with_slopes(
+    tape: Tape, boxes: Interval, rules: Rules = OPERATIONS
+) -> tuple[Interval, Interval]:
+    """Return m outputs and their derivatives by (z, alpha), shapes (B, m) and (B, m, n + 1).
 
     The tape is ``slopes`` or ``tests`` of another tape. Where a switch may be in either mode, a
     derivative is the hull of the derivatives of both branches, so that the mean value form holds
     across kinks (docs/theory, F20).
     """
-    found, by = evaluated(tape, box, rules), tape.size + 1
+    found, by = evaluated(tape, boxes, rules), tape.size + 1
     count = len(tape.outputs) // (by + 1)
-    shape = (count, by, *box.lo.shape[1:])
-    return found[:count], found[count:].arranged(lambda end: end.reshape(shape))
+    shape = (-1, count, by) if count else (len(boxes.lo), 0, by)
+    return found[:, :count], found[:, count:].arranged(lambda end: end.reshape(shape))
 
 
 # -- the tape of a system --------------------------------------------------------------------------
@@ -419,13 +421,13 @@ def _selected(system: PiecewiseSystem, z: Any, alpha: Any, sw: TracedSwitches) -
 def check_tape(tape: Tape, system: Any, box: Interval) -> None:
     """Refuse a tape that says something else than the system at some point of a box."""
     points = _points(box, COMPARED)
-    value = np.array([_value(system, x[:-1], float(x[-1])) for x in points.T]).T
+    value = np.array([_value(system, x[:-1], float(x[-1])) for x in points])
     known = evaluated(tape, Interval(points))
     slack = ALIKE * np.abs(value) + ROUNDINGS * known.width()
-    differs = ((value < known.lo - slack) | (value > known.hi + slack)).any(axis=0)
+    differs = ((value < known.lo - slack) | (value > known.hi + slack)).any(axis=1)
     if differs.any():
         raise InvalidInputError(
-            f"the formula is not what its operations say, at {points[:, differs.argmax()]}: it "
+            f"the formula is not what its operations say, at {points[differs.argmax()]}: it "
             "decides by something that cannot be traced, so that nothing can be proved"
         )
     for step in tape.steps:
@@ -434,10 +436,10 @@ def check_tape(tape: Tape, system: Any, box: Interval) -> None:
 
 
 def _points(box: Interval, count: int, first: int = 0) -> Array:
-    """Return points (n + 1, count) of a box, more and more of them near the middle."""
+    """Return points (count, n + 1) of a box, more and more of them near the middle."""
     parts = [generic(len(box.lo), i) * 2.0 ** -(i % 10) for i in range(first, first + count)]
     points: Array = box.lo + (box.hi - box.lo) * (0.5 + 0.5 * np.array(parts))
-    return points.T
+    return points
 
 
 def _value(system: Any, z: Array, alpha: float) -> Array:
@@ -454,16 +456,20 @@ def _check_interface(tape: Tape, places: tuple[int, ...], box: Interval) -> None
     """Refuse a class whose selections differ where a test vanishes, on many segments at once."""
     a, b = _points(box, LOOKS), _points(box, LOOKS, LOOKS)
     select = replace(tape, outputs=[*places])
-    first, last = (evaluated(select, Interval(x))[0].middle() for x in (a, b))
+
+    def test_at(points: Array) -> Array:
+        return evaluated(select, Interval(points)).middle()[:, :1]
+
+    first, last = test_at(a), test_at(b)
     for _ in range(BISECTIONS):
         middle = 0.5 * (a + b)
-        same = evaluated(select, Interval(middle))[0].middle() * first > 0.0
+        same = test_at(middle) * first > 0.0
         a, b = np.where(same, middle, a), np.where(same, b, middle)
     known = evaluated(select, Interval(np.minimum(a, b), np.maximum(a, b)))
-    one, other = known[1], known[2]
+    one, other = known[:, 1], known[:, 2]
     slack = ALIKE * (1.0 + one.reach()) + ROUNDINGS * (one.width() + other.width())
     differ = np.abs(one.middle() - other.middle()) > slack
-    if (differ & (first * last < 0.0)).any():
+    if (differ & (first * last < 0.0)[:, 0]).any():
         raise InvalidInputError(
             "two selections of the class differ where a test vanishes, so that nothing can be "
             "proved; check_system says where"

@@ -24,9 +24,9 @@ def region_of(f, n, box, interval):
 
 
 def accepted_in(region):
-    """Return the boxes that the search accepts, shape (n + 1, k)."""
+    """Return the boxes that the search accepts, shape (k, n + 1)."""
     with np.errstate(all="ignore"):
-        return covered(region, region.whole, region.continues, 20.0, MOST_BOXES).accepted
+        return covered(region, region.box[np.newaxis], region.continues, 20.0, MOST_BOXES).accepted
 
 
 class PiecewisePolynomial:
