@@ -46,8 +46,8 @@ ACCURATE_FUNCTIONS = (
 )
 #: What is assumed of classes besides.
 AGREEING_SELECTIONS = "; selections of a class that agree where tests vanish"
-#: Most open boxes that are put together.
-MOST_GROUPED = 4000
+#: Most open boxes that are put together; fewer where only a proof of everything is of use.
+MOST_GROUPED, MOST_OF_A_WHOLE = 4000, 400
 #: Into how many parts the weights of two modes are divided.
 WEIGHTS = 8
 
@@ -58,7 +58,8 @@ def counted_proof(region: Region, found: Covered, *, is_whole: bool = False) -> 
     ``is_whole``: a proof of a part is of no use, so that nothing is counted where a box is open.
     """
     box, alpha = region.box[:-1], region.box[-1]
-    hulls, passed, turns = grouped(region, found.open)
+    most = MOST_OF_A_WHOLE if is_whole else MOST_GROUPED
+    hulls, passed, turns = grouped(region, found.open, most)
     unsaid = _united(hulls[:, -1], turns, FINEST_ALPHA * float(region.scale[-1]))
     interval = float(alpha.lo), float(alpha.hi)
     ends = [interval[0], *(end for lo, hi, _ in unsaid for end in (lo, hi)), interval[1]]
@@ -150,12 +151,12 @@ def _touching(boxes: Interval) -> Signs:
     return touch & touch.T
 
 
-def grouped(region: Region, boxes: Interval) -> tuple[Interval, Signs, Array]:
+def grouped(region: Region, boxes: Interval, most: int) -> tuple[Interval, Signs, Array]:
     """Return the hulls of groups of open boxes (k, n + 1) that touch, which are passed, and turns.
 
-    Where many boxes are open, every box is a group.
+    Where more than ``most`` boxes are open, every box is a group.
     """
-    if not 0 < (number := len(boxes.lo)) <= MOST_GROUPED:
+    if not 0 < (number := len(boxes.lo)) <= most:
         return boxes, np.zeros(number, dtype=bool), np.full(number, np.nan)
     boxes = boxes[np.argsort(boxes.lo[:, -1])]
     count, group = connected_components(_touching(boxes), directed=False)

@@ -34,9 +34,9 @@ from pwscont.system.system import PiecewiseSystem
 FAR = 1e3
 #: Most unknowns of a formula that is tried.
 MANY_UNKNOWNS = 3
-#: Most work, within about a second: boxes, times operations and derivatives of each box; and the
-#: operations that every box needs besides those of the formula. The answer depends on no clock.
-MOST_WORK, BESIDES = 6_000_000, 10
+#: Most work by default, within a second: boxes, times operations of the formula and its
+#: derivatives, and others that every box needs. The answer depends on no clock.
+MOST_WORK, BESIDES = 4_000_000, 50
 #: The last limit, on a machine that is very slow.
 SECONDS = 5.0
 
@@ -108,30 +108,33 @@ class Everywhere(Search):
         metric: Metric,
         interval: Range,
         known: KnownBranches | None = None,
-        most: int | None = None,
+        *,
+        is_quick: bool = False,
     ) -> BoxProof:
         """Return the proof for a system, made once for the same formula, interval and box.
 
-        The default box reaches as far around ``known`` branches as around zero. At most ``most``
-        boxes are looked at; default a number that grows with the unknowns.
+        The default box reaches as far around ``known`` branches as around zero. A quick proof ends
+        after little work, and then counts nothing.
         """
         tape = tape_of(system)
-        scale = np.append(metric.scale[: tape.size], interval[1] - interval[0])
-        ends = self.box or _default_box(system, metric, tape.size, known or KnownBranches())
-        if not {np.size(end) for end in ends} <= {1, tape.size}:
-            raise InvalidInputError(f"box must broadcast to {tape.size} unknowns, got {self.box}")
-        whole = [np.broadcast_to(end, (tape.size,)) for end in ends]
+        n = tape.size
+        ends = self.box or _default_box(system, metric, n, known or KnownBranches())
+        if not {np.size(end) for end in ends} <= {1, n}:
+            raise InvalidInputError(f"box must broadcast to {n} unknowns, got {self.box}")
+        whole = [np.broadcast_to(end, (n,)) for end in ends]
         box = Interval(*(np.append(*each) for each in zip(whole, interval, strict=True)))
+        scale = np.append(metric.scale[:n], interval[1] - interval[0])
         key = [each.tobytes() for each in (box.lo, box.hi, scale)], tape.steps, tape.outputs
         last = self.proved(system, interval)
         if last is not None and self._last["key"] == key:
             return last
         check_tape(tape, system, box)
+        most = MOST_BOXES * max(n - 2, 1) ** 2
+        most = MOST_WORK // (len(tape.slopes.steps) + BESIDES) if is_quick else most
         with np.errstate(all="ignore"):
             region = Region(tape, box, scale)
-            limits = self.seconds, most or MOST_BOXES * max(tape.size - 2, 1) ** 2
-            found = covered(region, box[np.newaxis], region.continues, *limits)
-            proof = counted_proof(region, found, is_whole=most is not None)
+            found = covered(region, box[np.newaxis], region.continues, self.seconds, most)
+            proof = counted_proof(region, found, is_whole=is_quick)
         self._last.update(asked=(formula_of(system) or system, interval), key=key, proof=proof)
         return proof
 
@@ -234,10 +237,9 @@ class AlsoProved(Search):
         if shown_size(system) > MANY_UNKNOWNS or current_budget().is_limited:
             return None
         with suppress(InvalidInputError):  # no formula that can be traced
-            tape = tape_of(system)
-            most = MOST_WORK // ((len(tape.steps) + BESIDES) * (tape.size + 2))
-            self._everywhere.prove(system, metric, interval, known, most)
-        return self.proved(system, interval)
+            self._everywhere.prove(system, metric, interval, known, is_quick=True)
+            return self.proved(system, interval)
+        return None
 
     def searched(self, system: PiecewiseSystem) -> SearchScope:
         """Return the scope of the search."""
