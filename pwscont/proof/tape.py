@@ -149,11 +149,8 @@ def _factors(step: Step, x: list[Traced], y: Traced) -> list[Any]:
     """Return the derivatives of a smooth operation by each argument."""
     if step.name == "negative":
         return [-1.0]
-    if step.name == "power":
-        (k,) = step.numbers
-        return [k * x[0] ** (k - 1.0)]
     rules: Any = OF_TWO.get(step.name) or (SMOOTH[step.name],)
-    return [rule(*x, y) for rule in rules]
+    return [rule(*x, *step.numbers, y) for rule in rules[: len(x)]]
 
 
 def _exact(thing: Any) -> float:
