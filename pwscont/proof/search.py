@@ -1,4 +1,4 @@
-"""Boxes of (z, alpha), excluded, contracted, accepted or halved, generation by generation.
+"""Boxes of (z, alpha), excluded, contracted, accepted or halved, the widest first.
 
 Boxes are accepted where H(., alpha) is injective, so that solutions go on with alpha; at one alpha,
 where a solution is enclosed. The theorems stand on the page "Proofs" of the manual.
@@ -97,26 +97,20 @@ def covered(
 ) -> Covered:
     """Return accepted and open boxes that hold all zeros in some boxes, in some ``seconds``.
 
-    ``accepts`` tells of boxes, and the derivatives in the boxes, which are accepted. A generation
-    with which more than ``most`` boxes would be looked at is not begun.
+    ``accepts`` tells of boxes, and the derivatives in the boxes, which are accepted. About ``most``
+    boxes are looked at, at most.
     """
-    none, number, end = boxes[:0], 0, perf_counter() + seconds
-    accepted, left = [none], [none]
-    while count := len(boxes.lo):
-        halves, is_last = [none], number + count > most
-        for first in range(0, count, TOGETHER):
-            some = boxes[first : first + TOGETHER]
-            check_budget()
-            if is_last or perf_counter() > end:
-                left.append(some)
-                continue
-            number += len(some.lo)
-            found, small, more = _looked_at(region, some, accepts)
-            accepted.append(found)
-            left.append(small)
-            halves += more
-        boxes = together(np.concatenate, *halves)
-    return Covered(together(np.concatenate, *accepted), together(np.concatenate, *left), number)
+    accepted, small, number, end = [boxes[:0]], [boxes[:0]], 0, perf_counter() + seconds
+    while len(boxes.lo) and number < most and perf_counter() < end:
+        check_budget()
+        some, others = boxes[:TOGETHER], boxes[TOGETHER:]
+        number += len(some.lo)
+        found, too_small, halves = _looked_at(region, some, accepts)
+        accepted.append(found)
+        small.append(too_small)
+        boxes = together(np.concatenate, others, *halves)
+    left = together(np.concatenate, *small, boxes)
+    return Covered(together(np.concatenate, *accepted), left, number)
 
 
 def _looked_at(
@@ -141,20 +135,16 @@ def _looked_at(
 
 
 def contracted(boxes: Interval, rows: Interval, rest: Interval) -> tuple[Interval, Signs]:
-    """Return boxes contracted by one sweep of interval Newton, and which boxes are empty.
+    """Return boxes contracted by one step of interval Newton, and which boxes are empty.
 
     Solutions x solve rows (x - middle) + rest = 0, every row for an unknown of its own.
     """
-    middle, found = boxes.middle(), Interval(boxes.lo.copy(), boxes.hi.copy())
-    empty = np.zeros(len(middle), dtype=bool)
-    for i in range(middle.shape[1]):
-        terms = rows[:, i] * (found - middle)
-        empty |= (rest[:, i] + terms.total()).excludes_zero()
-        terms.lo[:, i] = terms.hi[:, i] = 0.0
-        new = middle[:, i] - (rest[:, i] + terms.total()) / rows[:, i, i]
-        new = found[:, i].meet(new)
-        found.lo[:, i], found.hi[:, i] = new.lo, new.hi
-    return found, empty | (found.lo > found.hi).any(axis=1)
+    middle, places = boxes.middle(), np.arange(boxes.lo.shape[1])
+    terms = rows * (boxes - middle)[:, np.newaxis]
+    empty = (rest + terms.total()).excludes_zero()
+    terms.lo[:, places, places] = terms.hi[:, places, places] = 0.0
+    found = boxes.meet(middle - (rest + terms.total()) / rows[:, places, places])
+    return found, np.any(empty | (found.lo > found.hi), axis=1)
 
 
 def preconditioner(middle: Array, width: Array) -> Array:

@@ -272,15 +272,14 @@ DERIVED: dict[str, Callable[..., Any]] = {
 
 def evaluated(tape: Tape, boxes: Interval, rules: Rules = OPERATIONS) -> Interval:
     """Return the outputs of a tape on boxes (B, n + 1), shape (B, outputs)."""
-    values: list[Interval] = []
-    for step in tape.steps:
+    values, shape = list[Interval](), (len(boxes.lo), len(tape.outputs))
+    found = Interval(np.empty(shape), np.empty(shape))
+    for step in tape.steps if len(boxes.lo) else ():
         if step.name == "variable":
             values.append(boxes[:, step.numbers[0]])
         else:
             values.append(rules[step.name](*(values[arg] for arg in step.args), *step.numbers))
-    shape = len(boxes.lo), len(tape.outputs)
-    found = Interval(np.empty(shape), np.empty(shape))
-    for k, place in enumerate(tape.outputs):
+    for k, place in enumerate(tape.outputs if values else ()):
         found.lo[:, k], found.hi[:, k] = values[place].lo, values[place].hi
     return found
 
