@@ -36,16 +36,13 @@ NARROWED = 4
 LOOKED_AT = 30
 #: Parts of a stretch at which solutions are counted, in turn, until all are told apart.
 PLACES = (0.5, 0.381966, 0.61803, 0.26, 0.74)
+#: What is always assumed, of functions of numpy, and of classes.
 ASSUMED = (
     "assumed: a formula without state, the same for numbers and for the tape; arithmetic of "
     "IEEE 754 to nearest"
 )
-#: What is assumed besides where numpy evaluates the elementary functions.
-ACCURATE_FUNCTIONS = (
-    f"; elementary functions of numpy within {FUNCTION_ULPS:g} units in the last place"
-)
-#: What is assumed of classes besides.
-AGREEING_SELECTIONS = "; selections of a class that agree where tests vanish"
+OF_NUMPY = f"; elementary functions of numpy within {FUNCTION_ULPS:g} units in the last place"
+OF_CLASSES = "; selections of a class that agree where tests vanish"
 #: Most open boxes that are put together; fewer where only a proof of everything is of use.
 MOST_GROUPED, MOST_OF_A_WHOLE = 4000, 400
 #: Into how many parts the weights of two modes are divided.
@@ -61,14 +58,13 @@ def counted_proof(region: Region, found: Covered, *, is_whole: bool = False) -> 
     most = MOST_OF_A_WHOLE if is_whole else MOST_GROUPED
     hulls, passed, turns = grouped(region, found.open, most)
     unsaid = _united(hulls[:, -1], turns, FINEST_ALPHA * float(region.scale[-1]))
-    interval = float(alpha.lo), float(alpha.hi)
+    interval, corners = (float(alpha.lo), float(alpha.hi)), (box.lo, box.hi)
     ends = [interval[0], *(end for lo, hi, _ in unsaid for end in (lo, hi)), interval[1]]
     pairs = zip(ends[::2], ends[1::2], strict=True) if passed.all() or not is_whole else ()
     stretches = _counted(region, found.accepted, [(lo, hi) for lo, hi in pairs if lo < hi])
     opened = list(zip(hulls.lo[~passed], hulls.hi[~passed], strict=True))
-    assumed = ASSUMED + ACCURATE_FUNCTIONS * (not BY_CRIVAL)
-    assumed += AGREEING_SELECTIONS * any(step.name == "select" for step in region.tape.steps)
-    corners = box.lo, box.hi
+    assumed = ASSUMED + OF_NUMPY * (not BY_CRIVAL)
+    assumed += OF_CLASSES * any(step.name == "select" for step in region.tape.steps)
     return BoxProof(corners, interval, stretches, unsaid, opened, found.looked_at, assumed)
 
 
@@ -120,16 +116,14 @@ def enclosures(region: Region, boxes: Interval, alphas: list[float]) -> list[lis
     for _ in range(NARROWED):
         new = region.enclosed(found)
         found = chosen(np.isfinite(new.lo), new, found)
-    found, doubtful = _told_apart(region, found)
-    vague = {*left.lo[:, -1].tolist(), *doubtful}
-    zeros = [(lo[-1], (lo[:-1], hi[:-1])) for lo, hi in zip(found.lo, found.hi, strict=True)]
     return [
-        None if alpha in vague else [zero for at, zero in zeros if at == alpha] for alpha in alphas
+        None if alpha in left.lo[:, -1] else _told_apart(region, found[found.lo[:, -1] == alpha])
+        for alpha in alphas
     ]
 
 
-def _told_apart(region: Region, found: Interval) -> tuple[Interval, list[float]]:
-    """Return one enclosure for every different solution, and alphas where that is not certain.
+def _told_apart(region: Region, found: Interval) -> list[Corners] | None:
+    """Return one enclosure for every different solution, None where that is not certain.
 
     Solutions whose enclosures do not meet are different. Two enclosures hold the same solution if H
     is injective on the hull of both.
@@ -139,8 +133,8 @@ def _told_apart(region: Region, found: Interval) -> tuple[Interval, list[float]]
     slopes = region.slopes(found[one].hull(found[other]))
     is_same = are_regular(slopes[..., :-1], region.scale[:-1])
     group = connected_components(touching, directed=False)[1]
-    doubtful: list[float] = found.lo[one[~is_same], -1].tolist()
-    return found[np.unique(group, return_index=True)[1]], doubtful
+    first = np.unique(group, return_index=True)[1]
+    return [(found.lo[i, :-1], found.hi[i, :-1]) for i in first] if is_same.all() else None
 
 
 def _touching(boxes: Interval) -> Signs:
