@@ -19,7 +19,7 @@ from typing import Any, final
 import numpy as np
 from numpy.lib.mixins import NDArrayOperatorsMixin
 
-from pwscont.basics.arrays import Array, generic
+from pwscont.basics.arrays import Array, Signs, generic
 from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidInputError
 from pwscont.notation.arithmetic import KINKED, OF_TWO, SMOOTH, refuse_kink
@@ -30,10 +30,6 @@ from pwscont.system.system import PiecewiseSystem, SlicewiseLinearSystem
 #: Largest whole number that is taken as a power by repeated multiplication.
 LARGEST_POWER = 64
 Rules = Mapping[str, Callable[..., Interval]]
-
-
-class NotTracedError(TypeError):
-    """A formula does what a tape cannot hold."""
 
 
 @final
@@ -76,7 +72,7 @@ class Tape:
         """Return the place of a node or of a constant."""
         if isinstance(thing, Traced):
             if thing.tape is not self:
-                raise NotTracedError("the formula keeps numbers that depend on (z, alpha)")
+                raise TypeError("the formula keeps numbers that depend on (z, alpha)")
             return thing.place
         return self.node("constant", numbers=(_exact(thing),)).place
 
@@ -156,7 +152,7 @@ def _factors(step: Step, x: list[Traced], y: Traced) -> list[Any]:
 def _exact(thing: Any) -> float:
     """Return a real number as a float, or refuse a number that a float does not hold."""
     if not isinstance(thing, Real | np.bool_) or float(thing) != thing or not isfinite(thing):
-        raise NotTracedError(f"{thing!r} is no real number that a float holds exactly")
+        raise TypeError(f"{thing!r} is no real number that a float holds exactly")
     return float(thing)
 
 
@@ -184,7 +180,7 @@ class Traced(NDArrayOperatorsMixin):
         if name not in ELEMENTARY and name not in DERIVED:
             words = f"the formula asks for {name}, which is not known to the tape"
             if not name.startswith("__"):  # numpy asks for names of its own
-                self.tape.refused.append(NotTracedError(words))
+                self.tape.refused.append(TypeError(words))
             raise AttributeError(words)
         return lambda *args: self._of(name, self, *args)
 
@@ -217,7 +213,7 @@ class Traced(NDArrayOperatorsMixin):
 
     def _refuse(self, why: Any) -> Any:
         """Refuse a formula, also a formula that goes on all the same."""
-        self.tape.refused.append(why if isinstance(why, Exception) else NotTracedError(why))
+        self.tape.refused.append(why if isinstance(why, Exception) else TypeError(why))
         raise self.tape.refused[-1]
 
     def _decide(self, *args: Any) -> Any:
@@ -295,7 +291,7 @@ def with_slopes(
     """
     found, by = evaluated(tape, boxes, rules), tape.size + 1
     count = len(tape.outputs) // (by + 1)
-    shape = (-1, count, by) if count else (len(boxes.lo), 0, by)
+    shape = len(boxes.lo), count, by
     return found[:, :count], found[:, count:].arranged(lambda end: end.reshape(shape))
 
 
@@ -376,7 +372,7 @@ def traced(f: Callable[[Any, Any, Any], Any], size: int) -> Tape:
                 raise error
             each.outputs = [each.place_of(x) for x in np.asarray(found, dtype=object).ravel()]
         if (tape.steps, tape.outputs) != (again.steps, again.outputs):
-            raise NotTracedError("the formula is another one each time")
+            raise TypeError("the formula is another one each time")
     except Exception as error:
         raise InvalidInputError(
             f"the formula cannot be traced, so that nothing can be proved: {error}"
@@ -403,7 +399,7 @@ def _selected(system: PiecewiseSystem, z: Any, alpha: Any, sw: TracedSwitches) -
     z.setflags(write=False)  # all selections get the same unknowns
     tests = np.asarray(system.test_functions(z, alpha), dtype=object).ravel()
     if len(tests) > MOST_TESTS:
-        raise NotTracedError(f"{len(tests)} tests are more than {MOST_TESTS}")
+        raise TypeError(f"{len(tests)} tests are more than {MOST_TESTS}")
 
     def chosen(signs: tuple[bool, ...]) -> Any:
         if len(signs) == len(tests):
@@ -418,9 +414,7 @@ def check_tape(tape: Tape, system: Any, box: Interval) -> None:
     """Refuse a tape that says something else than the system at some point of a box."""
     points = _points(box, COMPARED)
     value = np.array([_value(system, x[:-1], float(x[-1])) for x in points])
-    known = evaluated(tape, Interval(points))
-    slack = ALIKE * np.abs(value) + ROUNDINGS * known.width()
-    differs = ((value < known.lo - slack) | (value > known.hi + slack)).any(axis=1)
+    differs = _differ(evaluated(tape, Interval(points)), Interval(value)).any(axis=1)
     if differs.any():
         raise InvalidInputError(
             f"the formula is not what its operations say, at {points[differs.argmax()]}: it "
@@ -429,6 +423,12 @@ def check_tape(tape: Tape, system: Any, box: Interval) -> None:
     for step in tape.steps:
         if step.name == "select":
             _check_interface(tape, step.args, box)
+
+
+def _differ(one: Interval, other: Interval) -> Signs:
+    """Tell which values differ by more than rounding explains."""
+    slack = ALIKE * other.reach() + ROUNDINGS * (one.width() + other.width())
+    return np.abs(one.middle() - other.middle()) > slack
 
 
 def _points(box: Interval, count: int, first: int = 0) -> Array:
@@ -462,10 +462,7 @@ def _check_interface(tape: Tape, places: tuple[int, ...], box: Interval) -> None
         same = test_at(middle) * first > 0.0
         a, b = np.where(same, middle, a), np.where(same, b, middle)
     known = evaluated(select, Interval(np.minimum(a, b), np.maximum(a, b)))
-    one, other = known[:, 1], known[:, 2]
-    slack = ALIKE * (1.0 + one.reach()) + ROUNDINGS * (one.width() + other.width())
-    differ = np.abs(one.middle() - other.middle()) > slack
-    if (differ & (first * last < 0.0)[:, 0]).any():
+    if (_differ(known[:, 1], known[:, 2]) & (first * last < 0.0)[:, 0]).any():
         raise InvalidInputError(
             "two selections of the class differ where a test vanishes, so that nothing can be "
             "proved; check_system says where"
