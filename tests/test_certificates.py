@@ -3,24 +3,24 @@
 import numpy as np
 import pytest
 from certificates import holds_a_zero, is_injective, verdicts
-from proof_families import Mixed, PiecewisePolynomial, accepted_in, region_of, uneven_arches
+from proof_families import Mixed, PiecewisePolynomial, accepted_in, domain_of, uneven_arches
 from sweeps import swept
 
 import pwscont.proof.counts
 import pwscont.proof.interval
 import pwscont.proof.search
 from pwscont.proof.interval import Interval
-from pwscont.proof.search import Region
+from pwscont.proof.search import Domain
 from pwscont.proof.tape import with_slopes
 
 PLACES = (-0.83, -0.21, 0.35, 0.77)
 
 
-def rechecked(region, f, every=1):
+def rechecked(domain, f, every=1):
     """Return the verdicts of accepted boxes, and of the solutions that are enclosed in them."""
-    boxes = accepted_in(region)
+    boxes = accepted_in(domain)
     pairs = zip(boxes.lo[::every], boxes.hi[::every], strict=True)
-    enclosed = pwscont.proof.counts.enclosures(region, boxes, PLACES)
+    enclosed = pwscont.proof.counts.enclosures(domain, boxes, PLACES)
     zeros = [(z, alpha) for alpha, some in zip(PLACES, enclosed, strict=True) for z in some or ()]
     found = verdicts(is_injective(f, pair) for pair in pairs)
     return found, verdicts(holds_a_zero(f, *zero) for zero in zeros)
@@ -29,7 +29,7 @@ def rechecked(region, f, every=1):
 def polynomial_verdicts(seeds):
     """Return how many certificates of boxes, and of solutions, are true, false and not known."""
     families = [PiecewisePolynomial(np.random.default_rng(seed)) for seed in seeds]
-    found = [rechecked(region_of(f, 1, (-3.0, 3.0), (-1.0, 1.0)), f, 4) for f in families]
+    found = [rechecked(domain_of(f, 1, (-3.0, 3.0), (-1.0, 1.0)), f, 4) for f in families]
     return np.sum(found, axis=0).tolist()
 
 
@@ -41,8 +41,8 @@ def test_certificates_of_one_unknown_hold(seeds):
 
 
 def test_certificates_of_two_unknowns_hold():
-    region = region_of(uneven_arches, 2, (-5.0, 5.0), (-1.0, 1.0))
-    for true, *others in rechecked(region, uneven_arches, 8):
+    domain = domain_of(uneven_arches, 2, (-5.0, 5.0), (-1.0, 1.0))
+    for true, *others in rechecked(domain, uneven_arches, 8):
         assert (true > 5, others) == (True, [0, 0])
 
 
@@ -52,7 +52,7 @@ def test_certificates_of_mixed_rows_hold(n, seed):
     f = Mixed(np.random.default_rng(1000 * n + seed), n)
     f.rows = ([row for row in f.rows if row.kind < 2] * n)[:n]  # those without tanh
     if f.rows:
-        for verdict in rechecked(region_of(f, n, (-2.0, 2.0), (-1.0, 1.0)), f, 20):
+        for verdict in rechecked(domain_of(f, n, (-2.0, 2.0), (-1.0, 1.0)), f, 20):
             assert verdict[1:] == (0, 0)
 
 
@@ -62,8 +62,8 @@ def kink(z, t, sw):
 
 def test_an_enclosure_is_narrow():
     """z = |t|: to a few roundings."""
-    region = region_of(kink, 1, (-3.0, 3.0), (-1.0, 1.0))
-    (((lo, hi),),) = pwscont.proof.counts.enclosures(region, accepted_in(region), [0.4])
+    domain = domain_of(kink, 1, (-3.0, 3.0), (-1.0, 1.0))
+    (((lo, hi),),) = pwscont.proof.counts.enclosures(domain, accepted_in(domain), [0.4])
     assert lo <= 0.4 <= hi
     assert hi - lo < 1e-14
 
@@ -76,10 +76,10 @@ def stairs(z, t, sw):
 
 def test_newton_may_leave_a_box_for_another_solution():
     """From x = -0.103 the steps of Newton are 0.9 and -4, then on to the other solution."""
-    region = region_of(stairs, 1, (-3.0, 3.0), (-1.0, 1.0))
+    domain = domain_of(stairs, 1, (-3.0, 3.0), (-1.0, 1.0))
     boxes = Interval(np.array([[-0.8, -1.0], [-1.7, -1.0]]), np.array([[0.8, 1.0], [-1.4, 1.0]]))
-    assert region.continues(boxes, region.slopes(boxes)).all()
-    (found,) = pwscont.proof.counts.enclosures(region, boxes, [1.0])
+    assert domain.continues(boxes, domain.slopes(boxes)).all()
+    (found,) = pwscont.proof.counts.enclosures(domain, boxes, [1.0])
     for (lo, hi), x in zip(sorted(found), (-1.6, 0.0), strict=True):
         assert lo[0] <= x + 0.103 + 1e-15
         assert hi[0] >= x + 0.103 - 1e-15
@@ -88,8 +88,8 @@ def test_newton_may_leave_a_box_for_another_solution():
 def distinct(f):
     """Return how many solutions two enclosures, of -0.05 to 0.08 and of 0.08 to 0.2, hold."""
     found = Interval(np.array([[-0.05, 0.5], [0.08, 0.5]]), np.array([[0.08, 0.5], [0.2, 0.5]]))
-    region = region_of(f, 1, (-3.0, 3.0), (-1.0, 1.0))
-    some = pwscont.proof.counts._told_apart(region, found)
+    domain = domain_of(f, 1, (-3.0, 3.0), (-1.0, 1.0))
+    some = pwscont.proof.counts._told_apart(domain, found)
     return some and len(some)
 
 
@@ -113,23 +113,23 @@ def test_boxes_accepted_wrongly_are_caught(monkeypatch, name):
     assert polynomial_verdicts(range(4))[0][1] > 0
 
 
-original = Region.enclosed
+original = Domain.enclosed
 
 
-def half_the_width(region, boxes):
-    found = original(region, boxes)
+def half_the_width(domain, boxes):
+    found = original(domain, boxes)
     return Interval(found.middle(), found.hi)
 
 
-def not_where_the_zero_is(region, boxes):
-    found = original(region, boxes)
+def not_where_the_zero_is(domain, boxes):
+    found = original(domain, boxes)
     aside = np.array([1e-9, 0.0])  # not of alpha
     return Interval(found.lo + aside, found.hi + aside)
 
 
 @pytest.mark.parametrize("fault", [half_the_width, not_where_the_zero_is])
 def test_wrong_enclosures_are_caught(monkeypatch, fault):
-    monkeypatch.setattr(Region, "enclosed", fault)
+    monkeypatch.setattr(Domain, "enclosed", fault)
     assert sum(polynomial_verdicts(range(4))[1][1:]) > 0
 
 
@@ -137,16 +137,16 @@ def test_a_single_selection_at_kinks_is_caught(monkeypatch):
     f = PiecewisePolynomial(np.random.default_rng(1))
     switches = pwscont.proof.interval.SWITCHES
     monkeypatch.setitem(switches, "abs", (switches["abs"][0], lambda dx: (dx, dx)))
-    assert rechecked(region_of(f, 1, (-3.0, 3.0), (-1.0, 1.0)), f)[0][1] > 0
+    assert rechecked(domain_of(f, 1, (-3.0, 3.0), (-1.0, 1.0)), f)[0][1] > 0
 
 
 def test_boxes_without_what_lies_beside_are_caught(monkeypatch):
     """|z| = t turns at z = 0, on the faces of the first boxes."""
-    region = region_of(lambda z, t, sw: sw.abs(z) - t, 1, (-2.0, 2.0), (-2.0, 2.0))
-    assert covers_zero(accepted_in(region)) == 0
+    domain = domain_of(lambda z, t, sw: sw.abs(z) - t, 1, (-2.0, 2.0), (-2.0, 2.0))
+    assert covers_zero(accepted_in(domain)) == 0
     within = lambda self, boxes: with_slopes(self.tape.slopes, boxes)[1]  # noqa: E731
-    monkeypatch.setattr(Region, "slopes", within)
-    assert covers_zero(accepted_in(region)) > 0
+    monkeypatch.setattr(Domain, "slopes", within)
+    assert covers_zero(accepted_in(domain)) > 0
 
 
 def covers_zero(boxes):

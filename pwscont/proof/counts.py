@@ -27,7 +27,7 @@ from pwscont.proof.interval import (
     solved,
     together,
 )
-from pwscont.proof.search import FINEST_ALPHA, Covered, Region, covered
+from pwscont.proof.search import FINEST_ALPHA, Covered, Domain, covered
 from pwscont.proof.tape import evaluated, with_slopes
 
 #: How often a solution that is enclosed is enclosed anew, ever more narrowly.
@@ -49,22 +49,22 @@ MOST_GROUPED, MOST_OF_A_WHOLE = 4000, 400
 WEIGHTS = 8
 
 
-def counted_proof(region: Region, found: Covered, *, is_whole: bool = False) -> BoxProof:
+def counted_proof(domain: Domain, found: Covered, *, is_whole: bool = False) -> BoxProof:
     """Return what accepted and open boxes with all solutions prove.
 
     ``is_whole``: a proof of a part is of no use, so that nothing is counted where a box is open.
     """
-    box, alpha = region.box[:-1], region.box[-1]
+    box, alpha = domain.box[:-1], domain.box[-1]
     most = MOST_OF_A_WHOLE if is_whole else MOST_GROUPED
-    hulls, passed, turns = grouped(region, found.open, most)
-    unsaid = _united(hulls[:, -1], turns, FINEST_ALPHA * float(region.scale[-1]))
+    hulls, passed, turns = grouped(domain, found.open, most)
+    unsaid = _united(hulls[:, -1], turns, FINEST_ALPHA * float(domain.scale[-1]))
     interval, corners = (float(alpha.lo), float(alpha.hi)), (box.lo, box.hi)
     ends = [interval[0], *(end for lo, hi, _ in unsaid for end in (lo, hi)), interval[1]]
     pairs = zip(ends[::2], ends[1::2], strict=True) if passed.all() or not is_whole else ()
-    stretches = _counted(region, found.accepted, [(lo, hi) for lo, hi in pairs if lo < hi])
+    stretches = _counted(domain, found.accepted, [(lo, hi) for lo, hi in pairs if lo < hi])
     opened = list(zip(hulls.lo[~passed], hulls.hi[~passed], strict=True))
     assumed = ASSUMED + OF_NUMPY * (not BY_CRIVAL)
-    assumed += OF_CLASSES * any(step.name == "select" for step in region.tape.steps)
+    assumed += OF_CLASSES * any(step.name == "select" for step in domain.tape.steps)
     return BoxProof(corners, interval, stretches, unsaid, opened, found.looked_at, assumed)
 
 
@@ -82,13 +82,13 @@ def _united(ranges: Interval, turns: Array, apart: float) -> list[tuple[float, f
     return united
 
 
-def _counted(region: Region, boxes: Interval, stretches: list[Range]) -> list[CountedStretch]:
+def _counted(domain: Domain, boxes: Interval, stretches: list[Range]) -> list[CountedStretch]:
     """Return stretches with solutions at the first place of each where all are told apart."""
     known = dict[Range, CountedStretch]()
     for part in PLACES:
-        places = {(lo, hi): lo + (hi - lo) * part for lo, hi in stretches if (lo, hi) not in known}
-        places = {(lo, hi): alpha for (lo, hi), alpha in places.items() if lo < alpha < hi}
-        found = enclosures(region, boxes, list(places.values()))
+        parts = ((lo, lo + (hi - lo) * part, hi) for lo, hi in stretches if (lo, hi) not in known)
+        places = {(lo, hi): alpha for lo, alpha, hi in parts if lo < alpha < hi}
+        found = enclosures(domain, boxes, list(places.values()))
         for ((lo, hi), alpha), solutions in zip(places.items(), found, strict=True):
             if solutions is not None:
                 known[lo, hi] = CountedStretch(lo, hi, alpha, solutions)
@@ -98,7 +98,7 @@ def _counted(region: Region, boxes: Interval, stretches: list[Range]) -> list[Co
 
 
 @np.errstate(all="ignore")
-def enclosures(region: Region, boxes: Interval, alphas: list[float]) -> list[list[Corners] | None]:
+def enclosures(domain: Domain, boxes: Interval, alphas: list[float]) -> list[list[Corners] | None]:
     """Return enclosures (least, largest) of all solutions in accepted boxes at each alpha.
 
     None where solutions are not enclosed, or not told apart, for certain.
@@ -109,31 +109,30 @@ def enclosures(region: Region, boxes: Interval, alphas: list[float]) -> list[lis
     boxes = together(np.concatenate, boxes[:0], *slices)
 
     def accepts(some: Interval, _: Interval) -> Signs:
-        holds: Signs = np.all(np.isfinite(region.enclosed(some).lo), axis=1)
+        holds: Signs = np.all(np.isfinite(domain.enclosed(some).lo), axis=1)
         return holds
 
-    found, left, _ = covered(region, boxes, accepts, np.inf, LOOKED_AT * len(boxes.lo))
+    found, left, _ = covered(domain, boxes, accepts, np.inf, LOOKED_AT * len(boxes.lo))
     for _ in range(NARROWED):
-        new = region.enclosed(found)
+        new = domain.enclosed(found)
         found = chosen(np.isfinite(new.lo), new, found)
     return [
-        None if alpha in left.lo[:, -1] else _told_apart(region, found[found.lo[:, -1] == alpha])
+        None if alpha in left.lo[:, -1] else _told_apart(domain, found[found.lo[:, -1] == alpha])
         for alpha in alphas
     ]
 
 
-def _told_apart(region: Region, found: Interval) -> list[Corners] | None:
+def _told_apart(domain: Domain, found: Interval) -> list[Corners] | None:
     """Return one enclosure for every different solution, None where that is not certain.
 
     Solutions whose enclosures do not meet are different. Two enclosures hold the same solution if H
     is injective on the hull of both.
     """
-    touching = _touching(found)
-    one, other = np.nonzero(np.triu(touching, 1))
-    slopes = region.slopes(found[one].hull(found[other]))
-    is_same = are_regular(slopes[..., :-1], region.scale[:-1])
-    group = connected_components(touching, directed=False)[1]
-    first = np.unique(group, return_index=True)[1]
+    touching = np.triu(_touching(found), 1)
+    one, other = np.nonzero(touching)
+    slopes = domain.slopes(found[one].hull(found[other]))
+    is_same = are_regular(slopes[..., :-1], domain.scale[:-1])
+    first = np.flatnonzero(~touching.any(axis=0))  # enclosures of one solution all touch
     return [(found.lo[i, :-1], found.hi[i, :-1]) for i in first] if is_same.all() else None
 
 
@@ -145,7 +144,7 @@ def _touching(boxes: Interval) -> Signs:
     return touch & touch.T
 
 
-def grouped(region: Region, boxes: Interval, most: int) -> tuple[Interval, Signs, Array]:
+def grouped(domain: Domain, boxes: Interval, most: int) -> tuple[Interval, Signs, Array]:
     """Return the hulls of groups of open boxes (k, n + 1) that touch, which are passed, and turns.
 
     Where more than ``most`` boxes are open, every box is a group.
@@ -157,7 +156,7 @@ def grouped(region: Region, boxes: Interval, most: int) -> tuple[Interval, Signs
     hulls = Interval(*(np.full((count, boxes.lo.shape[1]), far) for far in (np.inf, -np.inf)))
     np.minimum.at(hulls.lo, group, boxes.lo)
     np.maximum.at(hulls.hi, group, boxes.hi)
-    passage = _Passage(region, hulls)
+    passage = _Passage(domain, hulls)
     passed = passage.is_passed()
     return hulls, passed, np.where(passed, passage.turns(), np.nan)
 
@@ -169,17 +168,17 @@ class _Passage:
     If one switch may be in two modes, the derivatives are averages of both modes with any weight.
     """
 
-    def __init__(self, region: Region, hulls: Interval) -> None:
-        self._region, self._hulls = region, hulls
-        tests, by = with_slopes(region.tape.tests, hulls)
+    def __init__(self, domain: Domain, hulls: Interval) -> None:
+        self._domain, self._hulls = domain, hulls
+        tests, by = with_slopes(domain.tape.tests, hulls)
         either = ~((tests.lo >= 0.0) | (tests.hi < 0.0))
         self._undecided = either.sum(axis=1)
         self._test = Interval(np.zeros_like(hulls.lo))  # of the switch that is undecided
         for k, each in enumerate(either.T):
-            self._test = chosen(each[:, np.newaxis], by[:, k] * region.scale, self._test)
-        hull, *modes = (with_slopes(region.tape.slopes, hulls, rules)[1] for rules in MODES)
+            self._test = chosen(each[:, np.newaxis], by[:, k] * domain.scale, self._test)
+        hull, *modes = (with_slopes(domain.tape.slopes, hulls, rules)[1] for rules in MODES)
         is_many = (self._undecided > 1)[:, np.newaxis, np.newaxis]
-        modes = [chosen(is_many, hull, each) * region.scale for each in modes]
+        modes = [chosen(is_many, hull, each) * domain.scale for each in modes]
         along = Interval(np.sum([_tangents(each.middle()) for each in modes], axis=0))
         #: The derivatives with one more row, along the curve.
         self._modes = [together(partial(np.concatenate, axis=1), m, along) for m in modes]
@@ -205,22 +204,22 @@ class _Passage:
         is_crossed = (self._undecided == 1) & (test == other) & (slope == -before)  # once
         kinks = np.where(is_crossed, test * slope, np.nan)
         opens = np.where(self._undecided == 0, self._of_folds(ways[0]), kinks)
-        inside = self._hulls[:, :-1].is_within(self._region.box[:-1]).all(axis=1)
+        inside = self._hulls[:, :-1].is_within(self._domain.box[:-1]).all(axis=1)
         turning = np.where(inside, opens, np.nan)
         return np.where(slope == before, self._of_faces(ways), turning)
 
     def _of_folds(self, way: Interval) -> Array:
         """Return the signs of the second derivative of alpha along smooth curves."""
         join = partial(np.concatenate, axis=1)
-        at = together(join, self._hulls, way * self._region.scale)
-        bend = evaluated(self._region.tape.bent, at)
+        at = together(join, self._hulls, way * self._domain.scale)
+        bend = evaluated(self._domain.tape.bent, at)
         right = together(join, bend, Interval(np.zeros_like(bend.lo[:, :1])))
         return _sign(solved(self._modes[0], right[..., np.newaxis])[:, -1, 0])
 
     def _of_faces(self, ways: list[Interval]) -> Array:
         """Return the turns of hulls in which the curve goes on in alpha, by the faces touched."""
         one, other = (_sign(each[:, :-1]) * _sign(each[:, -1:]) for each in ways)
-        speed, whole = np.where(one == other, one, np.nan), self._region.box
+        speed, whole = np.where(one == other, one, np.nan), self._domain.box
         at_least, at_most = self._hulls.lo <= whole.lo, self._hulls.hi >= whole.hi
         at_least, at_most = at_least[:, :-1], at_most[:, :-1]
         turns = np.where(at_least, speed, np.where(at_most, -speed, 0.0)).sum(axis=1)

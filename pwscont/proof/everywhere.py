@@ -20,7 +20,7 @@ from pwscont.curve.metric import Metric, Range
 from pwscont.graph.proved import BoxProof
 from pwscont.proof.counts import counted_proof
 from pwscont.proof.interval import Interval
-from pwscont.proof.search import MOST_BOXES, Region, covered
+from pwscont.proof.search import MOST_BOXES, Domain, covered
 from pwscont.proof.tape import check_tape, tape_of
 from pwscont.search.default_search import default_search
 from pwscont.search.pursuit import solution_from
@@ -132,9 +132,9 @@ class Everywhere(Search):
         most = MOST_BOXES * max(n - 2, 1) ** 2
         most = MOST_WORK // (len(tape.slopes.steps) + BESIDES) if is_quick else most
         with np.errstate(all="ignore"):
-            region = Region(tape, box, scale)
-            found = covered(region, box[np.newaxis], region.continues, self.seconds, most)
-            proof = counted_proof(region, found, is_whole=is_quick)
+            domain = Domain(tape, box, scale)
+            found = covered(domain, box[np.newaxis], domain.continues, self.seconds, most)
+            proof = counted_proof(domain, found, is_whole=is_quick)
         self._last.update(asked=(formula_of(system) or system, interval), key=key, proof=proof)
         return proof
 

@@ -48,7 +48,7 @@ class Covered(NamedTuple):
 
 @final
 @dataclass(frozen=True, eq=False)
-class Region:
+class Domain:
     """A formula in a box (n + 1,) of (z, alpha), with typical magnitudes (n + 1,)."""
 
     tape: Tape
@@ -93,7 +93,7 @@ Accepts = Callable[[Interval, Interval], Signs]
 
 
 def covered(
-    region: Region, boxes: Interval, accepts: Accepts, seconds: float, most: int
+    domain: Domain, boxes: Interval, accepts: Accepts, seconds: float, most: int
 ) -> Covered:
     """Return accepted and open boxes that hold all zeros in some boxes, in some ``seconds``.
 
@@ -105,7 +105,7 @@ def covered(
         check_budget()
         some, others = boxes[:TOGETHER], boxes[TOGETHER:]
         number += len(some.lo)
-        found, too_small, halves = _looked_at(region, some, accepts)
+        found, too_small, halves = _looked_at(domain, some, accepts)
         accepted.append(found)
         small.append(too_small)
         boxes = together(np.concatenate, others, *halves)
@@ -114,23 +114,23 @@ def covered(
 
 
 def _looked_at(
-    region: Region, boxes: Interval, accepts: Accepts
+    domain: Domain, boxes: Interval, accepts: Accepts
 ) -> tuple[Interval, Interval, list[Interval]]:
     """Return the boxes that are accepted, those too small to be halved, and halves of others."""
-    boxes = boxes[~evaluated(region.tape, boxes).excludes_zero().any(axis=1)]
-    slopes = region.slopes(boxes)
+    boxes = boxes[~evaluated(domain.tape, boxes).excludes_zero().any(axis=1)]
+    slopes = domain.slopes(boxes)
     matrix = Interval(preconditioner(slopes.middle(), boxes.width()))
-    start = evaluated(region.tape, Interval(boxes.middle()))[..., np.newaxis]
+    start = evaluated(domain.tape, Interval(boxes.middle()))[..., np.newaxis]
     rows = matrix @ slopes
     boxes, empty = contracted(boxes, rows, (matrix @ start)[..., 0])
     boxes, rows, slopes = boxes[~empty], rows[~empty], slopes[~empty]
     is_accepted = accepts(boxes, slopes)
-    relative = boxes.width() / region.scale
+    relative = boxes.width() / domain.scale
     widest, alpha = relative[:, :-1].max(axis=1), relative[:, -1]
     is_flat = (widest <= THIN) & (alpha > 0.0) & (alpha <= FINEST_ALPHA)
     is_small = (np.maximum(widest, alpha) <= FINEST) | is_flat
     wide = ~is_accepted & ~is_small
-    halves = _halved(boxes[wide], rows[wide], region.scale)
+    halves = _halved(boxes[wide], rows[wide], domain.scale)
     return boxes[is_accepted], boxes[~is_accepted & is_small], halves
 
 
