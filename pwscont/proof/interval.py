@@ -119,13 +119,13 @@ class Interval:
         return _interval(other) / self
 
     def __pow__(self, power: float) -> Interval:
-        """Return the powers, of a whole number."""
+        """Return the powers, of a whole number that is not zero."""
         k = int(power)
         if k < 0:
             return 1.0 / self**-k
         x = self if k % 2 else abs(self)  # what is left increases
-        lo = _powers(x.lo, k).lo
-        return Interval(lo if k % 2 else np.maximum(lo, 0.0), _powers(x.hi, k).hi)
+        lo, hi = (reduce(operator.mul, [Interval(end)] * k) for end in (x.lo, x.hi))
+        return Interval(lo.lo if k % 2 else np.maximum(lo.lo, 0.0), hi.hi)
 
     def __matmul__(self, other: Interval) -> Interval:
         """Return products of matrices, as products of midpoints with bounds of all errors."""
@@ -191,15 +191,6 @@ class Interval:
 
 def _interval(thing: Any) -> Interval:
     return thing if isinstance(thing, Interval) else Interval(thing)
-
-
-def _powers(x: Array, k: int) -> Interval:
-    """Return the products of k factors x, by squares; k at least zero."""
-    if k <= 1:
-        return Interval(x if k else np.ones_like(x))
-    half = _powers(x, k // 2)
-    square = half * half
-    return square * Interval(x) if k % 2 else square
 
 
 def chosen(condition: Signs, one: Interval, other: Interval) -> Interval:

@@ -201,8 +201,10 @@ class Traced(NDArrayOperatorsMixin):
         if not isinstance(power, Real):
             return self.tape.node("exp", power * self.tape.node("log", base))
         k = _exact(power)
+        if k in (0.0, 1.0):
+            return base if k else 1.0
         if k.is_integer() and abs(k) <= LARGEST_POWER:
-            return base if k == 1.0 else self.tape.node("power", base, numbers=(k,))
+            return self.tape.node("power", base, numbers=(k,))
         return base.sqrt() if k == 0.5 else (k * base.log()).exp()
 
     def copy(self, *args: Any) -> Traced:
