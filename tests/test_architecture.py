@@ -67,7 +67,7 @@ BUDGET = {
     "search": (7, 1680),
     "continuation": (8, 2764),
     "kit": (4, 940),
-    "proof": (9, 2213),
+    "proof": (9, 2150),
     "scenes": (14, 2652),
     "view": (6, 940),
     "evolution": (14, 2999),

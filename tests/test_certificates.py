@@ -1,36 +1,49 @@
-"""Certificates of tubes, not counts: each is rechecked in balls of 128 bits; mutants are caught."""
+"""Certificates, not counts: each is rechecked in balls of 128 bits; mutants are caught."""
 
 import numpy as np
 import pytest
-from certificates import verdicts
-from proof_families import Mixed, PiecewisePolynomial, tubes_of, uneven_arches
+from certificates import holds_a_zero, is_injective, verdicts
+from proof_families import Mixed, PiecewisePolynomial, accepted_in, domain_of, uneven_arches
 from sweeps import swept
 
 import pwscont.proof.counts
 import pwscont.proof.interval
 import pwscont.proof.search
 from pwscont.proof.interval import Interval
-from pwscont.proof.search import Tubes, around
-from pwscont.proof.tape import traced
+from pwscont.proof.search import Domain
+from pwscont.proof.tape import with_slopes
+
+PLACES = (-0.83, -0.21, 0.35, 0.77)
 
 
-def polynomial_verdicts(seeds, every=25):
-    """Return how many certificates are true, false and not known."""
+def rechecked(domain, f, every=1):
+    """Return the verdicts of accepted boxes, and of the solutions that are enclosed in them."""
+    boxes = accepted_in(domain)
+    pairs = zip(boxes.lo[::every], boxes.hi[::every], strict=True)
+    enclosed = pwscont.proof.counts.enclosures(domain, boxes, PLACES)
+    zeros = [(z, alpha) for alpha, some in zip(PLACES, enclosed, strict=True) for z in some or ()]
+    found = verdicts(is_injective(f, pair) for pair in pairs)
+    return found, verdicts(holds_a_zero(f, *zero) for zero in zeros)
+
+
+def polynomial_verdicts(seeds):
+    """Return how many certificates of boxes, and of solutions, are true, false and not known."""
     families = [PiecewisePolynomial(np.random.default_rng(seed)) for seed in seeds]
-    found = [verdicts(f, tubes_of(f, 1, (-3.0, 3.0), (-1.0, 1.0)), every) for f in families]
-    return tuple(np.sum(found, axis=0).tolist())
+    found = [rechecked(domain_of(f, 1, (-3.0, 3.0), (-1.0, 1.0)), f, 4) for f in families]
+    return np.sum(found, axis=0).tolist()
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seeds", swept([range(4)], [range(100, 120)]))
 def test_certificates_of_one_unknown_hold(seeds):
-    true, *others = polynomial_verdicts(seeds)
-    assert (true > 100, others) == (True, [0, 0])
+    for true, *others in polynomial_verdicts(seeds):
+        assert (true > 20, others) == (True, [0, 0])
 
 
 def test_certificates_of_two_unknowns_hold():
-    tubes = tubes_of(uneven_arches, 2, (-5.0, 5.0), (-1.0, 1.0))
-    assert verdicts(uneven_arches, tubes, len(tubes.first) // 8)[1:] == (0, 0)
+    domain = domain_of(uneven_arches, 2, (-5.0, 5.0), (-1.0, 1.0))
+    for true, *others in rechecked(domain, uneven_arches, 8):
+        assert (true > 5, others) == (True, [0, 0])
 
 
 @pytest.mark.slow
@@ -39,22 +52,20 @@ def test_certificates_of_mixed_rows_hold(n, seed):
     f = Mixed(np.random.default_rng(1000 * n + seed), n)
     f.rows = ([row for row in f.rows if row.kind < 2] * n)[:n]  # those without tanh
     if f.rows:
-        tubes = tubes_of(f, n, (-2.0, 2.0), (-1.0, 1.0))
-        assert verdicts(f, tubes, 1 + len(tubes.first) // 40)[1:] == (0, 0)
-
-
-def test_an_image_ends_at_a_solution():
-    """z = |t|: the tube around z = 0 has the image |z| <= 1, and at t = 1 the solution is 1."""
-    tubes = tubes_of(kink, 1, (-3.0, 3.0), (-1.0, 1.0))
-    assert tubes.image.min() == pytest.approx(1.0, rel=1e-12)
-    assert verdicts(kink, tubes) == (3 * len(tubes.first), 0, 0)
+        for verdict in rechecked(domain_of(f, n, (-2.0, 2.0), (-1.0, 1.0)), f, 20):
+            assert verdict[1:] == (0, 0)
 
 
 def kink(z, t, sw):
     return z - sw.abs(t)
 
 
-# -- tubes that do not hold what is found ---------------------------------------------------------
+def test_an_enclosure_is_narrow():
+    """z = |t|: to a few roundings."""
+    domain = domain_of(kink, 1, (-3.0, 3.0), (-1.0, 1.0))
+    (((lo, hi),),) = pwscont.proof.counts.enclosures(domain, accepted_in(domain), [0.4])
+    assert lo <= 0.4 <= hi
+    assert hi - lo < 1e-14
 
 
 def stairs(z, t, sw):
@@ -63,75 +74,85 @@ def stairs(z, t, sw):
     return 0.2 * x + 1.6 * sw.clip(x, -0.1, 0.4) - 1.2 * sw.min(x + 1.2, 0.0)
 
 
-def solutions_of_stairs():
-    """Return what is found in tubes around both solutions, at t = 1."""
-    tape = traced(stairs, 1)
-    boxes = Interval(np.array([[-0.8, -1.7], [-1.0, -1.0]]), np.array([[0.8, -1.4], [1.0, 1.0]]))
-    tubes, is_proved = around(tape, boxes, np.array([[[1.0, -1.0], [0.0, 0.0]]]), np.ones((1, 1)))
-    assert is_proved.all()
-    whole = Interval(np.array([-3.0, -1.0]), np.array([3.0, 1.0]))
-    return pwscont.proof.counts._solutions(tape, whole, tubes, 1.0)
-
-
-def test_newton_may_leave_a_tube_for_another_solution():
+def test_newton_may_leave_a_box_for_another_solution():
     """From x = -0.103 the steps of Newton are 0.9 and -4, then on to the other solution."""
-    found = solutions_of_stairs()
-    assert len(found) == 2
+    domain = domain_of(stairs, 1, (-3.0, 3.0), (-1.0, 1.0))
+    boxes = Interval(np.array([[-0.8, -1.0], [-1.7, -1.0]]), np.array([[0.8, 1.0], [-1.4, 1.0]]))
+    assert domain.continues(boxes, domain.slopes(boxes)).all()
+    (found,) = pwscont.proof.counts.enclosures(domain, boxes, [1.0])
     for (lo, hi), x in zip(sorted(found), (-1.6, 0.0), strict=True):
         assert lo[0] <= x + 0.103 + 1e-15
         assert hi[0] >= x + 0.103 - 1e-15
 
 
-def touching_enclosures():
-    """Return two tubes around 0 and 0.15, and wide enclosures that touch; no tube holds both."""
-    one, centre = np.ones(2), np.array([[0.0, 0.15]])
-    tubes = Tubes(-one, 0.0 * one, one, centre, 0.0 * centre, 0.1 + 0.0 * centre, 0.0 * centre)
-    return tubes, Interval(np.array([[-0.05, 0.08]]), np.array([[0.08, 0.2]]))
+def distinct(f):
+    """Return how many solutions two enclosures, of -0.05 to 0.08 and of 0.08 to 0.2, hold."""
+    found = Interval(np.array([[-0.05, 0.5], [0.08, 0.5]]), np.array([[0.08, 0.5], [0.2, 0.5]]))
+    domain = domain_of(f, 1, (-3.0, 3.0), (-1.0, 1.0))
+    some = pwscont.proof.counts._told_apart(domain, found)
+    return some and len(some)
 
 
-def test_enclosures_that_touch_are_told_apart_only_if_a_tube_holds_both():
-    tubes, found = touching_enclosures()
-    assert pwscont.proof.counts._distinct(tubes, found, 0.0) is None
-    wider = tubes._replace(radius=3.0 * tubes.radius)
-    assert pwscont.proof.counts._distinct(wider, found, 0.0) == [0]
+def test_enclosures_that_touch_are_told_apart_only_if_both_hold_one_solution():
+    assert distinct(lambda z, t, sw: z * (z - 0.15) + 0.0 * t) is None
+    assert distinct(lambda z, t, sw: z - 0.08 + 0.0 * t) == 1
 
 
 # -- faults: the tests above must see them --------------------------------------------------------
 
-original = pwscont.proof.search.proved
+FAULTS = {
+    "each matrix regular": lambda matrices, size: np.ones(len(matrices.lo), dtype=bool),
+    "the middle regular": lambda matrices, size: np.linalg.det(matrices.middle()) != 0.0,
+}
 
 
-def accepted_outside(*args):
-    tubes, _ = original(*args)
-    tubes = tubes._replace(image=0.05 * tubes.radius)
-    return tubes, (tubes.image < tubes.radius).all(axis=0)
+@pytest.mark.parametrize("name", FAULTS)
+def test_boxes_accepted_wrongly_are_caught(monkeypatch, name):
+    """Counts do not always show these faults."""
+    monkeypatch.setattr(pwscont.proof.search, "are_regular", FAULTS[name])
+    assert polynomial_verdicts(range(4))[0][1] > 0
 
 
-def half_the_image(*args):
-    tubes, is_proved = original(*args)
-    return tubes._replace(image=0.5 * tubes.image), is_proved
+original = Domain.enclosed
 
 
-def accepted_always(*args):
-    tubes, is_proved = original(*args)
-    return tubes, np.ones_like(is_proved)
+def half_the_width(domain, boxes):
+    found = original(domain, boxes)
+    return Interval(found.middle(), found.hi)
 
 
-@pytest.mark.parametrize("fault", [accepted_outside, half_the_image, accepted_always])
-def test_wrong_certificates_are_caught(monkeypatch, fault):
-    """Counts do not show these faults."""
-    monkeypatch.setattr(pwscont.proof.search, "proved", fault)
-    found = verdicts(kink, tubes_of(kink, 1, (-3.0, 3.0), (-1.0, 1.0)))
-    assert sum(found[1:]) or sum(polynomial_verdicts(range(4))[1:])
+def not_where_the_zero_is(domain, boxes):
+    found = original(domain, boxes)
+    aside = np.array([1e-9, 0.0])  # not of alpha
+    return Interval(found.lo + aside, found.hi + aside)
+
+
+@pytest.mark.parametrize("fault", [half_the_width, not_where_the_zero_is])
+def test_wrong_enclosures_are_caught(monkeypatch, fault):
+    monkeypatch.setattr(Domain, "enclosed", fault)
+    assert sum(polynomial_verdicts(range(4))[1][1:]) > 0
 
 
 def test_a_single_selection_at_kinks_is_caught(monkeypatch):
+    f = PiecewisePolynomial(np.random.default_rng(1))
     switches = pwscont.proof.interval.SWITCHES
     monkeypatch.setitem(switches, "abs", (switches["abs"][0], lambda dx: (dx, dx)))
-    assert sum(verdicts(kink, tubes_of(kink, 1, (-3.0, 3.0), (-1.0, 1.0)))[1:])
+    assert rechecked(domain_of(f, 1, (-3.0, 3.0), (-1.0, 1.0)), f)[0][1] > 0
 
 
-def test_tubes_said_to_hold_everything_are_caught(monkeypatch):
-    monkeypatch.setattr(Tubes, "hold", lambda self, z, alpha: np.ones(z.lo.shape[1], dtype=bool))
-    assert len(solutions_of_stairs()) == 1
-    assert pwscont.proof.counts._distinct(*touching_enclosures(), 0.0) == [0]
+def test_boxes_without_what_lies_beside_are_caught(monkeypatch):
+    """|z| = t turns at z = 0, on the faces of the first boxes."""
+    domain = domain_of(lambda z, t, sw: sw.abs(z) - t, 1, (-2.0, 2.0), (-2.0, 2.0))
+    assert covers_zero(accepted_in(domain)) == 0
+    within = lambda self, boxes: with_slopes(self.tape.slopes, boxes)[1]  # noqa: E731
+    monkeypatch.setattr(Domain, "slopes", within)
+    assert covers_zero(accepted_in(domain)) > 0
+
+
+def covers_zero(boxes):
+    return ((boxes.lo <= 0.0) & (boxes.hi >= 0.0)).all(axis=1).sum()
+
+
+def test_enclosures_said_to_hold_one_solution_are_caught(monkeypatch):
+    monkeypatch.setattr(pwscont.proof.counts, "are_regular", FAULTS["each matrix regular"])
+    assert distinct(lambda z, t, sw: z * (z - 0.15) + 0.0 * t) == 1

@@ -218,11 +218,11 @@ def derivatives(name, box):
         0.0 * box.lo,
         1.0 + 0.0 * box.lo,
     )
-    point = together(np.stack, box, Interval(zero))
-    way = together(np.stack, Interval(one), Interval(zero))
-    bend = evaluated(tape.bent, together(np.concatenate, point, way))[0]
-    value, slope, _ = evaluated(tape.slopes, point)
-    return value, slope, bend
+    point = together(np.column_stack, box, Interval(zero))
+    way = together(np.column_stack, Interval(one), Interval(zero))
+    bend = evaluated(tape.bent, together(np.column_stack, point, way))
+    found = evaluated(tape.slopes, point)
+    return found[:, 0], found[:, 1], bend[:, 0]
 
 
 def bad_chords(name, order, sign=1.0):

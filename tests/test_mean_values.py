@@ -49,7 +49,10 @@ def escapes(f, value, count, seed=3):
     box, points = boxes(np.random.default_rng(seed), count)
     tape = traced(lambda z, t, sw: [f(z[0], t, sw, float)], 1)
     with np.errstate(all="ignore"):
-        slopes, start = with_slopes(tape.slopes, box)[1][0], evaluated(tape, Interval(points))[0]
+        slopes = with_slopes(tape.slopes, box.arranged(np.transpose))[1][:, 0].arranged(
+            np.transpose
+        )
+        start = evaluated(tape, Interval(points.T))[:, 0]
     lost = said = 0
     for k in np.flatnonzero(np.isfinite(slopes.width()).all(axis=0) & np.isfinite(start.width())):
         x, c = ([Fraction(float(y)) for y in each[:, k]] for each in (box.middle(), points))

@@ -81,10 +81,10 @@ def test_a_single_selection_at_kinks_is_caught(monkeypatch):
 
 
 @pytest.mark.slow
-def test_tubes_that_are_not_told_apart_are_caught(monkeypatch):
-    """Each tube counted for itself: the same solution counts several times."""
-    each = lambda tubes, found, alpha: list(range(len(tubes.first)))  # noqa: E731
-    monkeypatch.setattr(pwscont.proof.counts, "_distinct", each)
+def test_enclosures_that_are_not_told_apart_are_caught(monkeypatch):
+    """Each enclosure counted for itself: the same solution counts several times."""
+    each = lambda _, found: list(zip(found.lo[:, :-1], found.hi[:, :-1], strict=True))  # noqa: E731
+    monkeypatch.setattr(pwscont.proof.counts, "_told_apart", each)
     with pytest.raises(AssertionError):
         test_counts_of_piecewise_polynomials(range(12))
 
@@ -242,7 +242,7 @@ def test_two_folds_that_are_too_close_are_no_fold(name):
 
 
 def test_second_derivatives_are_needed_to_call_a_fold_a_fold(monkeypatch):
-    always = lambda self, way: np.ones(way.lo.shape[1])  # noqa: E731
+    always = lambda self, way: np.ones(len(way.lo))  # noqa: E731
     monkeypatch.setattr(pwscont.proof.counts._Passage, "_of_folds", always)
     with pytest.raises(AssertionError):
         test_two_folds_that_are_too_close_are_no_fold("smooth")

@@ -78,31 +78,31 @@ def _largest(numbers: Interval, which: Signs, end: float) -> tuple[Interval, Ind
 class ExactCells:
     """All cells, ``number`` of them, of exact rows, as :class:`ExactData` hands them over.
 
-    ``rows`` (r, size + 2) are coefficients of (z, alpha, 1): the equations of all cells, the row of
-    the inequality 1 >= 0, then the equations and inequalities of all modes. ``modes`` has of every
-    mode of every part the places of equations and inequalities.
+    ``rows`` (r, size + 2) are coefficients of (z, alpha, 1): the equations of all cells, the rows 0
+    and 1, then the rows of all modes. ``equations`` and ``sides`` have for every part a table of
+    the places of rows, a mode in each line, filled by the equation 0 = 0, and by 1 >= 0.
     """
 
     def __init__(self, common: Array, parts: Sequence[Sequence[ExactMode]]) -> None:
         self.size, self._common = common.shape[1] - 2, len(common)
         parts = parts or [[ExactMode(common[:0], common[:0])]]
-        self._sizes = tuple(map(len, parts))
-        self.number = prod(self._sizes)
-        own = [rows for modes in parts for mode in modes for rows in (mode.equations, mode.sides)]
-        blocks = [common, np.eye(1, self.size + 2, self.size + 1), *own]
+        self.number = prod(map(len, parts))
+        fillers = np.zeros((2, self.size + 2))
+        fillers[1, -1] = 1.0
+        blocks = [common, fillers]
+
+        def table(own: list[Array], filler: int) -> Indices:
+            places = np.full((len(own), max(map(len, own))), self._common + filler)
+            for line, rows in zip(places, own, strict=True):
+                line[: len(rows)] = sum(map(len, blocks)) + np.arange(len(rows))
+                blocks.append(rows)
+            return places
+
+        self.equations = [table([mode.equations for mode in modes], 0) for modes in parts]
+        self.sides = [table([mode.sides for mode in modes], 1) for modes in parts]
         self.rows = np.concatenate(blocks)
-        ends = np.cumsum([len(block) for block in blocks])[1:-1]
-        places = iter(np.split(np.arange(len(self.rows)), ends)[1:])
-        self.modes = [[(next(places), next(places)) for _ in modes] for modes in parts]
-        self._equations, self._sides = ([self._table(m, k) for m in self.modes] for k in (0, 1))
         with np.errstate(all="ignore"):
             self._order, self._others, self._reduced = self._condensed()
-
-    def _table(self, modes: list[Any], which: int) -> Indices:
-        """Return the rows of the modes of a part, filled by 1 >= 0: as an equation, singular."""
-        rows = [mode[which].tolist() for mode in modes]
-        longest = max(map(len, rows))
-        return np.array([own + [self._common] * (longest - len(own)) for own in rows], np.intp)
 
     def _condensed(self) -> tuple[Indices, Interval, Interval]:
         """Return an order of unknowns, the first ones by the others, and rows of the others."""
@@ -122,7 +122,7 @@ class ExactCells:
         """Yield the cells that may have solutions, their lines, and whether that is proved."""
         for some in self.portions(self.number):
             each = np.arange(some.start, some.stop)
-            choices = np.array(np.unravel_index(each, self._sizes)).T
+            choices = np.array(np.unravel_index(each, [len(table) for table in self.sides])).T
             x, sides = self.lines(choices)
             ranges = Ranges.of((x, sides), interval)
             for i in np.flatnonzero(~ranges.empty):
@@ -130,20 +130,15 @@ class ExactCells:
 
     def of(self, choice: Any) -> tuple[Array, Array]:
         """Return the equations and the inequalities of a cell."""
-        pairs = [modes[k] for modes, k in zip(self.modes, choice, strict=True)]
-        equations, sides = (self.rows[np.concatenate(each)] for each in zip(*pairs, strict=True))
+        tables, picks = (self.equations, self.sides), np.array([choice])
+        equations, sides = (self.rows[_chosen(each, picks)[0]] for each in tables)
         return np.concatenate([self.rows[: self._common], equations]), sides
-
-    def side(self, choice: Any, number: int) -> Array:
-        """Return an inequality of a cell by its place among :meth:`lines`."""
-        row: Array = self.rows[_chosen(self._sides, np.array([choice]))[0, number]]
-        return row
 
     @np.errstate(all="ignore")
     def lines(self, choices: Indices) -> tuple[Interval, Interval]:
         """Return unknowns and inequalities of B cells as functions of alpha, (B, k, 2)."""
         equations, rows = (
-            self._reduced[_chosen(tables, choices)] for tables in (self._equations, self._sides)
+            self._reduced[_chosen(tables, choices)] for tables in (self.equations, self.sides)
         )
         x = solved(equations[..., :-2], equations[..., -2:])
         return x, rows[..., :-2] @ x + rows[..., -2:]

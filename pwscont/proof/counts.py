@@ -1,4 +1,4 @@
-"""What tubes and open boxes prove of the solutions of a formula in a box.
+"""What accepted and open boxes prove of the solutions of a formula in a box.
 
 The number of solutions is constant on every stretch of alpha between groups of open boxes. A group
 is *passed* if all solutions in its hull are proved to lie on one curve; the *turn* says how the
@@ -8,6 +8,7 @@ not known (not a number). The theorem stands on the page "Proofs".
 
 from __future__ import annotations
 
+from functools import partial
 from typing import final
 
 import numpy as np
@@ -21,52 +22,50 @@ from pwscont.proof.interval import (
     FUNCTION_ULPS,
     MODES,
     Interval,
+    are_regular,
     chosen,
     solved,
     together,
 )
-from pwscont.proof.search import FINEST_ALPHA, Covered, Tubes, around, inverse_of, polished
-from pwscont.proof.tape import Tape, evaluated, with_slopes
+from pwscont.proof.search import FINEST_ALPHA, Covered, Domain, covered
+from pwscont.proof.tape import evaluated, with_slopes
 
-#: How often the derivatives are taken anew when solutions are enclosed.
-NEWTONS = 3
+#: How often a solution that is enclosed is enclosed anew, ever more narrowly.
+NARROWED = 4
+#: Most boxes that are looked at for a count, for every accepted box.
+LOOKED_AT = 30
 #: Parts of a stretch at which solutions are counted, in turn, until all are told apart.
 PLACES = (0.5, 0.381966, 0.61803, 0.26, 0.74)
+#: What is always assumed, of functions of numpy, and of classes.
 ASSUMED = (
     "assumed: a formula without state, the same for numbers and for the tape; arithmetic of "
     "IEEE 754 to nearest"
 )
-#: What is assumed besides where numpy evaluates the elementary functions.
-ACCURATE_FUNCTIONS = (
-    f"; elementary functions of numpy within {FUNCTION_ULPS:g} units in the last place"
-)
-#: What is assumed of classes besides.
-AGREEING_SELECTIONS = "; selections of a class that agree where tests vanish"
-#: Most open boxes that are put together.
-MOST_GROUPED = 4000
+OF_NUMPY = f"; elementary functions of numpy within {FUNCTION_ULPS:g} units in the last place"
+OF_CLASSES = "; selections of a class that agree where tests vanish"
+#: Most open boxes that are put together; fewer where only a proof of everything is of use.
+MOST_GROUPED, MOST_OF_A_WHOLE = 4000, 400
 #: Into how many parts the weights of two modes are divided.
 WEIGHTS = 8
 
 
-def counted_proof(
-    tape: Tape, box: Interval, scale: Array, found: Covered, *, is_whole: bool = False
-) -> BoxProof:
-    """Return what tubes and open boxes with all solutions prove, from the answer of ``covered``.
+def counted_proof(domain: Domain, found: Covered, *, is_whole: bool = False) -> BoxProof:
+    """Return what accepted and open boxes with all solutions prove.
 
     ``is_whole``: a proof of a part is of no use, so that nothing is counted where a box is open.
     """
-    tubes, open_boxes, boxes = found
-    hulls, passed, turns = grouped(tape, open_boxes, box, scale)
-    unsaid = _united(hulls[-1], turns, FINEST_ALPHA * float(scale[-1]))
-    interval = float(box.lo[-1]), float(box.hi[-1])
+    box, alpha = domain.box[:-1], domain.box[-1]
+    most = MOST_OF_A_WHOLE if is_whole else MOST_GROUPED
+    hulls, passed, turns = grouped(domain, found.open, most)
+    unsaid = _united(hulls[:, -1], turns, FINEST_ALPHA * float(domain.scale[-1]))
+    interval, corners = (float(alpha.lo), float(alpha.hi)), (box.lo, box.hi)
     ends = [interval[0], *(end for lo, hi, _ in unsaid for end in (lo, hi)), interval[1]]
     pairs = zip(ends[::2], ends[1::2], strict=True) if passed.all() or not is_whole else ()
-    stretches = [_counted(tape, box, tubes, each) for each in pairs if each[0] < each[1]]
-    opened = list(zip(hulls.lo.T[~passed], hulls.hi.T[~passed], strict=True))
-    assumed = ASSUMED + ACCURATE_FUNCTIONS * (not BY_CRIVAL)
-    assumed += AGREEING_SELECTIONS * any(step.name == "select" for step in tape.steps)
-    corners = box.lo[:-1], box.hi[:-1]
-    return BoxProof(corners, interval, stretches, unsaid, opened, boxes, assumed)
+    stretches = _counted(domain, found.accepted, [(lo, hi) for lo, hi in pairs if lo < hi])
+    opened = list(zip(hulls.lo[~passed], hulls.hi[~passed], strict=True))
+    assumed = ASSUMED + OF_NUMPY * (not BY_CRIVAL)
+    assumed += OF_CLASSES * any(step.name == "select" for step in domain.tape.steps)
+    return BoxProof(corners, interval, stretches, unsaid, opened, found.looked_at, assumed)
 
 
 def _united(ranges: Interval, turns: Array, apart: float) -> list[tuple[float, float, float]]:
@@ -83,86 +82,83 @@ def _united(ranges: Interval, turns: Array, apart: float) -> list[tuple[float, f
     return united
 
 
-def _counted(tape: Tape, box: Interval, tubes: Tubes, stretch: Range) -> CountedStretch:
-    """Return a stretch with its solutions at the first place where they are told apart."""
-    lo, hi = stretch
-    places = [alpha for part in PLACES if lo < (alpha := lo + (hi - lo) * part) < hi]
-    counted = ((alpha, _solutions(tape, box, tubes, alpha)) for alpha in places)
-    found = (each for each in counted if each[1] is not None)
-    return CountedStretch(lo, hi, *next(found, (0.5 * (lo + hi), None)))
+def _counted(domain: Domain, boxes: Interval, stretches: list[Range]) -> list[CountedStretch]:
+    """Return stretches with solutions at the first place of each where all are told apart."""
+    known = dict[Range, CountedStretch]()
+    for part in PLACES:
+        parts = ((lo, lo + (hi - lo) * part, hi) for lo, hi in stretches if (lo, hi) not in known)
+        places = {(lo, hi): alpha for lo, alpha, hi in parts if lo < alpha < hi}
+        found = enclosures(domain, boxes, list(places.values()))
+        for ((lo, hi), alpha), solutions in zip(places.items(), found, strict=True):
+            if solutions is not None:
+                known[lo, hi] = CountedStretch(lo, hi, alpha, solutions)
+    return [
+        known.get((lo, hi), CountedStretch(lo, hi, 0.5 * (lo + hi), None)) for lo, hi in stretches
+    ]
 
 
 @np.errstate(all="ignore")
-def _solutions(tape: Tape, box: Interval, tubes: Tubes, alpha: float) -> list[Corners] | None:
-    """Return an enclosure (least, largest) of every solution in the box at alpha, off all groups.
+def enclosures(domain: Domain, boxes: Interval, alphas: list[float]) -> list[list[Corners] | None]:
+    """Return enclosures (least, largest) of all solutions in accepted boxes at each alpha.
 
-    None where solutions are not told apart for certain.
+    None where solutions are not enclosed, or not told apart, for certain.
     """
-    tubes = tubes.only((tubes.first <= alpha) & (alpha <= tubes.last))
-    found, whole = _enclosed(tape, tubes, alpha), box[:-1, np.newaxis]
-    outside = np.any((found.hi < whole.lo) | (found.lo > whole.hi), axis=0)
-    tubes, found = tubes.only(~outside), found[:, ~outside]
-    groups = _distinct(tubes, found, alpha) if found.is_within(whole).all() else None
-    return None if groups is None else [(found.lo[:, i], found.hi[:, i]) for i in groups]
+    slices = [boxes[(boxes.lo[:, -1] <= alpha) & (alpha <= boxes.hi[:, -1])] for alpha in alphas]
+    for each, alpha in zip(slices, alphas, strict=True):
+        each.lo[:, -1] = each.hi[:, -1] = alpha
+    boxes = together(np.concatenate, boxes[:0], *slices)
+
+    def accepts(some: Interval, _: Interval) -> Signs:
+        holds: Signs = np.all(np.isfinite(domain.enclosed(some).lo), axis=1)
+        return holds
+
+    found, left, _ = covered(domain, boxes, accepts, np.inf, LOOKED_AT * len(boxes.lo))
+    for _ in range(NARROWED):
+        new = domain.enclosed(found)
+        found = chosen(np.isfinite(new.lo), new, found)
+    return [
+        None if alpha in left.lo[:, -1] else _told_apart(domain, found[found.lo[:, -1] == alpha])
+        for alpha in alphas
+    ]
 
 
-def _enclosed(tape: Tape, tubes: Tubes, alpha: float) -> Interval:
-    """Return narrow enclosures of the solutions in tubes at one alpha, shape (n, k)."""
-    point = Interval(np.full(len(tubes.first), alpha))
-    known = tubes.at(point, tubes.image)
-    centre = known.middle()
-    for _ in range(NEWTONS):
-        box = Interval(np.vstack([centre, point.lo]))
-        about = with_slopes(tape.slopes, box)[1].middle()
-        centre = polished(tape, centre, point.lo, inverse_of(about[:, :-1]))
-    thin, is_proved = around(tape, box, about, tubes.radius)
-    found = thin.at(point, thin.image)
-    return chosen(is_proved & tubes.hold(found, point), found, known)
+def _told_apart(domain: Domain, found: Interval) -> list[Corners] | None:
+    """Return one enclosure for every different solution, None where that is not certain.
 
-
-def _distinct(tubes: Tubes, found: Interval, alpha: float) -> list[int] | None:
-    """Return one tube for every different solution, None where two are not told apart.
-
-    Solutions whose enclosures do not meet are different. Two enclosures that lie in one tube hold
-    the same solution.
+    Solutions whose enclosures do not meet are different. Two enclosures hold the same solution if H
+    is injective on the hull of both.
     """
-    touching = _touching(found)
-    one, other = np.nonzero(np.triu(touching, 1))
-    point = Interval(np.full(len(one), alpha))
-    is_same = tubes.only(one).hold(found[:, other], point)
-    is_same |= tubes.only(other).hold(found[:, one], point)
-    group = connected_components(touching, directed=False)[1]
-    first: list[int] = np.unique(group, return_index=True)[1].tolist()
-    return first if is_same.all() else None
+    touching = np.triu(_touching(found), 1)
+    one, other = np.nonzero(touching)
+    slopes = domain.slopes(found[one].hull(found[other]))
+    is_same = are_regular(slopes[..., :-1], domain.scale[:-1])
+    first = np.flatnonzero(~touching.any(axis=0))  # enclosures of one solution all touch
+    return [(found.lo[i, :-1], found.hi[i, :-1]) for i in first] if is_same.all() else None
 
 
 def _touching(boxes: Interval) -> Signs:
-    """Tell which of boxes (n, k) touch which, shape (k, k)."""
-    touch = np.ones((boxes.lo.shape[1],) * 2, dtype=bool)
-    for lo, hi in zip(boxes.lo, boxes.hi, strict=True):
+    """Tell which of k boxes touch which, shape (k, k)."""
+    touch = np.ones((len(boxes.lo),) * 2, dtype=bool)
+    for lo, hi in zip(boxes.lo.T, boxes.hi.T, strict=True):
         touch &= lo <= hi[:, np.newaxis]
     return touch & touch.T
 
 
-def grouped(
-    tape: Tape, boxes: Interval, whole: Interval, scale: Array
-) -> tuple[Interval, Signs, Array]:
-    """Return the hulls of groups of open boxes (n + 1, k) that touch, which are passed, and turns.
+def grouped(domain: Domain, boxes: Interval, most: int) -> tuple[Interval, Signs, Array]:
+    """Return the hulls of groups of open boxes (k, n + 1) that touch, which are passed, and turns.
 
-    ``whole`` is the whole box (n + 1,), and ``scale`` are the magnitudes of coordinates. Where many
-    boxes are open, every box is a group.
+    Where more than ``most`` boxes are open, every box is a group.
     """
-    if not 0 < (number := boxes.lo.shape[1]) <= MOST_GROUPED:
+    if not 0 < (number := len(boxes.lo)) <= most:
         return boxes, np.zeros(number, dtype=bool), np.full(number, np.nan)
-    boxes = boxes[:, np.argsort(boxes.lo[-1])]
+    boxes = boxes[np.argsort(boxes.lo[:, -1])]
     count, group = connected_components(_touching(boxes), directed=False)
-    lo, hi = (np.full((count, len(boxes.lo)), far) for far in (np.inf, -np.inf))
-    np.minimum.at(lo, group, boxes.lo.T)
-    np.maximum.at(hi, group, boxes.hi.T)
-    hulls = Interval(lo.T, hi.T)
-    passage = _Passage(tape, hulls, scale)
+    hulls = Interval(*(np.full((count, boxes.lo.shape[1]), far) for far in (np.inf, -np.inf)))
+    np.minimum.at(hulls.lo, group, boxes.lo)
+    np.maximum.at(hulls.hi, group, boxes.hi)
+    passage = _Passage(domain, hulls)
     passed = passage.is_passed()
-    return hulls, passed, np.where(passed, passage.turns(whole), np.nan)
+    return hulls, passed, np.where(passed, passage.turns(), np.nan)
 
 
 @final
@@ -172,59 +168,62 @@ class _Passage:
     If one switch may be in two modes, the derivatives are averages of both modes with any weight.
     """
 
-    def __init__(self, tape: Tape, hulls: Interval, scale: Array) -> None:
-        self._tape, self.hulls, self._scale = tape, hulls, Interval(scale[:, np.newaxis])
-        tests, by = with_slopes(tape.tests, hulls)
+    def __init__(self, domain: Domain, hulls: Interval) -> None:
+        self._domain, self._hulls = domain, hulls
+        tests, by = with_slopes(domain.tape.tests, hulls)
         either = ~((tests.lo >= 0.0) | (tests.hi < 0.0))
-        self._undecided = either.sum(axis=0)
+        self._undecided = either.sum(axis=1)
         self._test = Interval(np.zeros_like(hulls.lo))  # of the switch that is undecided
-        for k in range(len(either)):
-            self._test = chosen(either[k], by[k] * self._scale, self._test)
-        hull, *modes = (with_slopes(tape.slopes, hulls, rules)[1] for rules in MODES)
-        self._modes = [chosen(self._undecided > 1, hull, each) * self._scale for each in modes]
-        self._along = np.sum([_tangent(each.middle()) for each in self._modes], axis=0)
+        for k, each in enumerate(either.T):
+            self._test = chosen(each[:, np.newaxis], by[:, k] * domain.scale, self._test)
+        hull, *modes = (with_slopes(domain.tape.slopes, hulls, rules)[1] for rules in MODES)
+        is_many = (self._undecided > 1)[:, np.newaxis, np.newaxis]
+        modes = [chosen(is_many, hull, each) * domain.scale for each in modes]
+        along = Interval(np.sum([_tangents(each.middle()) for each in modes], axis=0))
+        #: The derivatives with one more row, along the curve.
+        self._modes = [together(partial(np.concatenate, axis=1), m, along) for m in modes]
 
     def is_passed(self) -> Signs:
         """Tell in which hulls all solutions lie on one curve without branch points."""
         one, other = self._modes
         passed = np.ones(len(self._undecided), dtype=bool)
+        is_one = (self._undecided == 1)[:, np.newaxis, np.newaxis]
         for k in range(WEIGHTS):
             weight = Interval(np.full(1, k / WEIGHTS), np.full(1, (k + 1) / WEIGHTS))
-            mixed = chosen(self._undecided == 1, other + weight * (one - other), one)
-            found = _solved(mixed, self._along, Interval(0.0 * self._along))
-            passed &= np.isfinite(found.lo).all(axis=0)
+            mixed = chosen(is_one, other + weight * (one - other), one)
+            passed &= are_regular(mixed, np.ones(one.lo.shape[-1]))
         return passed
 
-    def turns(self, whole: Interval) -> Array:
+    def turns(self) -> Array:
         """Return the turns of groups that are passed."""
-        # tangents t, with K t = (0, ..., 0, 1)
-        unit = np.eye(len(self._along))[:, -1:] + 0.0 * self._along
-        ways = [_solved(each, self._along, Interval(unit)) for each in self._modes]
-        slope, before = (_sign(each[-1]) for each in ways)
+        unit = np.zeros((*self._hulls.lo.shape, 1))
+        unit[:, -1] = -1.0  # tangents t: K t = (0, ..., 0, 1)
+        ways = [solved(each, Interval(unit))[..., 0] for each in self._modes]
+        slope, before = (_sign(each[:, -1]) for each in ways)
         test, other = (_sign((self._test * each).total()) for each in ways)
         is_crossed = (self._undecided == 1) & (test == other) & (slope == -before)  # once
         kinks = np.where(is_crossed, test * slope, np.nan)
         opens = np.where(self._undecided == 0, self._of_folds(ways[0]), kinks)
-        inside = self.hulls[:-1].is_within(whole[:-1, np.newaxis]).all(axis=0)
+        inside = self._hulls[:, :-1].is_within(self._domain.box[:-1]).all(axis=1)
         turning = np.where(inside, opens, np.nan)
-        return np.where(slope == before, self._of_faces(whole, ways), turning)
+        return np.where(slope == before, self._of_faces(ways), turning)
 
     def _of_folds(self, way: Interval) -> Array:
         """Return the signs of the second derivative of alpha along smooth curves."""
-        bent = evaluated(self._tape.bent, together(np.vstack, self.hulls, way * self._scale))
-        right = together(np.vstack, bent, Interval(np.zeros_like(bent.lo[:1])))
-        return -_sign(_solved(self._modes[0], self._along, right)[-1])
+        join = partial(np.concatenate, axis=1)
+        at = together(join, self._hulls, way * self._domain.scale)
+        bend = evaluated(self._domain.tape.bent, at)
+        right = together(join, bend, Interval(np.zeros_like(bend.lo[:, :1])))
+        return _sign(solved(self._modes[0], right[..., np.newaxis])[:, -1, 0])
 
-    def _of_faces(self, whole: Interval, ways: list[Interval]) -> Array:
+    def _of_faces(self, ways: list[Interval]) -> Array:
         """Return the turns of hulls in which the curve goes on in alpha, by the faces touched."""
-        touched = turns = 0.0 * self._undecided
-        for i in range(self._tape.size):
-            one, other = (_sign(each[i]) * _sign(each[-1]) for each in ways)
-            speed = np.where(one == other, one, np.nan)
-            at_least, at_most = self.hulls.lo[i] <= whole.lo[i], self.hulls.hi[i] >= whole.hi[i]
-            touched = touched + at_least + at_most
-            turns = np.where(at_least, speed, np.where(at_most, -speed, turns))
-        return np.where(touched > 1.0, np.nan, turns)
+        one, other = (_sign(each[:, :-1]) * _sign(each[:, -1:]) for each in ways)
+        speed, whole = np.where(one == other, one, np.nan), self._domain.box
+        at_least, at_most = self._hulls.lo <= whole.lo, self._hulls.hi >= whole.hi
+        at_least, at_most = at_least[:, :-1], at_most[:, :-1]
+        turns = np.where(at_least, speed, np.where(at_most, -speed, 0.0)).sum(axis=1)
+        return np.where(at_least.sum(axis=1) + at_most.sum(axis=1) > 1, np.nan, turns)
 
 
 def _sign(x: Interval) -> Array:
@@ -232,22 +231,10 @@ def _sign(x: Interval) -> Array:
     return np.where(x.lo > 0.0, 1.0, np.where(x.hi < 0.0, -1.0, np.nan))
 
 
-def _tangent(slopes: Array) -> Array:
-    """Return about the unit tangents of curves, oriented by determinants, shape (n + 1, k)."""
-    rows = np.where(np.isfinite(slopes), slopes, 0.0).transpose(2, 0, 1)
-    tangent = np.linalg.svd(rows)[2][:, -1:]
-    sign = np.linalg.slogdet(np.concatenate([rows, tangent], axis=1))[0]
-    oriented: Array = (sign[:, np.newaxis] * tangent[:, 0]).T
+def _tangents(slopes: Array) -> Array:
+    """Return about the unit tangents of curves, oriented by determinants, shape (k, 1, n + 1)."""
+    rows = np.where(np.isfinite(slopes), slopes, 0.0)
+    tangents = np.linalg.svd(rows)[2][:, -1:]
+    signs = np.linalg.slogdet(np.concatenate([rows, tangents], axis=1))[0]
+    oriented: Array = signs[:, np.newaxis, np.newaxis] * tangents
     return oriented
-
-
-def _solved(slopes: Interval, along: Array, right: Interval) -> Interval:
-    """Return what holds all x, shape (n + 1, k), with K x = right.
-
-    K are the derivatives with the row ``along``, shape (n + 1, n + 1, k); where K may be singular,
-    nothing is said.
-    """
-    square = together(np.concatenate, slopes, Interval(along[np.newaxis]))
-    parts = [each.arranged(lambda end: np.moveaxis(end, -1, 0)) for each in (square, -right)]
-    found = solved(parts[0], parts[1][..., np.newaxis])
-    return found[..., 0].arranged(np.transpose)

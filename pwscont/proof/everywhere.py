@@ -20,7 +20,7 @@ from pwscont.curve.metric import Metric, Range
 from pwscont.graph.proved import BoxProof
 from pwscont.proof.counts import counted_proof
 from pwscont.proof.interval import Interval
-from pwscont.proof.search import covered
+from pwscont.proof.search import MOST_BOXES, Domain, covered
 from pwscont.proof.tape import check_tape, tape_of
 from pwscont.search.default_search import default_search
 from pwscont.search.pursuit import solution_from
@@ -34,9 +34,9 @@ from pwscont.system.system import PiecewiseSystem
 FAR = 1e3
 #: Most unknowns of a formula that is tried.
 MANY_UNKNOWNS = 3
-#: Most work, within about a second: boxes, times operations and derivatives of each box; and the
-#: operations that every box needs besides those of the formula. The answer depends on no clock.
-MOST_WORK, BESIDES = 6_000_000, 10
+#: Most work by default, within a second: boxes, times operations of the formula and its
+#: derivatives, and others that every box needs. The answer depends on no clock.
+MOST_WORK, BESIDES = 4_000_000, 50
 #: The last limit, on a machine that is very slow.
 SECONDS = 5.0
 
@@ -48,10 +48,10 @@ class Everywhere(Search):
 
     For systems written as formulas with switches (:func:`pwscont.Switched`,
     :func:`pwscont.Complementarity`), and for classes whose
-    methods do arithmetic only. Boxes of (z, alpha) are excluded, contracted, proved to hold
-    one solution at every alpha, or halved. Starts are the proved solutions between the windows of
-    alpha around folds; where something is not proved, the default search goes on. ``graph.proof``
-    says what was proved, see :class:`~pwscont.graph.proved.BoxProof`.
+    methods do arithmetic only. Boxes of (z, alpha) are excluded, contracted, accepted where each
+    solution is proved to go on with alpha, or halved. Starts are the proved solutions between the
+    windows of alpha around folds; where something is not proved, the default search goes on.
+    ``graph.proof`` says what was proved, see :class:`~pwscont.graph.proved.BoxProof`.
 
     Attributes
     ----------
@@ -108,28 +108,33 @@ class Everywhere(Search):
         metric: Metric,
         interval: Range,
         known: KnownBranches | None = None,
-        most: int | None = None,
+        *,
+        is_quick: bool = False,
     ) -> BoxProof:
         """Return the proof for a system, made once for the same formula, interval and box.
 
-        The default box reaches as far around ``known`` branches as around zero. At most ``most``
-        boxes are looked at; default a number that grows with the unknowns.
+        The default box reaches as far around ``known`` branches as around zero. A quick proof ends
+        after little work, and then counts nothing.
         """
         tape = tape_of(system)
-        scale = np.append(metric.scale[: tape.size], interval[1] - interval[0])
-        ends = self.box or _default_box(system, metric, tape.size, known or KnownBranches())
-        if not {np.size(end) for end in ends} <= {1, tape.size}:
-            raise InvalidInputError(f"box must broadcast to {tape.size} unknowns, got {self.box}")
-        whole = [np.broadcast_to(end, (tape.size,)) for end in ends]
+        n = tape.size
+        ends = self.box or _default_box(system, metric, n, known or KnownBranches())
+        if not {np.size(end) for end in ends} <= {1, n}:
+            raise InvalidInputError(f"box must broadcast to {n} unknowns, got {self.box}")
+        whole = [np.broadcast_to(end, (n,)) for end in ends]
         box = Interval(*(np.append(*each) for each in zip(whole, interval, strict=True)))
+        scale = np.append(metric.scale[:n], interval[1] - interval[0])
         key = [each.tobytes() for each in (box.lo, box.hi, scale)], tape.steps, tape.outputs
         last = self.proved(system, interval)
         if last is not None and self._last["key"] == key:
             return last
         check_tape(tape, system, box)
+        most = MOST_BOXES * max(n - 2, 1) ** 2
+        most = MOST_WORK // (len(tape.slopes.steps) + BESIDES) if is_quick else most
         with np.errstate(all="ignore"):
-            found = covered(tape, box, scale, self.seconds, most)
-            proof = counted_proof(tape, box, scale, found, is_whole=most is not None)
+            domain = Domain(tape, box, scale)
+            found = covered(domain, box[np.newaxis], domain.continues, self.seconds, most)
+            proof = counted_proof(domain, found, is_whole=is_quick)
         self._last.update(asked=(formula_of(system) or system, interval), key=key, proof=proof)
         return proof
 
@@ -232,10 +237,9 @@ class AlsoProved(Search):
         if shown_size(system) > MANY_UNKNOWNS or current_budget().is_limited:
             return None
         with suppress(InvalidInputError):  # no formula that can be traced
-            tape = tape_of(system)
-            most = MOST_WORK // ((len(tape.steps) + BESIDES) * (tape.size + 2))
-            self._everywhere.prove(system, metric, interval, known, most)
-        return self.proved(system, interval)
+            self._everywhere.prove(system, metric, interval, known, is_quick=True)
+            return self.proved(system, interval)
+        return None
 
     def searched(self, system: PiecewiseSystem) -> SearchScope:
         """Return the scope of the search."""

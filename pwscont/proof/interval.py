@@ -119,13 +119,13 @@ class Interval:
         return _interval(other) / self
 
     def __pow__(self, power: float) -> Interval:
-        """Return the powers, of a whole number."""
+        """Return the powers, of a whole number that is not zero."""
         k = int(power)
         if k < 0:
             return 1.0 / self**-k
         x = self if k % 2 else abs(self)  # what is left increases
-        lo = _powers(x.lo, k).lo
-        return Interval(lo if k % 2 else np.maximum(lo, 0.0), _powers(x.hi, k).hi)
+        lo, hi = (reduce(operator.mul, [Interval(end)] * k) for end in (x.lo, x.hi))
+        return Interval(lo.lo if k % 2 else np.maximum(lo.lo, 0.0), hi.hi)
 
     def __matmul__(self, other: Interval) -> Interval:
         """Return products of matrices, as products of midpoints with bounds of all errors."""
@@ -180,10 +180,9 @@ class Interval:
         """Return about how wide each interval is."""
         return self.hi - self.lo
 
-    def total(self, axis: int = 0) -> Interval:
-        """Return the sums along an axis."""
-        parts = self.arranged(lambda end: np.moveaxis(end, axis, 0))
-        return reduce(operator.add, (parts[i] for i in range(len(parts.lo))))
+    def total(self) -> Interval:
+        """Return the sums along the last axis."""
+        return reduce(operator.add, (self[..., i] for i in range(self.lo.shape[-1])))
 
     def arranged(self, arrange: Callable[[Array], Array]) -> Interval:
         """Return the same intervals in another shape or order."""
@@ -194,15 +193,6 @@ def _interval(thing: Any) -> Interval:
     return thing if isinstance(thing, Interval) else Interval(thing)
 
 
-def _powers(x: Array, k: int) -> Interval:
-    """Return the products of k factors x, by squares; k at least zero."""
-    if k <= 1:
-        return Interval(x if k else np.ones_like(x))
-    half = _powers(x, k // 2)
-    square = half * half
-    return square * Interval(x) if k % 2 else square
-
-
 def chosen(condition: Signs, one: Interval, other: Interval) -> Interval:
     """Return the intervals of ``one`` where a condition holds, those of ``other`` elsewhere."""
     return Interval(np.where(condition, one.lo, other.lo), np.where(condition, one.hi, other.hi))
@@ -211,12 +201,6 @@ def chosen(condition: Signs, one: Interval, other: Interval) -> Interval:
 def together(function: Callable[[list[Array]], Array], *parts: Interval) -> Interval:
     """Return one interval from several, put together by np.stack, np.vstack or the like."""
     return Interval(function([x.lo for x in parts]), function([x.hi for x in parts]))
-
-
-def times(matrix: Array, right: Interval) -> Interval:
-    """Return matrices of numbers (m, n, B) times intervals (n, ..., B)."""
-    shape = (*matrix.shape[:2], *(1,) * (right.lo.ndim - 2), matrix.shape[-1])
-    return (Interval(matrix.reshape(shape)) * right).total(axis=1)
 
 
 def inverses(matrices: Array) -> Array:
@@ -245,6 +229,19 @@ def solved(matrix: Interval, right: Interval) -> Interval:
     image = upper(start + off @ radius, n + 1)
     holds: Signs = np.all(image < radius, axis=(-2, -1), keepdims=True)
     return Interval.rounded(x - image, x + image).where(holds)
+
+
+def are_regular(matrices: Interval, size: Array) -> Signs:
+    """Tell which intervals of matrices (B, n, n) hold regular matrices only.
+
+    With any matrix R, best about the inverse, they do if |I - R K| v < v for some v > 0; ``size``
+    are typical unknowns (n,).
+    """
+    off = (Interval(inverses(matrices.middle())) @ matrices - np.eye(len(size))).reach()
+    v = size + off @ size
+    image = (off @ v[..., np.newaxis])[..., 0]
+    regular: Signs = np.all(upper(image, len(size)) < v, axis=-1)
+    return regular
 
 
 #: Arguments of sine and cosine from here on say nothing but [-1, 1].

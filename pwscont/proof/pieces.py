@@ -205,11 +205,11 @@ class _Pieces:
         off = np.abs(values) <= HOLDS * sizes[:, np.newaxis]
         room = values / (sizes + (sizes == 0.0))[:, np.newaxis]
 
-        def mark(own: Indices, sides: Indices) -> Array:  # most room of those that hold
-            best: Array = 2.0 * off[own].all(axis=0) + room[sides].min(axis=0, initial=1.0)
-            return best
-
-        marks = [[mark(*mode) for mode in modes] for modes in self.cells.modes]
+        pairs = zip(self.cells.equations, self.cells.sides, strict=True)
+        marks = [  # most room of those that hold
+            2.0 * off[own].all(axis=1) + room[sides].min(axis=1, initial=1.0)
+            for own, sides in pairs
+        ]
         return np.array([np.argmax(each, axis=0) for each in marks]).T
 
     def left_pieces(self) -> list[int]:
@@ -239,7 +239,7 @@ class _Pieces:
             if node not in self.inner and number != -1:
                 return False
             if number >= 0:
-                self._vanishing[k, node] = self.cells.side(self._choices[k], number)
+                self._vanishing[k, node] = self.cells.of(self._choices[k])[1][number]
         return True
 
     def is_joined(self, node: int) -> bool:
@@ -250,11 +250,11 @@ class _Pieces:
         """
         pieces = self.inner[node]
         if len(pieces) == 2 and all((k, node) in self._vanishing for k in pieces):
-            choices = self._choices[pieces]
-            differ = np.flatnonzero(choices[0] != choices[1])
+            pair = self._choices[pieces]
+            differ, tables = np.flatnonzero(pair[0] != pair[1]), self.cells.equations
             rows = [
-                [*(self.cells.rows[self.cells.modes[i][c[i]][0]] for i in differ), [row]]
-                for c, row in zip(choices, (self._vanishing[k, node] for k in pieces), strict=True)
+                [*(self.cells.rows[tables[i][choice[i]]] for i in differ), self._vanishing[k, node]]
+                for choice, k in zip(pair, pieces, strict=True)
             ]
             one, other = map(np.vstack, rows)
             return not any(independent(np.vstack([one, other]))[len(one) :])

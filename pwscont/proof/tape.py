@@ -19,7 +19,7 @@ from typing import Any, final
 import numpy as np
 from numpy.lib.mixins import NDArrayOperatorsMixin
 
-from pwscont.basics.arrays import Array, generic
+from pwscont.basics.arrays import Array, Signs, generic
 from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidInputError
 from pwscont.notation.arithmetic import KINKED, OF_TWO, SMOOTH, refuse_kink
@@ -30,10 +30,6 @@ from pwscont.system.system import PiecewiseSystem, SlicewiseLinearSystem
 #: Largest whole number that is taken as a power by repeated multiplication.
 LARGEST_POWER = 64
 Rules = Mapping[str, Callable[..., Interval]]
-
-
-class NotTracedError(TypeError):
-    """A formula does what a tape cannot hold."""
 
 
 @final
@@ -76,7 +72,7 @@ class Tape:
         """Return the place of a node or of a constant."""
         if isinstance(thing, Traced):
             if thing.tape is not self:
-                raise NotTracedError("the formula keeps numbers that depend on (z, alpha)")
+                raise TypeError("the formula keeps numbers that depend on (z, alpha)")
             return thing.place
         return self.node("constant", numbers=(_exact(thing),)).place
 
@@ -149,17 +145,14 @@ def _factors(step: Step, x: list[Traced], y: Traced) -> list[Any]:
     """Return the derivatives of a smooth operation by each argument."""
     if step.name == "negative":
         return [-1.0]
-    if step.name == "power":
-        (k,) = step.numbers
-        return [k * x[0] ** (k - 1.0)]
     rules: Any = OF_TWO.get(step.name) or (SMOOTH[step.name],)
-    return [rule(*x, y) for rule in rules]
+    return [rule(*x, *step.numbers, y) for rule in rules[: len(x)]]
 
 
 def _exact(thing: Any) -> float:
     """Return a real number as a float, or refuse a number that a float does not hold."""
     if not isinstance(thing, Real | np.bool_) or float(thing) != thing or not isfinite(thing):
-        raise NotTracedError(f"{thing!r} is no real number that a float holds exactly")
+        raise TypeError(f"{thing!r} is no real number that a float holds exactly")
     return float(thing)
 
 
@@ -187,7 +180,7 @@ class Traced(NDArrayOperatorsMixin):
         if name not in ELEMENTARY and name not in DERIVED:
             words = f"the formula asks for {name}, which is not known to the tape"
             if not name.startswith("__"):  # numpy asks for names of its own
-                self.tape.refused.append(NotTracedError(words))
+                self.tape.refused.append(TypeError(words))
             raise AttributeError(words)
         return lambda *args: self._of(name, self, *args)
 
@@ -208,8 +201,10 @@ class Traced(NDArrayOperatorsMixin):
         if not isinstance(power, Real):
             return self.tape.node("exp", power * self.tape.node("log", base))
         k = _exact(power)
+        if k in (0.0, 1.0):
+            return base if k else 1.0
         if k.is_integer() and abs(k) <= LARGEST_POWER:
-            return base if k == 1.0 else self.tape.node("power", base, numbers=(k,))
+            return self.tape.node("power", base, numbers=(k,))
         return base.sqrt() if k == 0.5 else (k * base.log()).exp()
 
     def copy(self, *args: Any) -> Traced:
@@ -220,7 +215,7 @@ class Traced(NDArrayOperatorsMixin):
 
     def _refuse(self, why: Any) -> Any:
         """Refuse a formula, also a formula that goes on all the same."""
-        self.tape.refused.append(why if isinstance(why, Exception) else NotTracedError(why))
+        self.tape.refused.append(why if isinstance(why, Exception) else TypeError(why))
         raise self.tape.refused[-1]
 
     def _decide(self, *args: Any) -> Any:
@@ -273,32 +268,33 @@ DERIVED: dict[str, Callable[..., Any]] = {
 }
 
 
-def evaluated(tape: Tape, box: Interval, rules: Rules = OPERATIONS) -> Interval:
-    """Return the outputs of a tape on boxes (n + 1, B), shape (outputs, B)."""
-    values: list[Interval] = []
-    for step in tape.steps:
+def evaluated(tape: Tape, boxes: Interval, rules: Rules = OPERATIONS) -> Interval:
+    """Return the outputs of a tape on boxes (B, n + 1), shape (B, outputs)."""
+    values, shape = list[Interval](), (len(boxes.lo), len(tape.outputs))
+    found = Interval(np.empty(shape), np.empty(shape))
+    for step in tape.steps if len(boxes.lo) else ():
         if step.name == "variable":
-            values.append(box[step.numbers[0]])
+            values.append(boxes[:, step.numbers[0]])
         else:
             values.append(rules[step.name](*(values[arg] for arg in step.args), *step.numbers))
-    shape = (len(tape.outputs), *box.lo.shape[1:])
-    found = Interval(np.empty(shape), np.empty(shape))
-    for k, place in enumerate(tape.outputs):
-        found.lo[k], found.hi[k] = values[place].lo, values[place].hi
+    for k, place in enumerate(tape.outputs if values else ()):
+        found.lo[:, k], found.hi[:, k] = values[place].lo, values[place].hi
     return found
 
 
-def with_slopes(tape: Tape, box: Interval, rules: Rules = OPERATIONS) -> tuple[Interval, Interval]:
-    """Return m outputs and their derivatives by (z, alpha), shapes (m, B) and (m, n + 1, B).
+def with_slopes(
+    tape: Tape, boxes: Interval, rules: Rules = OPERATIONS
+) -> tuple[Interval, Interval]:
+    """Return m outputs and their derivatives by (z, alpha), shapes (B, m) and (B, m, n + 1).
 
     The tape is ``slopes`` or ``tests`` of another tape. Where a switch may be in either mode, a
     derivative is the hull of the derivatives of both branches, so that the mean value form holds
     across kinks (docs/theory, F20).
     """
-    found, by = evaluated(tape, box, rules), tape.size + 1
+    found, by = evaluated(tape, boxes, rules), tape.size + 1
     count = len(tape.outputs) // (by + 1)
-    shape = (count, by, *box.lo.shape[1:])
-    return found[:count], found[count:].arranged(lambda end: end.reshape(shape))
+    shape = len(boxes.lo), count, by
+    return found[:, :count], found[:, count:].arranged(lambda end: end.reshape(shape))
 
 
 # -- the tape of a system --------------------------------------------------------------------------
@@ -378,7 +374,7 @@ def traced(f: Callable[[Any, Any, Any], Any], size: int) -> Tape:
                 raise error
             each.outputs = [each.place_of(x) for x in np.asarray(found, dtype=object).ravel()]
         if (tape.steps, tape.outputs) != (again.steps, again.outputs):
-            raise NotTracedError("the formula is another one each time")
+            raise TypeError("the formula is another one each time")
     except Exception as error:
         raise InvalidInputError(
             f"the formula cannot be traced, so that nothing can be proved: {error}"
@@ -405,7 +401,7 @@ def _selected(system: PiecewiseSystem, z: Any, alpha: Any, sw: TracedSwitches) -
     z.setflags(write=False)  # all selections get the same unknowns
     tests = np.asarray(system.test_functions(z, alpha), dtype=object).ravel()
     if len(tests) > MOST_TESTS:
-        raise NotTracedError(f"{len(tests)} tests are more than {MOST_TESTS}")
+        raise TypeError(f"{len(tests)} tests are more than {MOST_TESTS}")
 
     def chosen(signs: tuple[bool, ...]) -> Any:
         if len(signs) == len(tests):
@@ -419,13 +415,11 @@ def _selected(system: PiecewiseSystem, z: Any, alpha: Any, sw: TracedSwitches) -
 def check_tape(tape: Tape, system: Any, box: Interval) -> None:
     """Refuse a tape that says something else than the system at some point of a box."""
     points = _points(box, COMPARED)
-    value = np.array([_value(system, x[:-1], float(x[-1])) for x in points.T]).T
-    known = evaluated(tape, Interval(points))
-    slack = ALIKE * np.abs(value) + ROUNDINGS * known.width()
-    differs = ((value < known.lo - slack) | (value > known.hi + slack)).any(axis=0)
+    value = np.array([_value(system, x[:-1], float(x[-1])) for x in points])
+    differs = _differ(evaluated(tape, Interval(points)), Interval(value)).any(axis=1)
     if differs.any():
         raise InvalidInputError(
-            f"the formula is not what its operations say, at {points[:, differs.argmax()]}: it "
+            f"the formula is not what its operations say, at {points[differs.argmax()]}: it "
             "decides by something that cannot be traced, so that nothing can be proved"
         )
     for step in tape.steps:
@@ -433,11 +427,17 @@ def check_tape(tape: Tape, system: Any, box: Interval) -> None:
             _check_interface(tape, step.args, box)
 
 
+def _differ(one: Interval, other: Interval) -> Signs:
+    """Tell which values differ by more than rounding explains."""
+    slack = ALIKE * other.reach() + ROUNDINGS * (one.width() + other.width())
+    return np.abs(one.middle() - other.middle()) > slack
+
+
 def _points(box: Interval, count: int, first: int = 0) -> Array:
-    """Return points (n + 1, count) of a box, more and more of them near the middle."""
+    """Return points (count, n + 1) of a box, more and more of them near the middle."""
     parts = [generic(len(box.lo), i) * 2.0 ** -(i % 10) for i in range(first, first + count)]
     points: Array = box.lo + (box.hi - box.lo) * (0.5 + 0.5 * np.array(parts))
-    return points.T
+    return points
 
 
 def _value(system: Any, z: Array, alpha: float) -> Array:
@@ -454,16 +454,17 @@ def _check_interface(tape: Tape, places: tuple[int, ...], box: Interval) -> None
     """Refuse a class whose selections differ where a test vanishes, on many segments at once."""
     a, b = _points(box, LOOKS), _points(box, LOOKS, LOOKS)
     select = replace(tape, outputs=[*places])
-    first, last = (evaluated(select, Interval(x))[0].middle() for x in (a, b))
+
+    def test_at(points: Array) -> Array:
+        return evaluated(select, Interval(points)).middle()[:, :1]
+
+    first, last = test_at(a), test_at(b)
     for _ in range(BISECTIONS):
         middle = 0.5 * (a + b)
-        same = evaluated(select, Interval(middle))[0].middle() * first > 0.0
+        same = test_at(middle) * first > 0.0
         a, b = np.where(same, middle, a), np.where(same, b, middle)
     known = evaluated(select, Interval(np.minimum(a, b), np.maximum(a, b)))
-    one, other = known[1], known[2]
-    slack = ALIKE * (1.0 + one.reach()) + ROUNDINGS * (one.width() + other.width())
-    differ = np.abs(one.middle() - other.middle()) > slack
-    if (differ & (first * last < 0.0)).any():
+    if (_differ(known[:, 1], known[:, 2]) & (first * last < 0.0)[:, 0]).any():
         raise InvalidInputError(
             "two selections of the class differ where a test vanishes, so that nothing can be "
             "proved; check_system says where"

@@ -1,6 +1,8 @@
-"""Tubes rechecked in balls of 128 bits: rational ends, rounded outward; nothing of pwscont."""
+"""Boxes and enclosures rechecked in balls of 128 bits: rational ends; nothing of pwscont."""
 
 from fractions import Fraction
+from itertools import product
+from operator import mul
 from types import SimpleNamespace
 
 import numpy as np
@@ -129,44 +131,79 @@ def _value(f, z, alpha):
     n = len(z)
     unit = [[Ball(int(i == j)) for j in range(n)] for i in range(n)]
     x = np.array([Number(each, row) for each, row in zip(z, unit, strict=True)])
-    rows = f(x, Number(Ball(alpha), [Ball(0)] * n), SWITCHES)
+    rows = f(x, Number(ball(alpha), [Ball(0)] * n), SWITCHES)
     return [row.value for row in rows], [row.slopes for row in rows]
+
+
+def _matrix(f, z, alpha):
+    """Return about the inverse of the derivatives by z on balls, and I - the inverse times these.
+
+    None where the middle is singular.
+    """
+    slopes = _value(f, z, alpha)[1]
+    about = np.array([[float(each.middle) for each in row] for row in slopes])
+    if not np.linalg.det(about):
+        return None
+    inverse = [[Fraction(each) for each in row] for row in np.linalg.inv(about).tolist()]
+    off = [
+        [
+            sum((-r * slopes[j][k] for j, r in enumerate(row)), Ball(int(i == k)))
+            for k in range(len(z))
+        ]
+        for i, row in enumerate(inverse)
+    ]
+    return inverse, off
 
 
 def _krawczyk(f, z, alpha):
     """Return the image of Krawczyk's operator: all zeros in z; if inside of z, exactly one."""
-    n, centre = len(z), [each.middle for each in z]
+    centre = [each.middle for each in z]
     start = _value(f, [Ball(c) for c in centre], alpha)[0]
-    slopes = _value(f, z, alpha)[1]
-    about = np.array([[float(each.middle) for each in row] for row in slopes])
-    matrix = [[Fraction(each) for each in row] for row in np.linalg.inv(about).tolist()]
-    image = []
-    for i in range(n):
-        total = Ball(centre[i])
-        for k in range(n):
-            off = Ball(int(i == k))
-            for j in range(n):
-                off += -matrix[i][j] * slopes[j][k]
-            total += -matrix[i][k] * start[k] + off * (z[k] + -centre[k])
-        image.append(total)
-    return image
+    inverse, off = _matrix(f, z, alpha)
+    return [
+        sum((o * (x + -c) for o, x, c in zip(row, z, centre, strict=True)), Ball(centre[i]))
+        + sum((-r * value for r, value in zip(inverse[i], start, strict=True)), Ball(0))
+        for i, row in enumerate(off)
+    ]
 
 
-def rechecked(f, tubes, i, alpha):
-    """Tell whether a tube holds one zero at alpha, in the image: True, False, None if not known."""
-    turn = Fraction(alpha) - Fraction(tubes.middle[i])
-    pairs = zip(tubes.centre[:, i], tubes.slope[:, i], strict=True)
-    line = [Fraction(c) + Fraction(s) * turn for c, s in pairs]
-    tube, image = (
-        [Ball(c - Fraction(r), c + Fraction(r)) for c, r in zip(line, radii[:, i], strict=True)]
-        for radii in (tubes.radius, tubes.image)
-    )
-    zero = _krawczyk(f, tube, alpha)
-    if not _all(Ball.is_inside, zero, tube):
+def is_injective(f, box):
+    """Tell whether H(., alpha) is injective in a box (least, largest) of (z, alpha).
+
+    False where the determinant has both signs, None where that is not known.
+    """
+    *z, alpha = (Ball(lo, hi) for lo, hi in zip(*box, strict=True))
+    if found := _matrix(f, z, alpha):
+        off = [[max(abs(each.lo), abs(each.hi)) for each in row] for row in found[1]]
+        v = [1 + sum(row) for row in off]
+        if all(sum(map(mul, row, v)) < each for row, each in zip(off, v, strict=True)):
+            return True
+    signs = {_sign_of_det(f, point) for point in product(*(_inside(each) for each in (*z, alpha)))}
+    return False if {-1.0, 1.0} <= signs else None
+
+
+def _inside(ball):
+    return [Ball(ball.lo + (ball.hi - ball.lo) * Fraction(k, 31)) for k in (1, 6, 15, 25, 30)]
+
+
+def _sign_of_det(f, point):
+    rows = _value(f, point[:-1], point[-1])[1]
+    matrix = np.array([[float(each.middle) for each in row] for row in rows])
+    return np.sign(np.linalg.det(matrix)) if abs(np.linalg.det(matrix)) > 1e-9 else 0.0
+
+
+def holds_a_zero(f, box, alpha):
+    """Tell whether a box (least, largest) of z holds exactly one zero: True, False, None unknown.
+
+    The zero is looked for a little around the box, so that a zero outside of the box shows.
+    """
+    image = [Ball(lo, hi) for lo, hi in zip(*box, strict=True)]
+    zero = [Ball(b.lo - 9 * (b.hi - b.lo), b.hi + 9 * (b.hi - b.lo)) for b in image]
+    if not _all(Ball.is_inside, _krawczyk(f, zero, alpha), zero):
         return None
     for _ in range(STEPS):
-        if _all(Ball.is_inside, zero, image):
-            return bool(_all(Ball.is_inside, image, tube))
+        if _all(lambda a, b: b.lo <= a.lo and a.hi <= b.hi, zero, image):
+            return True
         if any(map(Ball.is_apart, zero, image)):
             return False
         new = _krawczyk(f, zero, alpha)
@@ -178,9 +215,7 @@ def _all(relation, some, others):
     return all(map(relation, some, others))
 
 
-def verdicts(f, tubes, every=1):
-    """Return how many certificates are true, false and not known, at both ends and the middle."""
-    numbers = range(0, len(tubes.first), every)
-    places = [(i, end[i]) for i in numbers for end in (tubes.first, tubes.middle, tubes.last)]
-    found = [rechecked(f, tubes, i, Fraction(alpha)) for i, alpha in places]
+def verdicts(found):
+    """Return how many answers are true, false and not known."""
+    found = list(found)
     return tuple(found.count(each) for each in (True, False, None))

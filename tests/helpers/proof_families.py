@@ -7,7 +7,7 @@ import numpy as np
 from pwscont import Everywhere, Switched
 from pwscont.curve.metric import Metric
 from pwscont.proof.interval import Interval
-from pwscont.proof.search import covered
+from pwscont.proof.search import MOST_BOXES, Domain, covered
 from pwscont.proof.tape import traced
 
 
@@ -17,12 +17,16 @@ def proved(f, n, box, interval, seconds=20.0):
     return Everywhere(box=box, seconds=seconds).prove(Switched(n, f), metric, interval)
 
 
-def tubes_of(f, n, box, interval):
-    """Return tubes around solutions of a formula whose unknowns are of the order of one."""
+def domain_of(f, n, box, interval):
+    """Return a formula whose unknowns are of the order of one, in a box."""
     lo, hi = (np.append(np.full(n, end), alpha) for end, alpha in zip(box, interval, strict=True))
-    scale = np.append(np.ones(n), interval[1] - interval[0])
+    return Domain(traced(f, n), Interval(lo, hi), np.append(np.ones(n), interval[1] - interval[0]))
+
+
+def accepted_in(domain):
+    """Return the boxes that the search accepts, shape (k, n + 1)."""
     with np.errstate(all="ignore"):
-        return covered(traced(f, n), Interval(lo, hi), scale, 20.0)[0]
+        return covered(domain, domain.box[np.newaxis], domain.continues, 20.0, MOST_BOXES).accepted
 
 
 class PiecewisePolynomial:
