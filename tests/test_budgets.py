@@ -320,7 +320,7 @@ def test_a_second_ctrl_c_does_not_wait():
 
     def hang_later():
         calls[0] += 1
-        if calls[0] == 500:
+        if calls[0] == 2000:
             hang()
 
     graph = trace(Helix(hang_later), (np.zeros(2), 0.5), (-1.0, 1.0))

@@ -4,6 +4,7 @@ import copy
 import re
 import subprocess
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -432,3 +433,12 @@ def test_a_piece_stopped_inside_the_box_is_named(name):
         near = min(abs(alpha - pole) for pole in (0.0, 0.1, 0.3)) < 1e-4  # |z| may exceed 1000
         assert near or proved == number(alpha)
         assert inside == (graph.count(min(alpha, 1.0)) != proved)
+
+
+def test_a_vertical_piece_where_a_number_is_counted_is_not_proved():
+    flat = Switched(1, lambda z, t, sw: sw.relu(z) + sw.min(z + 1, 0) - t, linear=True)
+    graph = explore(flat, (-1.0, 1.0))
+    assert prove(graph).holds
+    pieces = [replace(piece, det_sign=piece.det_sign or 1) for piece in graph.pieces]
+    counted = BranchGraph(graph.nodes, pieces, graph.interval, system=graph.system)
+    assert prove(counted).open[0].endswith("where a number is counted")

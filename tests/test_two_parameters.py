@@ -26,7 +26,15 @@ from pwscont_coulomb import AffineLoad, ContactBody, CoulombLoad
 from pwscont_coulomb.plane_scenes import critical_friction, fig4, fig5, fig6, load_plane
 from reference_enumeration import enumerate_solutions, modes_of
 
-from pwscont import LCP, InvalidSystemError, Switched, TransitionLocus, check_system, explore, trace
+from pwscont import (
+    LCP,
+    InvalidInputError,
+    Switched,
+    TransitionLocus,
+    check_system,
+    explore,
+    trace,
+)
 from pwscont.two_parameters.loci import Passing, follow_transitions, parts_of, turning
 from pwscont.two_parameters.loci_plane import LociPlane
 from pwscont.two_parameters.plane import area_and_centre
@@ -475,5 +483,5 @@ def test_switches_that_agree_at_one_mu_are_named():
     locus = TransitionLocus(family, 1, mu=0.2, alphas=(-1.5, 1.5))  # z = -0.5, at t = -0.5
     start = (np.array([-0.5, -0.5]), 0.2)
     assert trace(locus, start, (-0.45, 0.3)).solutions(0.0)[0].z == pytest.approx([-0.5, -0.5])
-    with pytest.raises(InvalidSystemError, match=r"at mu = -0.5 has .* one switch there"):
+    with pytest.raises(InvalidInputError, match=r"at mu = -0.5 has .* one switch there"):
         trace(locus, start, (-1.0, 0.3))

@@ -215,19 +215,24 @@ def rough_magnitudes(system: PiecewiseSystem, interval: Range, z: Array) -> Arra
         changes = _each_change(system, box, alphas, z, here, j, abs(float(z[j])))
         others = reduce(np.maximum, changes, others)
     sizes, most = np.zeros(system.size), np.zeros((system.size, system.size))
-    for number in range(system.size + 1):
-        unknown = np.flatnonzero(sizes == 0.0)
-        for j in unknown.tolist():
+    ways, may_bend = np.eye(system.size), True
+    for number in range(system.size + 2):
+        unknown = np.flatnonzero(sizes == 0.0).tolist()
+        for j in unknown:
             check_budget()
             sizes[j] = _reach(system, box, alphas, z, here, terms, j)
+        if number and not sizes[unknown].any():
+            if not may_bend:
+                break
+            may_bend = False
+            sizes[unknown] = [_bend(system, alphas, z, here, ways[j]) for j in unknown]
+        for j in unknown:
             changes = _each_change(system, box, alphas, z, here, j, sizes[j])
             most[:, j] = reduce(np.maximum, changes)
-        if sizes.all() or (number and not sizes[unknown].any()):
+        if sizes.all():
             break
         terms = np.maximum(terms, np.maximum(others, most.max(axis=1)))
-    for j in np.flatnonzero(sizes == 0.0).tolist():
-        sizes[j] = _bend(system, alphas, z, here, np.eye(system.size)[j])
-    sizes = np.where(sizes > 0.0, sizes, np.minimum(largest(sizes) or 1.0, box.upper - box.lower))
+    sizes = np.where(sizes > 0.0, sizes, np.minimum(1.0, box.upper - box.lower))
     if largest(sizes) > FAR_APART * smallest(sizes):
         sizes = np.maximum(sizes, _least_steps(system, alphas, sizes))
     return sizes

@@ -128,7 +128,6 @@ class AffineFamily:
         _check_widths(window)
         family = Family(make, float(window.centre[1]), AlphaRange(window.alphas))
         system = _checked(family.sample)
-        _check_sizes(family, window)
         if not system.gives_scale:
             rough = _forms(family, window, np.zeros(system.size))
             family = family.with_magnitudes(_magnitudes(rough, system.size))
@@ -236,23 +235,6 @@ def _check_widths(window: Window) -> None:
                 "rounding leaves too few digits of the difference: take a wider window, or count "
                 "the parameter from the middle"
             )
-
-
-def _check_sizes(family: Family, window: Window) -> None:
-    """Refuse a family whose numbers of unknowns or tests change between the ends of mu."""
-    alpha, (lo, hi) = float(window.centre[0]), window.mus
-    known = _sizes(family.sample, alpha)
-    for mu in (lo, hi):
-        if (here := _sizes(family.at(mu), alpha)) != known:
-            raise InvalidInputError(
-                f"the family has {here[0]} unknowns and {here[1]} tests at {mu:g}, but {known[0]} "
-                f"and {known[1]} in the middle of the window; where two switches coincide there, "
-                "move the end"
-            )
-
-
-def _sizes(system: PiecewiseSystem, alpha: float) -> tuple[int, int]:
-    return system.size, len(system.test_functions(np.zeros(system.size), alpha))
 
 
 def _inequalities(system: PiecewiseSystem, alpha: float) -> Form:

@@ -130,10 +130,11 @@ class Family:
         sizes = system.size, len(system.test_functions(np.zeros(system.size), alpha))
         self._sizes = self._sizes or sizes
         if sizes != self._sizes:
-            raise InvalidSystemError(
+            raise InvalidInputError(
                 f"the system at mu = {mu:.10g} has {sizes[0]} unknowns and {sizes[1]} tests, the "
                 f"system at mu = {self._sampled_at:.10g} {self._sizes[0]} and {self._sizes[1]}; "
-                "calls of switches that agree at one mu are one switch there: leave that mu out"
+                "switches that agree at one mu are one switch there: leave that mu out, or move "
+                "the end"
             )
 
     def scale(self, mus: tuple[float, float]) -> Array:
