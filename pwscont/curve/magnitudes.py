@@ -30,6 +30,7 @@ from itertools import product
 from typing import final
 
 import numpy as np
+import scipy.sparse as sp
 
 from pwscont.basics.arrays import (
     Array,
@@ -160,6 +161,9 @@ BASE, POWERS, MORE_POWERS = 2.0**0.25, 512, (768, 1024, 1536)
 PART = 0.5
 #: What part of the change of a row two changes in proportion may differ by.
 BENT = 0.25
+#: A change that is rounding vanishes at this part of the step. Bends that are followed by straight
+#: parts are looked for at every eighth power, a factor of 4.
+MERE, STRIDE = 2.0**-12, 8
 #: A little of the terms; and so many powers less than what PART of them needs, by 10,000, not even
 #: a little would do if H were straight. If LEVEL does, H levels off, and rounding may reach PART.
 LITTLE, FAR_BELOW, LEVEL = 0.001, 53, 0.99 * PART
@@ -227,6 +231,8 @@ def rough_magnitudes(system: PiecewiseSystem, interval: Range, z: Array) -> Arra
         terms = np.maximum(terms, np.maximum(others, most.max(axis=1)))
     for j in np.flatnonzero(sizes == 0.0).tolist():
         sizes[j] = _bend(system, alphas, z, here, np.eye(system.size)[j])
+    if not sizes.any():
+        sizes = _by_bends(system, alphas, z, here)
     sizes = np.where(sizes > 0.0, sizes, np.minimum(largest(sizes) or 1.0, box.upper - box.lower))
     if largest(sizes) > FAR_APART * smallest(sizes):
         sizes = np.maximum(sizes, _least_steps(system, alphas, sizes))
@@ -300,6 +306,29 @@ def _reach(
     return float(BASE**high / PART)
 
 
+def _by_bends(
+    system: PiecewiseSystem, alphas: Sequence[float], z: Array, here: Sequence[Array]
+) -> Array:
+    """Return sizes from the bend of H if all unknowns change, zero if H is straight.
+
+    Along one unknown alone a product of two, as of predator and prey, is straight. In general ways
+    weak parts of H, such as a load that buckles a chain, hide behind strong ones: the way along
+    which H changes least comes next.
+    """
+    alpha = alphas[len(alphas) // 2]
+    jacobian = jacobian_at(system, z, alpha, system.character(z, alpha))
+    unit, way = balanced_columns(jacobian)[:-1], generic(system.size)
+    if step := _bend(system, alphas, z, here, unit * way):
+        return step * unit
+    factor = bordered(jacobian, last_unit(system.size + 1), np.append(unit, 1.0))
+    entries = abs(jacobian if sp.issparse(jacobian) else dense(jacobian))
+    rows = entries @ np.append(unit, 0.0)
+    for _ in range(0 if factor.is_singular() else 2):  # inverse iteration
+        found = _finite(factor.solve(joined(rows * way, 0.0))[:-1]) / unit
+        way = found / largest(np.abs(found)) if found.any() else way
+    return unit * _bend(system, alphas, z, here, unit * way)
+
+
 def _bend(
     system: PiecewiseSystem, alphas: Sequence[float], z: Array, here: Sequence[Array], way: Array
 ) -> float:
@@ -311,15 +340,20 @@ def _bend(
     box = Box.of(system)
 
     def bend(alpha: float, before: Array) -> float:
-        def change(step: float) -> Array:
-            return _residual(system, box.inside(z + step * way), alpha) - before
+        def changes(step: float) -> Array:
+            ways = (step * way, -step * way)
+            return np.array([_residual(system, box.inside(z + s), alpha) - before for s in ways])
 
         def is_bent(power: int) -> bool:
             step = BASE**power
-            once, twice = np.array([[change(k * s) for s in (step, -step)] for k in (1.0, 2.0)])
-            return is_anywhere((np.abs(twice - 2.0 * once) > BENT * np.abs(twice)).ravel())
+            once, twice, little = changes(step), changes(2.0 * step), changes(MERE * step)
+            bent = (np.abs(twice - 2.0 * once) > BENT * np.abs(twice)) & (little != 0.0)
+            return is_anywhere(bent.ravel()) or not np.isfinite(twice).all(axis=1).any()
 
         power = _first(is_bent, -POWERS, POWERS)
+        if power == POWERS:  # as z - tanh(z), which is straight again far away
+            power = next(filter(is_bent, range(POWERS, -POWERS, -STRIDE)), POWERS)
+            power = _first(is_bent, -POWERS, power)
         return float(BASE**power / PART) if 1 - POWERS < power < POWERS else 0.0
 
     return max(map(bend, alphas, here))
@@ -380,24 +414,27 @@ def _by_coefficients(system: PiecewiseLinearSystem, interval: Range) -> Array:
 
 
 def _by_newton(system: PiecewiseSystem, interval: Range, z: Array) -> Array:
-    """Return the sizes of the Newton steps at both ends, the largest for unknowns that stay."""
-    steps = np.zeros((2, system.size))
-    for i, alpha in enumerate(interval):
-        jacobian = jacobian_at(system, z, alpha, system.character(z, alpha))
-        way = balanced_columns(jacobian)
-        factor = bordered(jacobian, last_unit(system.size + 1), way)
+    """Return the sizes of the Newton steps at both ends, the largest for unknowns that stay.
+
+    Where the load vanishes at both ends, as sin(pi alpha) does, the step inside is taken.
+    """
+    lo, hi = interval
+    alphas = [(1.0 - place) * lo + place * hi for place in PLACES]
+    before = [_residual(system, z, alpha) for alpha in alphas]
+    sizes = [largest(np.abs(values)) for values in before]
+    asked = (1,) if max(sizes[0], sizes[2]) <= STILL * sizes[1] else (0, 2)
+    steps = np.zeros((len(asked), system.size))
+    for i, place in enumerate(asked):
+        jacobian = jacobian_at(system, z, alphas[place], system.character(z, alphas[place]))
+        factor = bordered(jacobian, last_unit(system.size + 1), balanced_columns(jacobian))
         if not factor.is_singular():
-            steps[i] = _finite(factor.solve(joined(_residual(system, z, alpha), 0.0))[:-1])
-    sizes, middle = np.abs(steps).max(axis=0), 0.5 * sum(interval)
-    before, after = (np.abs(_residual(system, x, middle)) for x in (z, z - steps[0]))
-    stays = largest(np.ptp(steps, axis=0)) <= STILL * largest(sizes)
-    if stays and largest(after) <= STILL * largest(before):  # a solution of all alphas
-        z, way = z - steps[0], way[:-1]
-        here = [_residual(system, z, alpha) for alpha in interval]
-        sizes = way * _bend(system, interval, z, here, way * generic(system.size))
+            steps[i] = _finite(factor.solve(joined(before[place], 0.0))[:-1])
+    here = [_residual(system, z - steps[0], alpha) for alpha in alphas]
+    if all(largest(np.abs(h)) <= STILL * size for h, size in zip(here, sizes, strict=True)):
+        found = _by_bends(system, alphas, z - steps[0], here)  # a solution of all alphas
     else:
-        sizes = _without_tails(sizes, jacobian)
-    return np.where(sizes > 0.0, sizes, 1.0)
+        found = _without_tails(np.abs(steps).max(axis=0), jacobian)
+    return np.where(found > 0.0, found, 1.0)
 
 
 def _without_tails(sizes: Array, jacobian: Matrix) -> Array:
