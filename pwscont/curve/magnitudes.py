@@ -41,6 +41,7 @@ from pwscont.basics.arrays import (
     is_anywhere,
     joined,
     largest,
+    power_of_two,
     smallest,
 )
 from pwscont.basics.budget import check_budget
@@ -317,12 +318,12 @@ def _by_bends(
     """
     alpha = alphas[len(alphas) // 2]
     jacobian = jacobian_at(system, z, alpha, system.character(z, alpha))
-    unit, way = balanced_columns(jacobian)[:-1], generic(system.size)
+    entries = abs(jacobian if sp.issparse(jacobian) else dense(jacobian))[:, :-1]
+    unit, way = power_of_two(balanced(entries, system.size)[0]), generic(system.size)
     if step := _bend(system, alphas, z, here, unit * way):
         return step * unit
     factor = bordered(jacobian, last_unit(system.size + 1), np.append(unit, 1.0))
-    entries = abs(jacobian if sp.issparse(jacobian) else dense(jacobian))
-    rows = entries @ np.append(unit, 0.0)
+    rows = entries @ unit
     for _ in range(0 if factor.is_singular() else 2):  # inverse iteration
         found = _finite(factor.solve(joined(rows * way, 0.0))[:-1]) / unit
         way = found / largest(np.abs(found)) if found.any() else way
@@ -351,7 +352,7 @@ def _bend(
             return is_anywhere(bent.ravel()) or not np.isfinite(twice).all(axis=1).any()
 
         power = _first(is_bent, -POWERS, POWERS)
-        if power == POWERS:  # as z - tanh(z), which is straight again far away
+        if power == POWERS and alpha == alphas[len(alphas) // 2]:  # z - tanh(z): straight far away
             power = next(filter(is_bent, range(POWERS, -POWERS, -STRIDE)), POWERS)
             power = _first(is_bent, -POWERS, power)
         return float(BASE**power / PART) if 1 - POWERS < power < POWERS else 0.0
