@@ -60,7 +60,7 @@ BUDGET = {
     "system": (10, 2201),
     "linear": (11, 1480),
     "notation": (13, 2913),
-    "curve": (13, 3056),
+    "curve": (13, 3094),
     "enumeration": (11, 2671),
     "transitions": (13, 3967),
     "graph": (10, 2702),
