@@ -303,3 +303,24 @@ def test_many_unknowns_that_stay_at_zero_in_any_unit(unit, start):
     graph = trace(system, (np.full(40, start * unit), 0.0), (0.0, 0.015))
     assert [graph.count(a) for a in (0.003, 0.013)] == [1, 3]
     assert sum(len(piece.points) for piece in graph.pieces) < 120
+
+
+@pytest.mark.parametrize("unit", [1e-12, 1e3])
+@pytest.mark.parametrize("function", [np.sinh, lambda z: 2.0 * z - np.tanh(z)])
+def test_bends_beside_overflow_and_straight_parts(function, unit):
+    """The slope of each function is 1 at z = 0 and grows: two more solutions where alpha > 0."""
+    system = Switched(1, lambda z, a, sw: function(z / unit) - (1.0 + 0.5 * a) * z / unit)
+    graph = trace(system, (np.zeros(1), -1.0), (-1.0, 1.0))
+    assert [graph.count(a) for a in (-0.7, -0.2, 0.2, 0.7)] == [1, 1, 3, 3]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("apart", [0.0, 4.0])
+def test_a_chain_buckles_under_a_load_that_is_weak_beside_the_stiffness(apart):
+    """As above with sin(z) for z - z^3, which never bends K z by much; units of each unknown."""
+    K = 2.0 * np.eye(33) - np.eye(33, k=1) - np.eye(33, k=-1)
+    first, second = (2.0 - 2.0 * np.cos(k * np.pi / 34.0) for k in (1, 2))
+    units = 1e-6 * 10.0 ** np.random.default_rng(3).uniform(-apart, apart, 33)
+    system = Switched(33, lambda z, a, sw: K @ (z / units) - a * np.sin(z / units))
+    graph = trace(system, (np.zeros(33), 0.5 * first), (0.5 * first, 0.5 * (first + second)))
+    assert [graph.count(a) for a in (0.8 * first, 0.8 * first + 0.2 * second)] == [1, 3]

@@ -30,13 +30,12 @@ from pwscont.continuation.run import (
 )
 from pwscont.curve.error_samples import Found, is_inside
 from pwscont.curve.magnitudes import (
-    Gauge,
-    MisjudgedError,
     are_alike,
     magnitudes_of,
     rough_magnitudes,
     rounded_to_one,
 )
+from pwscont.curve.metric import Gauge, MisjudgedError
 from pwscont.curve.semismooth import semismooth_newton
 from pwscont.curve.stepper import Stepper
 from pwscont.graph import BranchGraph

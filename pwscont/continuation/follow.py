@@ -22,8 +22,7 @@ from pwscont.basics.budget import Budget, check_budget, current_budget
 from pwscont.basics.errors import InvalidInputError
 from pwscont.basics.outcome import TWOFOLD, Failure, FailureReason, Kind
 from pwscont.curve.curve import Curve, State
-from pwscont.curve.magnitudes import Gauge
-from pwscont.curve.metric import Range
+from pwscont.curve.metric import Gauge, Range
 from pwscont.curve.step_size import StepSize, step_size_of
 from pwscont.curve.stepper import CurvedSegment, Segment, Stepper, StraightSegment
 from pwscont.system.contract import refuse_wrong_jacobian

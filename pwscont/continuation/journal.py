@@ -35,7 +35,7 @@ from pwscont.basics.rounding import EPS
 from pwscont.continuation.follow import Followed, is_cut
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.error_samples import Found
-from pwscont.curve.magnitudes import Gauge
+from pwscont.curve.metric import Gauge
 from pwscont.system.selection import Selection, unexplained
 from pwscont.transitions.detector import SpecialPointFound
 from pwscont.transitions.rays import Ray

@@ -40,8 +40,8 @@ from pwscont.continuation.journal import Journal
 from pwscont.curve.curve import Curve
 from pwscont.curve.error_samples import Found, has_digits, is_inside
 from pwscont.curve.looks import gap_of
-from pwscont.curve.magnitudes import Gauge, MisjudgedError, rounded_to_one
-from pwscont.curve.metric import Metric, Range
+from pwscont.curve.magnitudes import rounded_to_one
+from pwscont.curve.metric import Gauge, Metric, MisjudgedError, Range
 from pwscont.curve.pseudo_arclength import CURVED, STRAIGHT
 from pwscont.curve.step_size import step_size_of
 from pwscont.curve.stepper import Stepper

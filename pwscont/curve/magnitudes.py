@@ -1,9 +1,4 @@
-"""Typical magnitudes of the unknowns, from H, from solutions and from the path.
-
-The typical magnitude of an unknown is the distance of the unknown from the beginning of the path,
-as a mean over alpha. A mean over the points would follow a branch that leaves for infinity, where
-there are many points and alpha hardly changes. Magnitudes follow the units of unknowns, equations
-and alpha.
+"""Typical magnitudes of the unknowns, from H and from solutions.
 
 Before a solution is known (:func:`rough_magnitudes`), the magnitude of an unknown is the change by
 which H changes by the terms of H. H is evaluated for changes of all sizes, because H may be flat or
@@ -15,21 +10,16 @@ solution that stays for all alpha no term is left, and the change by which H ben
 Solutions (:func:`magnitudes_of`) tell the sizes of the unknowns that move; an unknown at rest may
 rest at a bound. Next to a fold dz/dalpha is large, so the smallest of several solutions counts if
 unknowns are many; an unknown that is tiny beside the largest, at the end of a chain, has no size.
-
-On the path (:class:`Gauge`) magnitudes that are far too small lead to thousands of steps, and
-magnitudes that are far too large make a fold as sharp as a kink. Magnitudes grow by the distances
-from the beginning of each path alone, and shrink only if all paths are close together, too.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterator, Sequence
 from functools import reduce
 from itertools import product
-from typing import final
 
 import numpy as np
+import scipy.sparse as sp
 
 from pwscont.basics.arrays import (
     Array,
@@ -40,114 +30,25 @@ from pwscont.basics.arrays import (
     is_anywhere,
     joined,
     largest,
+    power_of_two,
     smallest,
 )
 from pwscont.basics.budget import check_budget
 from pwscont.basics.character import Character
 from pwscont.basics.rounding import CONFIDENCE, EPS
 from pwscont.curve.error_samples import Found, magnitude
-from pwscont.curve.metric import SHORTEST, Metric, Range
+from pwscont.curve.metric import Metric, Range
 from pwscont.linear.balance import balanced
 from pwscont.linear.factorise import balanced_columns, bordered, last_unit
 from pwscont.system.box import Box
 from pwscont.system.contract import jacobian_at, residual_at
 from pwscont.system.system import PiecewiseLinearSystem, PiecewiseSystem
 
-#: A magnitude that is wrong by more than this factor, too small or too large.
-TOO_SMALL, TOO_LARGE = 16.0, 64.0
-#: Number of steps after which the path is looked at first, then whenever the number has doubled.
-FIRST_LOOK = 128
-#: Before the first look, an unknown this many magnitudes away is larger, by a factor at most.
-FAR, AHEAD_OF_FARTHEST = 12.0, 4.0
-#: Alpha changes ever less if a change is less than this part of the change before.
-SLOWER = 0.5
-#: How much of the interval a path must have seen before means over alpha say something.
-MUCH = 0.25
-#: Unknowns that change by less than this part of their size do not move, nor do unknowns that are
-#: rounding of their magnitude.
-STEADY = EPS**0.5
-
 #: Changes of an unknown, in typical magnitudes, at which H is compared with the linear part of H.
 OUTWARDS = 4.0 ** np.arange(25)
 #: H is clearly nonlinear if the rest is more than this part of the linear change, and of the change
 #: over a typical magnitude.
 BENDS = 0.5
-
-
-class MisjudgedError(Exception):
-    """Typical magnitudes, shape (n,), of a path whose own were wrong."""
-
-    def __init__(self, magnitudes: Array) -> None:
-        super().__init__()
-        self.magnitudes = magnitudes
-
-
-@final
-class Gauge:
-    """Adds up how far a path moves, to judge the magnitudes of a metric."""
-
-    def __init__(self, metric: Metric) -> None:
-        self._scale, self._width = metric.scale[:-1], metric.width
-        self._steps, self._look, self._alpha = 0, FIRST_LOOK, 0.0
-        self._away, self._apart, self._farthest, self._size = np.zeros((4, len(self._scale)))
-        self._first: Array | None = None
-        self._begun: Array | None = None
-        self._before: tuple[float, float] | None = None  # alpha and distance at the last look
-
-    def begin(self) -> None:
-        """Take the next step for the first step of another path."""
-        self._begun = None
-
-    def see(self, x: Array, y: Array) -> None:
-        """Add a step from x to y, each of shape (n + 1,); may raise a MisjudgedError."""
-        self._first = x if self._first is None else self._first
-        self._begun = x if self._begun is None else self._begun
-        change, x, y = abs(float(y[-1] - x[-1])), x[:-1], y[:-1]
-        middle = 0.5 * (x + y)
-        away = np.abs(middle - self._begun[:-1])
-        weighted = change * away
-        self._alpha += change
-        self._away += weighted
-        is_first = self._begun is self._first
-        self._apart += weighted if is_first else change * np.abs(middle - self._first[:-1])
-        self._size = np.maximum(self._size, np.abs(y))
-        self._farthest = np.maximum(self._farthest, away)
-        self._steps += 1
-        if self._steps >= self._look:
-            self._look *= 2
-            if not self._runs_off():
-                self._judge(TOO_SMALL, math.inf)
-
-    def _runs_off(self) -> bool:
-        """Tell whether alpha changes ever less the farther the path goes; not known at first.
-
-        Then the path leaves for infinity, which says nothing of typical magnitudes.
-        """
-        before, alpha, far = self._before, self._alpha, float((self._farthest / self._scale).max())
-        self._before = alpha, far
-        if before is None:
-            return True
-        return (alpha - before[0]) * before[1] < SLOWER * before[0] * (far - before[1])
-
-    def close(self) -> None:
-        """Judge the whole path; may raise a MisjudgedError."""
-        if self._steps:
-            self._judge(TOO_SMALL, TOO_LARGE)
-
-    def _judge(self, small: float, large: float) -> None:
-        if self._alpha >= MUCH * self._width:
-            typical = 2.0 * self._away / self._alpha
-            apart = np.maximum(typical, 2.0 * self._apart / self._alpha)
-            wrong = (typical > small * self._scale) | (large * apart < self._scale)
-        else:
-            ahead = self._width * self._farthest / max(self._alpha, SHORTEST)
-            typical = np.minimum(ahead, AHEAD_OF_FARTHEST * self._farthest)
-            wrong = self._farthest > FAR * self._scale
-        wrong &= (typical > STEADY * self._size) & (self._size > EPS * self._scale)
-        if wrong.any():
-            raise MisjudgedError(np.where(wrong, typical, self._scale))
-
-
 #: Magnitudes found between these two are taken for one.
 LEAST, MOST = 1.0 / 4.0, 2.0
 #: Magnitudes that differ by no more than this factor are alike.
@@ -160,6 +61,9 @@ BASE, POWERS, MORE_POWERS = 2.0**0.25, 512, (768, 1024, 1536)
 PART = 0.5
 #: What part of the change of a row two changes in proportion may differ by.
 BENT = 0.25
+#: A change that is rounding vanishes at this part of the step. Bends that are followed by straight
+#: parts are looked for at every eighth power, a factor of 4.
+MERE, STRIDE = 2.0**-12, 8
 #: A little of the terms; and so many powers less than what PART of them needs, by 10,000, not even
 #: a little would do if H were straight. If LEVEL does, H levels off, and rounding may reach PART.
 LITTLE, FAR_BELOW, LEVEL = 0.001, 53, 0.99 * PART
@@ -226,6 +130,7 @@ def rough_magnitudes(system: PiecewiseSystem, interval: Range, z: Array) -> Arra
                 break
             may_bend = False
             sizes[unknown] = [_bend(system, alphas, z, here, ways[j]) for j in unknown]
+            sizes = sizes if sizes.any() else _by_bends(system, alphas, z, here)
         for j in unknown:
             changes = _each_change(system, box, alphas, z, here, j, sizes[j])
             most[:, j] = reduce(np.maximum, changes)
@@ -305,6 +210,29 @@ def _reach(
     return float(BASE**high / PART)
 
 
+def _by_bends(
+    system: PiecewiseSystem, alphas: Sequence[float], z: Array, here: Sequence[Array]
+) -> Array:
+    """Return sizes from the bend of H if all unknowns change, zero if H is straight.
+
+    Along one unknown alone a product of two, as of predator and prey, is straight. In general ways
+    weak parts of H, such as a load that buckles a chain, hide behind strong ones: the way along
+    which H changes least comes next.
+    """
+    alpha = alphas[len(alphas) // 2]
+    jacobian = jacobian_at(system, z, alpha, system.character(z, alpha))
+    entries = abs(jacobian if sp.issparse(jacobian) else dense(jacobian))[:, :-1]
+    unit, way = power_of_two(balanced(entries, system.size)[0]), generic(system.size)
+    if step := _bend(system, alphas, z, here, unit * way):
+        return step * unit
+    factor = bordered(jacobian, last_unit(system.size + 1), np.append(unit, 1.0))
+    rows = entries @ unit
+    for _ in range(0 if factor.is_singular() else 2):  # inverse iteration
+        found = _finite(factor.solve(joined(rows * way, 0.0))[:-1]) / unit
+        way = found / largest(np.abs(found)) if found.any() else way
+    return unit * _bend(system, alphas, z, here, unit * way)
+
+
 def _bend(
     system: PiecewiseSystem, alphas: Sequence[float], z: Array, here: Sequence[Array], way: Array
 ) -> float:
@@ -316,15 +244,20 @@ def _bend(
     box = Box.of(system)
 
     def bend(alpha: float, before: Array) -> float:
-        def change(step: float) -> Array:
-            return _residual(system, box.inside(z + step * way), alpha) - before
+        def changes(step: float) -> Array:
+            ways = (step * way, -step * way)
+            return np.array([_residual(system, box.inside(z + s), alpha) - before for s in ways])
 
         def is_bent(power: int) -> bool:
             step = BASE**power
-            once, twice = np.array([[change(k * s) for s in (step, -step)] for k in (1.0, 2.0)])
-            return is_anywhere((np.abs(twice - 2.0 * once) > BENT * np.abs(twice)).ravel())
+            once, twice, little = changes(step), changes(2.0 * step), changes(MERE * step)
+            bent = (np.abs(twice - 2.0 * once) > BENT * np.abs(twice)) & (little != 0.0)
+            return is_anywhere(bent.ravel()) or not np.isfinite(twice).all(axis=1).any()
 
         power = _first(is_bent, -POWERS, POWERS)
+        if power == POWERS and alpha == alphas[len(alphas) // 2]:  # z - tanh(z): straight far away
+            power = next(filter(is_bent, range(POWERS, -POWERS, -STRIDE)), POWERS)
+            power = _first(is_bent, -POWERS, power)
         return float(BASE**power / PART) if 1 - POWERS < power < POWERS else 0.0
 
     return max(map(bend, alphas, here))
@@ -395,24 +328,27 @@ def _terms(system: PiecewiseLinearSystem, interval: Range, cell: Character) -> A
 
 
 def _by_newton(system: PiecewiseSystem, interval: Range, z: Array) -> Array:
-    """Return the sizes of the Newton steps at both ends, the largest for unknowns that stay."""
-    steps = np.zeros((2, system.size))
-    for i, alpha in enumerate(interval):
-        jacobian = jacobian_at(system, z, alpha, system.character(z, alpha))
-        way = balanced_columns(jacobian)
-        factor = bordered(jacobian, last_unit(system.size + 1), way)
+    """Return the sizes of the Newton steps at both ends, the largest for unknowns that stay.
+
+    Where the load vanishes at both ends, as sin(pi alpha) does, the step inside is taken.
+    """
+    lo, hi = interval
+    alphas = [(1.0 - place) * lo + place * hi for place in PLACES]
+    before = [_residual(system, z, alpha) for alpha in alphas]
+    sizes = [largest(np.abs(values)) for values in before]
+    asked = (1,) if max(sizes[0], sizes[2]) <= STILL * sizes[1] else (0, 2)
+    steps = np.zeros((len(asked), system.size))
+    for i, place in enumerate(asked):
+        jacobian = jacobian_at(system, z, alphas[place], system.character(z, alphas[place]))
+        factor = bordered(jacobian, last_unit(system.size + 1), balanced_columns(jacobian))
         if not factor.is_singular():
-            steps[i] = _finite(factor.solve(joined(_residual(system, z, alpha), 0.0))[:-1])
-    sizes, middle = np.abs(steps).max(axis=0), 0.5 * sum(interval)
-    before, after = (np.abs(_residual(system, x, middle)) for x in (z, z - steps[0]))
-    stays = largest(np.ptp(steps, axis=0)) <= STILL * largest(sizes)
-    if stays and largest(after) <= STILL * largest(before):  # a solution of all alphas
-        z, way = z - steps[0], way[:-1]
-        here = [_residual(system, z, alpha) for alpha in interval]
-        sizes = way * _bend(system, interval, z, here, way * generic(system.size))
+            steps[i] = _finite(factor.solve(joined(before[place], 0.0))[:-1])
+    here = [_residual(system, z - steps[0], alpha) for alpha in alphas]
+    if all(largest(np.abs(h)) <= STILL * size for h, size in zip(here, sizes, strict=True)):
+        found = _by_bends(system, alphas, z - steps[0], here)  # a solution of all alphas
     else:
-        sizes = _without_tails(sizes, jacobian)
-    return np.where(sizes > 0.0, sizes, 1.0)
+        found = _without_tails(np.abs(steps).max(axis=0), jacobian)
+    return np.where(found > 0.0, found, 1.0)
 
 
 def _without_tails(sizes: Array, jacobian: Matrix) -> Array:

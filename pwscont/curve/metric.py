@@ -1,4 +1,14 @@
-"""Length and angle in (z, alpha), independent of units."""
+"""Length and angle in (z, alpha), independent of units.
+
+The typical magnitude of an unknown is the distance of the unknown from the beginning of the path,
+as a mean over alpha. A mean over the points would follow a branch that leaves for infinity, where
+there are many points and alpha hardly changes. Magnitudes follow the units of unknowns, equations
+and alpha.
+
+On the path (:class:`Gauge`) magnitudes that are far too small lead to thousands of steps, and
+magnitudes that are far too large make a fold as sharp as a kink. Magnitudes grow by the distances
+from the beginning of each path alone, and shrink only if all paths are close together, too.
+"""
 
 from __future__ import annotations
 
@@ -33,6 +43,19 @@ EVERYWHERE: Range = (-math.inf, math.inf)
 #: Smallest square of the length of a chord that is divided by.
 LEAST_SQUARE = 1e-300
 _NONE = np.zeros(0, dtype=np.intp)
+#: A magnitude that is wrong by more than this factor, too small or too large.
+TOO_SMALL, TOO_LARGE = 16.0, 64.0
+#: Number of steps after which the path is looked at first, then whenever the number has doubled.
+FIRST_LOOK = 128
+#: Before the first look, an unknown this many magnitudes away is larger, by a factor at most.
+FAR, AHEAD_OF_FARTHEST = 12.0, 4.0
+#: Alpha changes ever less if a change is less than this part of the change before.
+SLOWER = 0.5
+#: How much of the interval a path must have seen before means over alpha say something.
+MUCH = 0.25
+#: Unknowns that change by less than this part of their size do not move, nor do unknowns that are
+#: rounding of their magnitude.
+STEADY = EPS**0.5
 
 
 @final
@@ -188,6 +211,80 @@ class Metric:
             length = self.norm(t)
         unit: Array = t / length
         return unit
+
+
+class MisjudgedError(Exception):
+    """Typical magnitudes, shape (n,), of a path whose own were wrong."""
+
+    def __init__(self, magnitudes: Array) -> None:
+        super().__init__()
+        self.magnitudes = magnitudes
+
+
+@final
+class Gauge:
+    """Adds up how far a path moves, to judge the magnitudes of a metric."""
+
+    def __init__(self, metric: Metric) -> None:
+        self._scale, self._width = metric.scale[:-1], metric.width
+        self._steps, self._look, self._alpha = 0, FIRST_LOOK, 0.0
+        self._away, self._apart, self._farthest, self._size = np.zeros((4, len(self._scale)))
+        self._first: Array | None = None
+        self._begun: Array | None = None
+        self._before: tuple[float, float] | None = None  # alpha and distance at the last look
+
+    def begin(self) -> None:
+        """Take the next step for the first step of another path."""
+        self._begun = None
+
+    def see(self, x: Array, y: Array) -> None:
+        """Add a step from x to y, each of shape (n + 1,); may raise a MisjudgedError."""
+        self._first = x if self._first is None else self._first
+        self._begun = x if self._begun is None else self._begun
+        change, x, y = abs(float(y[-1] - x[-1])), x[:-1], y[:-1]
+        middle = 0.5 * (x + y)
+        away = np.abs(middle - self._begun[:-1])
+        weighted = change * away
+        self._alpha += change
+        self._away += weighted
+        is_first = self._begun is self._first
+        self._apart += weighted if is_first else change * np.abs(middle - self._first[:-1])
+        self._size = np.maximum(self._size, np.abs(y))
+        self._farthest = np.maximum(self._farthest, away)
+        self._steps += 1
+        if self._steps >= self._look:
+            self._look *= 2
+            if not self._runs_off():
+                self._judge(TOO_SMALL, math.inf)
+
+    def _runs_off(self) -> bool:
+        """Tell whether alpha changes ever less the farther the path goes; not known at first.
+
+        Then the path leaves for infinity, which says nothing of typical magnitudes.
+        """
+        before, alpha, far = self._before, self._alpha, float((self._farthest / self._scale).max())
+        self._before = alpha, far
+        if before is None:
+            return True
+        return (alpha - before[0]) * before[1] < SLOWER * before[0] * (far - before[1])
+
+    def close(self) -> None:
+        """Judge the whole path; may raise a MisjudgedError."""
+        if self._steps:
+            self._judge(TOO_SMALL, TOO_LARGE)
+
+    def _judge(self, small: float, large: float) -> None:
+        if self._alpha >= MUCH * self._width:
+            typical = 2.0 * self._away / self._alpha
+            apart = np.maximum(typical, 2.0 * self._apart / self._alpha)
+            wrong = (typical > small * self._scale) | (large * apart < self._scale)
+        else:
+            ahead = self._width * self._farthest / max(self._alpha, SHORTEST)
+            typical = np.minimum(ahead, AHEAD_OF_FARTHEST * self._farthest)
+            wrong = self._farthest > FAR * self._scale
+        wrong &= (typical > STEADY * self._size) & (self._size > EPS * self._scale)
+        if wrong.any():
+            raise MisjudgedError(np.where(wrong, typical, self._scale))
 
 
 def deflation(metric: Metric, known: Sequence[Array], x: Array) -> float:
