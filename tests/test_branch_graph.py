@@ -258,6 +258,7 @@ def test_truncated_file(saved, part):
         BranchGraph.load(saved)
 
 
+@pytest.mark.slow
 def test_flipped_bytes(saved, fig7):
     """A zip checks its entries: no damaged byte gives another graph silently."""
     content, refused = saved.read_bytes(), 0

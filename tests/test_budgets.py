@@ -273,8 +273,9 @@ def arch(journal=None):
 
 @pytest.mark.parametrize(
     ("run", "parts", "has_journal"),
-    [(flat, 5, False), pytest.param(arch, 9, True, marks=pytest.mark.slow)],
+    [(flat, 5, False), (arch, 9, True)],
 )
+@pytest.mark.slow
 def test_ctrl_c_at_every_look_at_the_budget_leaves_a_graph(
     run, parts, has_journal, tmp_path, monkeypatch
 ):

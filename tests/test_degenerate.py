@@ -296,6 +296,7 @@ def test_a_body_that_grazes_the_floor_has_one_solution_along_interfaces(force, c
     assert tuple(graph.count(F) for F in (0.5, 1.0, 5.0)) == counts
 
 
+@pytest.mark.slow
 def test_a_residual_that_is_zero_everywhere_is_refused():
     with pytest.raises(InvalidSystemError, match="every z is a solution"):
         explore(Switched(2, lambda z, alpha, sw: 0.0 * z), (-1.0, 1.0))

@@ -50,6 +50,7 @@ def fine(system):
     return ExactLinear() if straight else PseudoArclength(step_size=StepSize(largest=0.01))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("system", [Switched(1, lambda z, t, sw: z - t), Circle()])
 @pytest.mark.parametrize("place", [0.2, -0.31])
 def test_a_pole_is_no_event(system, place):

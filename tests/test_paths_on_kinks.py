@@ -259,3 +259,27 @@ def test_curves_that_cross_a_path_outside_of_all_cells_are_no_branches():
         y = np.where(w > 0.0, w / 1.5, w / 0.5)
         rest = np.sign(y**3 - a * y + 0.4 * np.where(x > 0.0, 1.5 * x, 0.5 * x))
         assert graph.count(a) == 1 + (np.diff(rest) != 0.0).sum()
+
+
+#: Slopes of |z| and z, values of alpha at which each equation branches, signs of alpha, mixing.
+PAIRS = {
+    "mixed": ([0.82, 0.33], [-1.3, 0.91], [-0.09, -0.39], [1, -1], [[1.11, 0.09], [0.01, 1.16]]),
+    "apart": ([0.13, -0.13], [0.64, 0.1], [0.38, 0.5], [1, 1], np.eye(2)),
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", PAIRS)
+def test_curves_that_cross_a_path_along_another_kink(name):
+    """Equations that are decoupled but for mixing: each branch lies where the other z is zero."""
+    moduli, slopes, at, signs, mixing = map(np.array, PAIRS[name])
+
+    def pair(z, a, sw):
+        return mixing @ (z * (moduli * sw.abs(z) + slopes * z - signs * (a - at)))
+
+    graph = trace(Switched(2, pair), ([0.0, 0.0], -1.0), (-1.0, 1.0))
+    assert str(graph.guarantee) == "balanced"
+    for a in (-0.8, -0.45, -0.2, 0.1, 0.5, 0.9):
+        load = signs * (a - at)  # of (slope + modulus) z for z > 0, (slope - modulus) z for z < 0
+        each = 1 + ((slopes + moduli) * load > 0.0) + ((slopes - moduli) * load < 0.0)
+        assert graph.count(a) == each.prod()

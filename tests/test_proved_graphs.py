@@ -127,6 +127,7 @@ def test_a_saved_graph_keeps_the_proof(tmp_path):
         assert [again.proof.count(t) for t in (-0.2, 0.2, 0.7)] == [1, 3, 1]
 
 
+@pytest.mark.slow
 def test_an_open_proof_is_kept_as_such(tmp_path):
     pitchfork = Switched(1, lambda z, t, sw: z**3 - t * z)
     graph = explore(pitchfork, (-1.0, 1.0), search=Everywhere(box=(-3.0, 3.0)))

@@ -420,6 +420,7 @@ def test_curves_that_touch_are_both_followed(order, lift):
     assert ("touch" in graph.guarantee) == bool(touching)
 
 
+@pytest.mark.slow
 def test_curves_that_touch_to_third_order_are_followed_or_named():
     """z = 0 and z = alpha^4 agree to rounding over a tenth of the interval."""
     graph = explore(Switched(1, lambda z, a, sw: z * (z - a**4)), (-1.0, 1.2))

@@ -59,6 +59,7 @@ def test_edges_of_stretches_without_sign_are_events(system, stepper, start):
         assert graph.guarantee == through(system, {}, start, stepper=stepper).guarantee
 
 
+@pytest.mark.slow
 def test_a_stop_ends_at_the_edge_of_a_stretch():
     graph = through(Bent(), {"end": Stop(lambda z, a: max(0.0, 0.5 - z[0]))}, 2.0)
     (end,) = graph.special_points("event")

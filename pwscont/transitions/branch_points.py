@@ -58,6 +58,8 @@ ACROSS = EPS**0.375
 OWN_SIGNS = 2
 #: Most tests that vanish along a path of which all adjacent cells are tried.
 MOST_TESTS_ON_PATH = 4
+#: Directions in which curves leave a branch point are the same within this distance.
+SAME_WAY = EPS**0.25
 #: Distance at which the sign of det[J; t^T] is evaluated if no piece carries the sign along.
 DISTANCE_TO_SIGN = EPS**0.25
 
@@ -94,7 +96,7 @@ class SmoothBranchPoints(TransitionDetector):
         found = _locate(segment, bracket, before)
         if isinstance(found, Crossing):
             state = State(found.x, _own(segment, found), found.error, orientation)
-            is_seen = index < OWN_SIGNS or _crossing_rays(segment.curve, state)
+            is_seen = index < OWN_SIGNS or _ways_across(segment.curve, state)
             return state if is_seen else None
         return found if index < OWN_SIGNS or isinstance(found, State) else None
 
@@ -140,8 +142,7 @@ def branch_point_on_interface(curve: Curve, state: State) -> SpecialPointFound |
 
     ``state``: the point as an arrival on the path.
     """
-    every = _in_cells(curve, curve.selection.adjacent_cells)
-    rays = [ray for own in every for ray in _crossing_rays(own, state)]
+    rays = _crossing_rays(curve, _in_cells(curve, curve.selection.adjacent_cells), state)
     if not (rays or _leaves_interface(curve, state)):
         return None
     after = _sign_beside(curve, state.x, state.tangent, 1.0)
@@ -210,14 +211,44 @@ def _sign_around(own: Curve, state: State) -> int:
     return signs.pop() or 0 if len(signs) == 1 else 0
 
 
-def _crossing_rays(own: Curve, state: State) -> list[Ray]:
-    """Return the rays into a cell of the curve that crosses a path along the cell's boundary."""
+def _crossing_rays(path: Curve, cells: Iterable[Curve], state: State) -> list[Ray]:
+    """Return the rays of curves of cells that cross a path along the boundary of the cells.
+
+    A curve may lie on further interfaces itself, as where equations are decoupled: the cells beside
+    have that curve in common.
+    """
+    ways: list[tuple[Array, list[Curve]]] = []
+    for own in cells:
+        for way in _ways_across(own, state):
+            alike = (them for known, them in ways if path.metric.norm(way - known) <= SAME_WAY)
+            if them := next(alike, None):
+                them.append(own)
+            else:
+                ways.append((way, [own]))
+    return [_crossing_ray(way, owners, state) for way, owners in ways]
+
+
+def _crossing_ray(way: Array, owners: list[Curve], state: State) -> Ray:
+    """Return the ray along a way that leads into some cells, or along their common boundary."""
+    first = owners[0]
+    onward = State(state.x, way, state.error, _sign_before(first, state.x, state.tangent))
+    if len(owners) == 1:
+        return Ray(first, onward)
+    cells, here = tuple(own.selection.character for own in owners), first.selection
+    path = Curve(Selection(here.system, here.character, cells), first.metric)
+    return _along(path, Ray(path, onward))
+
+
+def _ways_across(own: Curve, state: State) -> list[Array]:
+    """Return the directions, not out of a cell, of the curve that crosses a path on its boundary.
+
+    On further interfaces the curve lies where the tests change by rounding only.
+    """
     if not (across := _across(own, state)):
         return []
     other, rates = across
-    sign = _sign_before(own, state.x, state.tangent)
-    ways = [way for way, into in ((other, rates), (-other, -rates)) if (into > 0.0).all()]
-    return [Ray(own, State(state.x, way, state.error, sign)) for way in ways]
+    both = ((other, rates), (-other, -rates)) if (np.abs(rates) > DISTANCE_TO_SIGN).any() else ()
+    return [way for way, into in both if (into > -DISTANCE_TO_SIGN).all()]
 
 
 def _leaves_interface(own: Curve, state: State) -> bool:
