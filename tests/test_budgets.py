@@ -175,6 +175,7 @@ def test_a_journal_goes_on_after_the_limit(tmp_path):
     assert rows(graph) == rows(explored())
 
 
+@pytest.mark.slow
 def test_a_piece_that_was_cut_is_not_in_the_journal(tmp_path):
     journal = Journal(tmp_path / "journal")
     graph = helix(limits=Limits(seconds=0.3), journal=journal)

@@ -119,6 +119,7 @@ def test_vtu_holds_the_solution(kind, tmp_path):
     np.testing.assert_allclose(mesh.cell_data["stress_xy"][0], state.stresses[2])
 
 
+@pytest.mark.slow
 def test_animation_runs_along_the_branch(triangle_case, tmp_path):
     problem, graph = triangle_case
     (pieces,) = graph.components()

@@ -225,6 +225,7 @@ def test_styles_that_are_wanted_are_kept_and_given_once():
 # -- branches that coincide ------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_coinciding_branches_stay_visible():
     """All branches of example3 with node 1 open have lambda = 0: each colour shows."""
     scene = load_scene("example3")

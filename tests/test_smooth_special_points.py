@@ -452,6 +452,7 @@ PITCHFORKS = {
 
 @pytest.mark.parametrize("begin", ["explore", "trace from a cell"])
 @pytest.mark.parametrize("name", PITCHFORKS)
+@pytest.mark.sweep(3)
 def test_curves_that_cross_a_path_on_a_kink(name, begin):
     """The nonsmooth pitchfork, z (|z| - alpha): each cell next to the path has its own curve."""
     f, c, others = PITCHFORKS[name]

@@ -278,6 +278,7 @@ def test_a_membrane_over_a_dome():
 # --- struts
 
 
+@pytest.mark.slow
 def test_the_free_strut_is_the_elastica():
     """P = 4 K(k)^2, w = k / K(k), shortening 2 (1 - E(k) / K(k)), sin(angle / 2) = k."""
     system = Strut(10)

@@ -130,6 +130,7 @@ def test_the_page_lists_what_the_graph_lists(driver, pages, make, near):
     assert not complaints(driver)
 
 
+@pytest.mark.slow
 def test_the_slider_changes_the_list(driver, pages):
     _, path = pages(fig7())
     opened(driver, path)
@@ -367,6 +368,7 @@ def test_the_parameter_is_told_apart_in_a_short_interval_far_from_zero(driver, t
     assert none["head"] == "No solution found at α = 999999999"
 
 
+@pytest.mark.slow
 def test_what_is_recorded_is_not_straight_where_the_solution_is(driver, tmp_path):
     record = {"square": lambda z, alpha: float(z[0] ** 2), "twice": lambda z, alpha: 2.0 * z[0]}
     graph = explore(LCP(np.eye(1), [0.0], [-1.0]), (-1.0, 1.0), record=record)
