@@ -18,8 +18,8 @@ from pwscont.notation.switches import Switches
 
 #: Largest number of unknowns that is tried if the user does not say how many F takes.
 MOST_UNKNOWNS = 1000
-#: Largest power of two between the magnitudes of F and z at which F is compared as it is: three of
-#: sixteen digits are lost.
+#: F is multiplied if F and z differ by more than this power of two. Up to there the comparison
+#: loses three of sixteen digits at most.
 FAR_UNITS = 10
 
 
