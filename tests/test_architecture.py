@@ -62,7 +62,7 @@ BUDGET = {
     "notation": (13, 2913),
     "curve": (13, 3104),
     "enumeration": (11, 2671),
-    "transitions": (13, 4002),
+    "transitions": (13, 3998),
     "graph": (10, 2710),
     "search": (7, 1680),
     "continuation": (8, 2762),

@@ -103,13 +103,14 @@ def rough_magnitudes(system: PiecewiseSystem, interval: Range, z: Array) -> Arra
 
     ``system`` is fitted to the interval.
     """
+    lo, hi = interval
+    alphas = [(1.0 - place) * lo + place * hi for place in PLACES]  # exact at both ends
     if system.size > MANY and system.knows_jacobian:
-        return _by_newton(system, interval, z)
+        return _by_newton(system, alphas, z)
     if isinstance(system, PiecewiseLinearSystem) and system.size <= MANY:
         return _by_coefficients(system, interval)
-    box, (lo, hi) = Box.of(system), interval
+    box = Box.of(system)
     z = box.inside(np.where(np.abs(z) > VANISHED * largest(np.abs(z)), z, 0.0))
-    alphas = [(1.0 - place) * lo + place * hi for place in PLACES]  # exact at both ends
     here = [_residual(system, z, alpha) for alpha in alphas]
     if jumps := _jumps(system, alphas, z, here):  # as (2 + alpha)^z at z = 0, alpha = -2
         kept = [i for i in range(len(alphas)) if i not in jumps]
@@ -119,7 +120,7 @@ def rough_magnitudes(system: PiecewiseSystem, interval: Range, z: Array) -> Arra
         changes = _each_change(system, box, alphas, z, here, j, abs(float(z[j])))
         others = reduce(np.maximum, changes, others)
     sizes, most = np.zeros(system.size), np.zeros((system.size, system.size))
-    ways, may_bend = np.eye(system.size), True
+    may_bend = True
     for number in range(system.size + 2):
         unknown = np.flatnonzero(sizes == 0.0).tolist()
         for j in unknown:
@@ -129,7 +130,8 @@ def rough_magnitudes(system: PiecewiseSystem, interval: Range, z: Array) -> Arra
             if not may_bend:
                 break
             may_bend = False
-            sizes[unknown] = [_bend(system, alphas, z, here, ways[j]) for j in unknown]
+            ways = np.eye(system.size)[unknown]
+            sizes[unknown] = [_bend(system, alphas, z, here, way) for way in ways]
             sizes = sizes if sizes.any() else _by_bends(system, alphas, z, here)
         for j in unknown:
             changes = _each_change(system, box, alphas, z, here, j, sizes[j])
@@ -327,13 +329,11 @@ def _terms(system: PiecewiseLinearSystem, interval: Range, cell: Character) -> A
     return _finite(np.abs(np.column_stack([jacobian, *values])))
 
 
-def _by_newton(system: PiecewiseSystem, interval: Range, z: Array) -> Array:
+def _by_newton(system: PiecewiseSystem, alphas: Sequence[float], z: Array) -> Array:
     """Return the sizes of the Newton steps at both ends, the largest for unknowns that stay.
 
     Where the load vanishes at both ends, as sin(pi alpha) does, the step inside is taken.
     """
-    lo, hi = interval
-    alphas = [(1.0 - place) * lo + place * hi for place in PLACES]
     before = [_residual(system, z, alpha) for alpha in alphas]
     sizes = [largest(np.abs(values)) for values in before]
     asked = (1,) if max(sizes[0], sizes[2]) <= STILL * sizes[1] else (0, 2)

@@ -301,13 +301,13 @@ class _Pieces:
 
     def doubtful_infinities(self) -> list[str]:
         """Return where the graph counts other than its vertical pieces and rays say."""
-        graph, rays = self._graph, [float(x[-1]) for x in self.rays]
-        vertical = [piece.interval[0] for piece in graph.pieces if len(set(piece.interval)) == 1]
-        finite = (at for at in vertical if graph.count(at) < inf)
+        graph, ranges = self._graph, (piece.interval for piece in self._graph.pieces)
+        places = [p.interval[0] for p in graph.verticals] + [float(x[-1]) for x in self.rays]
+        finite = (lo for lo, hi in ranges if lo == hi and graph.count(lo) < inf)
         return [f"a piece at alpha = {at:.8g}, where a number is counted" for at in finite] + [
             f"infinitely many solutions for alpha in ({lo:.8g}, {hi:.8g})"
             for lo, hi, _ in graph.infinite
-            if not any(graph.same(lo, at) and graph.same(hi, at) for at in vertical + rays)
+            if not any(graph.same(lo, at) and graph.same(hi, at) for at in places)
         ]
 
     def _holds(self, k: int, x: Point) -> bool:

@@ -19,6 +19,7 @@ import numpy as np
 from pwscont.basics.arrays import Array, finite_array
 from pwscont.basics.errors import InvalidInputError
 from pwscont.basics.outcome import Guarantee, SearchScope
+from pwscont.basics.printing import counted
 from pwscont.curve.error_samples import Found
 from pwscont.curve.metric import Metric, Range
 from pwscont.search.enumeration import starts_at
@@ -114,9 +115,8 @@ class MultiStart(Search):
 
     def searched(self, system: PiecewiseSystem) -> SearchScope:
         """Promise nothing."""
-        starts = "1 start" if self.count == 1 else f"{self.count} starts"
-        what = f"Newton from {starts} at both ends (seed {self.seed}), with deflation"
-        return SearchScope(what, Guarantee.NOTHING)
+        starts = f"{counted(self.count, 'start')} at both ends (seed {self.seed})"
+        return SearchScope(f"Newton from {starts}, with deflation", Guarantee.NOTHING)
 
 
 def rough_starts(

@@ -143,7 +143,7 @@ def branch_point_on_interface(curve: Curve, state: State) -> SpecialPointFound |
     ``state``: the point as an arrival on the path.
     """
     rays = _crossing_rays(curve, _in_cells(curve, curve.selection.adjacent_cells), state)
-    if not (rays or _leaves_interface(curve, state)):
+    if not (rays or _across(curve, state)):
         return None
     after = _sign_beside(curve, state.x, state.tangent, 1.0)
     onward = State(state.x, state.tangent, state.error, after or -state.orientation)
@@ -247,20 +247,15 @@ def _ways_across(own: Curve, state: State) -> list[Array]:
     if not (across := _across(own, state)):
         return []
     other, rates = across
-    both = ((other, rates), (-other, -rates)) if (np.abs(rates) > DISTANCE_TO_SIGN).any() else ()
+    both = (other, rates), (-other, -rates)
     return [way for way, into in both if (into > -DISTANCE_TO_SIGN).all()]
-
-
-def _leaves_interface(own: Curve, state: State) -> bool:
-    """Tell whether the equations of a cell have a curve that crosses a path on the boundary."""
-    across = _across(own, state)
-    return across is not None and bool((np.abs(across[1]) > DISTANCE_TO_SIGN).any())
 
 
 def _across(own: Curve, state: State) -> tuple[Array, Array] | None:
     """Return the direction in which equations of a cell cross a path on the boundary of the cell.
 
-    With the direction come the rates of the tests that vanish, relative to their gradients.
+    With the direction come the rates of the tests that vanish, relative to their gradients. None
+    where nothing crosses, or a curve within the interface does.
     """
     metric, x = own.metric, state.x
     if not (found := crossing_near(own, x)):
@@ -269,7 +264,8 @@ def _across(own: Curve, state: State) -> tuple[Array, Array] | None:
     gradients = own.selection.test_gradients(x)
     sizes = abs(gradients) @ metric.scale
     vanish = np.abs(own.selection.tests(x)) <= LOCATED_AGAIN * sizes
-    return other, (product(gradients, other) / np.where(sizes > 0.0, sizes, 1.0))[vanish]
+    rates = (product(gradients, other) / np.where(sizes > 0.0, sizes, 1.0))[vanish]
+    return (other, rates) if (np.abs(rates) > DISTANCE_TO_SIGN).any() else None
 
 
 def _least_along(found: Crossing, rows: Matrix) -> Array:
