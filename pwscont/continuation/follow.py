@@ -235,6 +235,8 @@ class PieceFollower:
             stepper = stepper.stretched(factor) if factor > 1.0 else stepper
         interval, before = self.interval, self._step_before
         step = stepper.step(self._curve, interval, self._state, before, longest)
+        if before and isinstance(step, CurvedSegment):
+            step.earlier = before.start
         if isinstance(step, CurvedSegment) and not stepper.takes_rays:
             largest = (step_size_of(stepper) or StepSize()).largest
             self._tiny = self._tiny + 1 if step.length < TINY_PART * largest else 0
@@ -260,6 +262,8 @@ class PieceFollower:
             return None
         if not isinstance(step, CurvedSegment):
             raise self._broken("aim", "a CurvedSegment or None", step)
+        if self._step_before:
+            step.earlier = self._step_before.start
         event = Event(detector, index, step.length, step.end)
         after = watch.read(curve, step.end)
         first = first_on_curve(watch, step, reading, after, event)
