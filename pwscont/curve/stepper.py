@@ -97,8 +97,8 @@ class CurvedSegment(Segment):
         Length that the stepper would try next.
     gap : float
         Distance between the places at which was looked into the step; zero for no look.
-    earlier : State or None
-        The state before ``start`` on the same piece.
+    behind : tuple of State
+        The first state of the piece, and the state before ``start``; fewer on the first two steps.
     """
 
     curve: Curve
@@ -110,7 +110,7 @@ class CurvedSegment(Segment):
     length: float
     suggestion: float
     gap: float = 0.0
-    earlier: State | None = None
+    behind: tuple[State, ...] = ()
 
     def __repr__(self) -> str:
         ends = f"alpha {self.start.alpha:.10g} → {self.end.alpha:.10g}"
@@ -131,7 +131,7 @@ class CurvedSegment(Segment):
     def until(self, end: State) -> CurvedSegment:
         """Return the part of the segment before a state."""
         part = CurvedSegment.between(self.curve, self.start, end, self.suggestion)
-        part.earlier = self.earlier
+        part.behind = self.behind
         return part
 
     def near(self, s: float) -> Array:

@@ -36,6 +36,7 @@ from pwscont.curve.crossing import (
     loses_rank,
 )
 from pwscont.curve.curve import Curve, State
+from pwscont.curve.looks import hidden_in
 from pwscont.curve.stepper import CurvedSegment, Segment
 from pwscont.linear.factorise import bordered
 from pwscont.system.selection import Selection
@@ -47,7 +48,6 @@ from pwscont.transitions.detector import (
     SpecialPointFound,
     TransitionDetector,
 )
-from pwscont.transitions.determinant import hidden_in
 from pwscont.transitions.rays import Corner, Ray, beside
 
 #: A branch point outside a step, within this part of the step's length, belongs to the step.
@@ -404,9 +404,9 @@ def _belongs(segment: CurvedSegment, x: Array) -> bool:
 
     A branch point at which the segment begins does not count.
     """
-    if segment.start.log_determinant == -math.inf:
-        if segment.curve.metric.norm(x - segment.start.x) <= BEGINNING * segment.length:
-            return False
+    begins = segment.start.log_determinant == -math.inf
+    if begins and segment.curve.metric.norm(x - segment.start.x) <= BEGINNING * segment.length:
+        return False
     s, slack = segment.position(x), OUTSIDE_STEP * segment.length
     aside = segment.curve.metric.norm(x - segment.near(s))
     return bool(-slack <= s <= segment.length + slack and aside <= segment.length)

@@ -30,9 +30,9 @@ Said = str | Callable[[], str]
 BOTH_SIGNS = np.array([1.0, -1.0])
 #: The slopes of a pair of functions whose slopes are not known.
 UNKNOWN = np.zeros(2)
+UNKNOWN.setflags(write=False)
 #: The index of a special point that no function of a reading tells.
 HIDDEN = -1
-UNKNOWN.setflags(write=False)
 #: Places on a straight piece at which functions without a slope are read.
 PLACES_ON_RAY = 64
 
