@@ -171,7 +171,7 @@ class PieceFollower:
     def _begin(self, ray: Ray) -> None:
         """Forget the last piece, and begin a piece with a ray."""
         self._curve, self._state, self._points = ray.curve, ray.state, [ray.state.x]
-        self._state_before = ray.state
+        self._behind: tuple[State, ...] = ()  # the first state, and the state before
         self._step_before: CurvedSegment | None = None
         self._blocked = self._tiny = self._shortened = 0
         self._part = part_of(ray.curve)
@@ -235,6 +235,8 @@ class PieceFollower:
             stepper = stepper.stretched(factor) if factor > 1.0 else stepper
         interval, before = self.interval, self._step_before
         step = stepper.step(self._curve, interval, self._state, before, longest)
+        if isinstance(step, CurvedSegment):
+            step.behind = self._behind
         if isinstance(step, CurvedSegment) and not stepper.takes_rays:
             largest = (step_size_of(stepper) or StepSize()).largest
             self._tiny = self._tiny + 1 if step.length < TINY_PART * largest else 0
@@ -260,6 +262,7 @@ class PieceFollower:
             return None
         if not isinstance(step, CurvedSegment):
             raise self._broken("aim", "a CurvedSegment or None", step)
+        step.behind = self._behind
         event = Event(detector, index, step.length, step.end)
         after = watch.read(curve, step.end)
         first = first_on_curve(watch, step, reading, after, event)
@@ -277,8 +280,9 @@ class PieceFollower:
     def _go_to(self, step: CurvedSegment) -> None:
         """Add the end of a step; the step may be shorter than the step before suggested."""
         before, self._step_before = self._step_before, step
-        self._state_before, self._state = self._state, step.end
+        self._state = step.end
         self._points.append(step.end.x)
+        self._behind = (*self._behind[:1], step.start)
         # no detector took the change of sign for a special point
         self._is_twofold |= step.start.orientation != step.end.orientation
         if before and step.length < SHORTENED * before.suggestion:
@@ -389,7 +393,7 @@ class PieceFollower:
         """
         last, residual = self._state, self._curve.selection.residual
         while len(self._points) > 2 and not are_finite(residual(self._points[-1])):
-            last = self._state_before
+            last = self._behind[-1]
             self._points.pop()
         steps = [self._points[-1] - self._points[-2]]
         if not self._curve.selection.system.knows_jacobian:

@@ -8,13 +8,14 @@ correction ever is, the last correction counts as an error.
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array
+from pwscont.basics.arrays import Array, product
 from pwscont.basics.outcome import Failure, FailureReason
 from pwscont.basics.printing import counted, named
 from pwscont.basics.rounding import CONVERGED, EPS, GUARD
@@ -34,6 +35,7 @@ from pwscont.curve.newton import (
 )
 from pwscont.linear.factor import Factor
 from pwscont.linear.factorise import bordered, last_unit
+from pwscont.linear.vectors import dot
 
 
 @final
@@ -97,7 +99,16 @@ class BorderedNewton(Corrector):
         if factor.failed:
             return Failure(FailureReason.SINGULAR)
         state = State(root.x, along, root.error[np.newaxis], factor.sign)
+        state.log_determinant = _log_determinant(factor, dot(border[1], along))
         return Corrected(state, root.iterations, factor, root.contraction)
+
+
+def _log_determinant(factor: Factor, along: float) -> float:
+    """Return log |det[J; t^T]| for a unit tangent t, from a factorisation of [J; row].
+
+    J t vanishes, so that the determinants differ by the factor ``along``, which is row . t.
+    """
+    return factor.log_determinant - math.log(abs(along)) if along else math.nan
 
 
 @final
@@ -142,6 +153,7 @@ class MoorePenrose(Corrector):
             sizes.append(size)
             if size <= CONVERGED and metric.admits(x):
                 state = State(x, t, np.abs(dx)[np.newaxis], factor.sign)
+                state.log_determinant = factor.log_determinant
                 return Corrected(state, iteration, factor, first_quotient(sizes))
         return Failure(FailureReason.NOT_CONVERGED)
 
@@ -171,6 +183,7 @@ def zero(curve: Curve, border: Border, x: Array) -> Corrected | Failure:
     if factor.failed:
         return Failure(FailureReason.SINGULAR)
     state = State(root.x, -rising, error, -factor.sign, located_by=factor)
+    state.log_determinant = _log_determinant(factor, product(root.row, rising).item())
     return Corrected(state, root.iterations, factor, root.contraction)
 
 

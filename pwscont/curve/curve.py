@@ -118,6 +118,8 @@ class State:
     located_by : Factor, optional
         A factorisation of [J; gradient of the function], for a state at which a function vanishes;
         corrects points of the curve close by. A reversed state has none.
+    log_determinant : float
+        Logarithm of the magnitude of det[J; tangent^T], nan where not known.
     """
 
     x: Array
@@ -126,6 +128,7 @@ class State:
     orientation: int
     _size: Array | None = field(default=None, repr=False)
     located_by: Factor | None = field(default=None, repr=False)
+    log_determinant: float = field(default=np.nan, repr=False)
 
     @property
     def size(self) -> Array:

@@ -11,18 +11,41 @@ and next to the ends are looked at, ever closer, as long as the distances bend m
 beside a pole. The shorter steps after a refused step are looked into more closely. Where alpha
 hardly changes the cubic may be close and alpha turn back all the same: the points of the curve next
 to the places must be in order.
+
+Branch points within a step
+---------------------------
+The sign of det[J; t^T] flips twice at two branch points, and not at all where an even number of
+eigenvalues vanishes together, as at a branch point of a symmetric structure. The magnitude tells: a
+parabola through the determinants at the ends of the step and at the state before says where the
+determinant may be least. The curve is looked at there, the next parabola leads through nearer
+places, and so on.
+
+- The determinant of many unknowns changes by orders of magnitude within a step: logarithms are
+  carried along, and a parabola that is wrong costs a few looks.
+- A branch point that is known, at the beginning of a piece or where a step ends, is a zero, next to
+  which a parabola sees no other zeros: known zeros are divided out.
+- An odd number of branch points lies before the branch point that was located in a step: the sign
+  next to that branch point tells.
+- Along a curve on which H vanishes twice the determinant is rounding: where the Jacobian loses
+  rank, nothing is told unless the determinant is far smaller than at both ends.
+- The first step of a piece that begins elsewhere has no state before, and is not looked into. Three
+  or more branch points within a hundredth of a step may look like one place to a parabola.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import lru_cache
-from math import ceil, inf, nan, sqrt
+from math import ceil, exp, inf, isfinite, isnan, log, nan, sqrt
+from typing import TypeAlias
 
 import numpy as np
 
 from pwscont.basics.arrays import Array, largest, smallest
-from pwscont.basics.rounding import CONVERGED
+from pwscont.basics.outcome import Failure, FailureReason
+from pwscont.basics.rounding import CONVERGED, EPS
+from pwscont.curve.crossing import loses_rank
+from pwscont.curve.curve import State
 from pwscont.curve.step_size import StepSize
 from pwscont.curve.stepper import INSIDE, CurvedSegment
 from pwscont.linear.factor import Factor
@@ -191,3 +214,140 @@ def _alphas_turn(segment: CurvedSegment, alphas: Array) -> bool:
     signs = np.concatenate([[leaving], signs, [arriving]])
     signs = signs[signs != 0.0]
     return int((signs[1:] * signs[:-1] < 0.0).sum()) > 1
+
+
+# -- branch points within a step -------------------------------------------------------------------
+
+#: A look is taken if the parabola comes down to this part of the least determinant that is known.
+LOW = 0.9
+#: Further looks are taken while the determinant beside the least is this many times larger: the
+#: determinant may be flat and have several zeros between.
+FAR_HIGHER = 10.0
+#: Most looks into a step, and the shortest step that is refused where that many tell nothing.
+MOST_LOOKS, SHORTEST = 24, 1e-4
+#: Where the Jacobian loses rank, the determinant vanishes if it is below this part of the
+#: determinants at both ends; on a curve of double roots the determinant is rounding everywhere.
+VANISHES = 1e-6
+#: Distance from a place at which the Jacobian is exactly singular, as a part of the step.
+BESIDE_LOOK = EPS**0.5
+#: Where looks are taken, as parts of the step, if the determinant vanishes at one of the places at
+#: which it is known. The first is for a step that ends at a branch point: there the sign must still
+#: be that of the start.
+PARTS = (0.99, 0.5, 0.25)
+#: Distance of places, as a part of the room between three, below which a look tells nothing new.
+SAME_PLACE = 1e-6
+#: Logarithm of the largest ratio of determinants: the power of a larger one overflows.
+LARGEST_LOG = 700.0
+
+#: A place on a segment, and the magnitude of the determinant there, up to a constant.
+Place: TypeAlias = tuple[float, float]
+
+
+def hidden_in(segment: CurvedSegment) -> State | Failure | None:
+    """Return a state within a segment at which the determinant vanishes and keeps its sign.
+
+    A Failure if the sign flips twice within the segment: a shorter step is needed. None if the
+    determinant does not vanish within the segment, and where the signs at both ends differ.
+    """
+    states = [*segment.behind, segment.start, segment.end]
+    known = [state for state in states if not _is_zero(state)]
+    if len(known) == len(states) and not _falls(known):
+        return None  # nearly always
+    known, sign = known[-3:], segment.start.orientation
+    if any(state.orientation != sign for state in (*known, segment.end)):
+        return None
+    parts = PARTS if _is_zero(segment.end) else PARTS[1:]
+    for part in parts[: max(3 - len(known), len(parts) - 2)]:
+        look = _look(segment, part * segment.length)
+        if look is None:
+            return None
+        if look.orientation != sign:
+            return Failure(FailureReason.SINGULAR)
+        known.append(look)
+    zeros = tuple(segment.position(state.x) for state in states if _is_zero(state))
+    return _least(segment, known[-3:], zeros)
+
+
+def _falls(known: list[State]) -> bool:
+    """Tell whether the determinant falls before a segment; the start is the last state but one."""
+    return len(known) > 2 and known[-2].log_determinant < known[-3].log_determinant
+
+
+def _is_zero(state: State) -> bool:
+    """Tell whether the determinant vanishes at a state, as at a branch point."""
+    return state.log_determinant == -inf
+
+
+def _least(
+    segment: CurvedSegment, known: list[State], zeros: tuple[float, ...]
+) -> State | Failure | None:
+    """Return what looks at the least determinant tell, as :func:`hidden_in` does."""
+    places = sorted(_placed(state, segment, zeros) for state in known)
+    at, largest = _least_at(places), max(map(_value, places))
+    for _ in range(MOST_LOOKS):
+        if at is None or not 0.0 < at < segment.length:
+            return None  # nearly always
+        state = _look(segment, at)
+        if state is None:
+            break
+        here = _placed(state, segment, zeros)
+        if loses_rank(segment.curve, state.x):
+            vanishes = here[1] <= VANISHES * largest
+            return state if vanishes and not loses_rank(segment.curve, segment.end.x) else None
+        if state.orientation != segment.end.orientation:
+            return Failure(FailureReason.SINGULAR)
+        places = _around_lowest([*places, here])
+        at = _least_at(places) or _nearer(places)  # no place of a look is zero
+    return Failure(FailureReason.SINGULAR) if segment.length > SHORTEST else None
+
+
+def _look(segment: CurvedSegment, at: float) -> State | None:
+    """Return the state at a place, or right beside where Newton's method finds none."""
+    for place in (at, at + BESIDE_LOOK * segment.length):
+        state = segment.at(place)
+        if isinstance(state, State) and not isnan(state.log_determinant):
+            return state
+    return None
+
+
+def _placed(state: State, segment: CurvedSegment, zeros: tuple[float, ...]) -> Place:
+    """Return the place of a state, and the determinant there, from which zeros are divided out."""
+    logs = (segment.start.log_determinant, segment.end.log_determinant)
+    at = segment.position(state.x)
+    above = state.log_determinant - max(filter(isfinite, logs), default=0.0)
+    above -= sum(log(abs(at - zero) / segment.length) for zero in zeros if at != zero)
+    return at, exp(min(above, LARGEST_LOG))
+
+
+def _least_at(places: list[Place]) -> float | None:
+    """Return where the parabola through three places is least, None if that is not low enough."""
+    (a, first), (b, middle), (c, last) = places
+    falls, rises = (middle - first) / (b - a), (last - middle) / (c - b)
+    bend = (rises - falls) / (c - a)
+    if not bend > 0.0:
+        return None
+    slope = falls + bend * (b - a)  # at the middle
+    at, least = b - 0.5 * slope / bend, middle - 0.25 * slope * slope / bend
+    is_new = min(abs(at - a), abs(at - b), abs(at - c)) > SAME_PLACE * (c - a)
+    return at if is_new and least <= LOW * min(first, middle, last) else None
+
+
+def _nearer(places: list[Place]) -> float | None:
+    """Return a place between the lowest of three and a place beside that is far higher, if any."""
+    first, (at, least), last = places
+    if min(first[1], last[1]) < least:
+        return None  # the determinant falls towards an end
+    far, value = max(first, last, key=_value)
+    return 0.5 * (at + far) if value > FAR_HIGHER * least else None
+
+
+def _around_lowest(places: list[Place]) -> list[Place]:
+    """Return the lowest of four places and the two places beside it, in order."""
+    places = sorted(places)
+    middle = min(max(places.index(min(places, key=_value)), 1), 2)
+    return places[middle - 1 : middle + 2]
+
+
+def _value(place: Place) -> float:
+    """Return the magnitude of the determinant at a place."""
+    return place[1]

@@ -2,8 +2,8 @@
 
 Predictors lead from the last points of a curve to a guess for the next point.
 
-:meth:`PseudoArclength.step` halves the step until :func:`accepted` calls the corrected prediction a
-true step. A step ends early at the end of the interval (:func:`land_on_end`), because H may be
+:meth:`PseudoArclength.step` shortens the step until :func:`accepted` calls the corrected prediction
+a true step. A step ends early at the end of the interval (:func:`land_on_end`), because H may be
 undefined beyond, or at a zero of a function (:meth:`PseudoArclength.aim`).
 
 The corrector may converge on another part of the curve or on a neighbouring sheet. A step is true
@@ -147,6 +147,9 @@ NEGLIGIBLE: float = EPS**0.5
 STRETCH = 1.5
 #: Farthest prediction, in the metric, that is looked at: H may overflow beyond.
 FARTHEST_PREDICTION = 10.0
+#: A refused step is shortened to this part, not to a half: where a step ends exactly on a branch
+#: point, two halves would end there again.
+SHORTER = 0.55
 #: Shortest step, in the metric, that ends at a zero: a shorter chord has a direction of few digits.
 #: A closer zero is located within a longer step.
 SHORTEST_LANDING = 1e-6
@@ -196,7 +199,7 @@ class PseudoArclength(Stepper):
     def step(
         self, curve: Curve, interval: Range, state: State, before: Segment | None, longest: float
     ) -> Segment | Failure:
-        """Return a true step of the proposed length, of half of that length, and so on."""
+        """Return a true step of the proposed length, of a part of that length, and so on."""
         previous, length = self._proposed(before)
         length, failure = min(length, longest), NOT_CONVERGED
         wanted, gap = length, gap_of(self.step_size, curve.selection.system)
@@ -210,7 +213,7 @@ class PseudoArclength(Stepper):
                 return segment
             if segment.trouble is FailureReason.HIDDEN_FOLDS:
                 gap = min(gap, 0.5 * length / CLOSER_PLACES)
-            failure, length = segment, 0.5 * length
+            failure, length = segment, SHORTER * length
         return failure
 
     def _proposed(self, before: Segment | None) -> tuple[State | None, float]:

@@ -97,6 +97,8 @@ class CurvedSegment(Segment):
         Length that the stepper would try next.
     gap : float
         Distance between the places at which was looked into the step; zero for no look.
+    behind : tuple of State
+        The first state of the piece, and the state before ``start``; fewer on the first two steps.
     """
 
     curve: Curve
@@ -108,6 +110,7 @@ class CurvedSegment(Segment):
     length: float
     suggestion: float
     gap: float = 0.0
+    behind: tuple[State, ...] = ()
 
     def __repr__(self) -> str:
         ends = f"alpha {self.start.alpha:.10g} → {self.end.alpha:.10g}"
@@ -124,6 +127,12 @@ class CurvedSegment(Segment):
         leaving = _along(start.tangent, chord, share * dot(row, start.tangent))
         arriving = _along(end.tangent, chord, share * dot(row, end.tangent))
         return cls(curve, start, end, chord, leaving, arriving, length, suggestion)
+
+    def until(self, end: State) -> CurvedSegment:
+        """Return the part of the segment before a state."""
+        part = CurvedSegment.between(self.curve, self.start, end, self.suggestion)
+        part.behind = self.behind
+        return part
 
     def near(self, s: float) -> Array:
         """Return the point at ``s`` of the cubic through the two ends and along the tangents."""

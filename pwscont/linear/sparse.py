@@ -13,7 +13,7 @@ import scipy.sparse as sp
 
 from pwscont.basics.arrays import Array
 from pwscont.basics.rounding import EPS
-from pwscont.linear.factor import Factor, sign_of_permutation
+from pwscont.linear.factor import Factor, sign_of_permutation, sum_of_logs
 from pwscont.linear.jacobian import StoredJacobian
 
 
@@ -92,6 +92,11 @@ class SparseLU(Factor):
         negative = np.count_nonzero(self._lu.U.diagonal() < 0.0)
         exchanges = sign_of_permutation(self._lu.perm_r[self._lu.perm_c].tolist())
         return -exchanges if negative % 2 else exchanges
+
+    @property
+    def log_determinant(self) -> float:
+        """Logarithm of the magnitude of the determinant."""
+        return -np.inf if self.failed else sum_of_logs(self._lu.U.diagonal())
 
     def solve(self, rhs: Array) -> Array:
         """Return the solution for a right-hand side, or several, shape (l, k)."""

@@ -14,6 +14,7 @@ not the kink.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import final
@@ -35,6 +36,7 @@ from pwscont.curve.crossing import (
     loses_rank,
 )
 from pwscont.curve.curve import Curve, State
+from pwscont.curve.looks import hidden_in
 from pwscont.curve.stepper import CurvedSegment, Segment
 from pwscont.linear.factorise import bordered
 from pwscont.system.selection import Selection
@@ -50,6 +52,9 @@ from pwscont.transitions.rays import Corner, Ray, beside
 
 #: A branch point outside a step, within this part of the step's length, belongs to the step.
 OUTSIDE_STEP = 0.1
+#: Distance from the beginning of a step, as a part of the step, at which a branch point is the one
+#: at the beginning.
+BEGINNING = 1e-6
 MOST_BISECTIONS = 10
 #: Distance across a curve, in the metric, over which the sign flips if H vanishes twice on the
 #: curve: far more than the EPS**0.5 to which the place of such a curve is known.
@@ -80,6 +85,10 @@ class SmoothBranchPoints(TransitionDetector):
         signs = [state.orientation, *(_sign_around(own, state) for own in others)]
         return Reading(np.outer(signs, BOTH_SIGNS).ravel(), np.zeros(2 * len(signs)))
 
+    def look_inside(self, segment: CurvedSegment) -> State | Failure | None:
+        """Look where the determinant vanishes although the sign is the same at both ends."""
+        return hidden_in(segment)
+
     def locate(
         self, segment: Segment, index: int, bracket: tuple[float, float]
     ) -> State | Failure | None:
@@ -96,6 +105,7 @@ class SmoothBranchPoints(TransitionDetector):
         found = _locate(segment, bracket, before)
         if isinstance(found, Crossing):
             state = State(found.x, _own(segment, found), found.error, orientation)
+            state.log_determinant = -math.inf
             is_seen = index < OWN_SIGNS or _ways_across(segment.curve, state)
             return state if is_seen else None
         return found if index < OWN_SIGNS or isinstance(found, State) else None
@@ -111,7 +121,7 @@ class SmoothBranchPoints(TransitionDetector):
             return point
         if found := crossing_near(curve, state.x):
             return branch_point(curve, found, state)
-        after = state.orientation if index >= OWN_SIGNS else -state.orientation
+        after = -state.orientation if 0 <= index < OWN_SIGNS else state.orientation
         onward = Ray(curve, State(state.x, state.tangent, state.error, after))
         rays = Ray(curve, state).reversed(), onward
         return SpecialPointFound(Kind.DEGENERATE, state.x, TOUCH, rays)
@@ -128,7 +138,10 @@ def branch_point(curve: Curve, found: Crossing, state: State) -> SpecialPointFou
     """
     other, sign = _least_along(found, curve.metric.covector(state.tangent)), state.orientation
     ways = (-state.tangent, -sign), (state.tangent, -sign), (other, sign), (-other, sign)
-    rays = tuple(Ray(curve, State(state.x, way, state.error, side)) for way, side in ways)
+    rays = tuple(
+        Ray(curve, State(state.x, way, state.error, side, log_determinant=-math.inf))
+        for way, side in ways
+    )
     message = f"two curves cross on {curve.selection.label}"
     return SpecialPointFound(Kind.BRANCH_POINT, state.x, message, rays)
 
@@ -147,6 +160,7 @@ def branch_point_on_interface(curve: Curve, state: State) -> SpecialPointFound |
         return None
     after = _sign_beside(curve, state.x, state.tangent, 1.0)
     onward = State(state.x, state.tangent, state.error, after or -state.orientation)
+    onward.log_determinant = -math.inf
     path = [_along(curve, Ray(curve, state).reversed()), _along(curve, Ray(curve, onward))]
     kind, does = (Kind.BRANCH_POINT, "") if rays else (Kind.TRANSITION, ", outside of all cells")
     message = f"curves cross on the boundary of {curve.selection.label}{does}"
@@ -232,6 +246,7 @@ def _crossing_ray(way: Array, owners: list[Curve], state: State) -> Ray:
     """Return the ray along a way that leads into some cells, or along their common boundary."""
     first = owners[0]
     onward = State(state.x, way, state.error, _sign_before(first, state.x, state.tangent))
+    onward.log_determinant = -math.inf
     if len(owners) == 1:
         return Ray(first, onward)
     cells, here = tuple(own.selection.character for own in owners), first.selection
@@ -385,7 +400,13 @@ def _touching(segment: CurvedSegment, last: State, apart: float, before: int) ->
 
 
 def _belongs(segment: CurvedSegment, x: Array) -> bool:
-    """Tell whether a branch point lies on the segment, or too close to its ends to decide."""
+    """Tell whether a branch point lies on the segment, or too close to its ends to decide.
+
+    A branch point at which the segment begins does not count.
+    """
+    begins = segment.start.log_determinant == -math.inf
+    if begins and segment.curve.metric.norm(x - segment.start.x) <= BEGINNING * segment.length:
+        return False
     s, slack = segment.position(x), OUTSIDE_STEP * segment.length
     aside = segment.curve.metric.norm(x - segment.near(s))
     return bool(-slack <= s <= segment.length + slack and aside <= segment.length)

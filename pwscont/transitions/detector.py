@@ -31,6 +31,8 @@ BOTH_SIGNS = np.array([1.0, -1.0])
 #: The slopes of a pair of functions whose slopes are not known.
 UNKNOWN = np.zeros(2)
 UNKNOWN.setflags(write=False)
+#: The index of a special point that no function of a reading tells.
+HIDDEN = -1
 #: Places on a straight piece at which functions without a slope are read.
 PLACES_ON_RAY = 64
 
@@ -266,6 +268,17 @@ class TransitionDetector(ABC):
         -------
         Failure or None
             The message of the branch's end where no shorter step helps.
+        """
+        return None
+
+    def look_inside(self, segment: CurvedSegment) -> State | Failure | None:
+        """Look for a special point within a segment that no reading at its ends tells.
+
+        Returns
+        -------
+        State, Failure or None
+            The special point, which :meth:`arrive` gets with the index :data:`HIDDEN`; a Failure if
+            a shorter step must be taken. None, the default, if there is none.
         """
         return None
 

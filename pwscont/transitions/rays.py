@@ -143,7 +143,9 @@ def state_on(curve: Curve, x: Array, tangent: Array, error: Array) -> State:
     if factor.is_singular():
         return State(x, tangent, error, factor.sign)
     defect = factor.solve(curve.selection.residual_and(x, 0.0))
-    return moved(x, defect, tangent, error, factor.sign)
+    state = moved(x, defect, tangent, error, factor.sign)
+    state.log_determinant = factor.log_determinant
+    return state
 
 
 def moved(x: Array, defect: Array, tangent: Array, error: Array, orientation: int) -> State:

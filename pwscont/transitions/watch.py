@@ -32,6 +32,7 @@ from pwscont.curve.curve import Curve, State
 from pwscont.curve.stepper import CurvedSegment, Segment
 from pwscont.system.promises import AFFINE_DEFECT, refuse_bent_ray, refuse_stray_ray
 from pwscont.transitions.detector import (
+    HIDDEN,
     MOST_BRACKET_HALVINGS,
     NARROW_BRACKET,
     Reading,
@@ -143,6 +144,21 @@ class Watch:
                 return failure
         return None
 
+    def look_inside(self, segment: CurvedSegment) -> Event | Failure | None:
+        """Return a special point within a segment that no reading tells, None without one.
+
+        A Failure if a detector asks for a shorter step.
+        """
+        for detector in self._detectors:
+            found = detector.look_inside(segment)
+            if isinstance(found, Failure):
+                return found
+            if isinstance(found, State):
+                return Event(detector, HIDDEN, segment.position(found.x), found)
+            if found is not None:
+                raise broken(detector, "look_inside", "a State, a Failure or None", found)
+        return None
+
     def ahead(self, reading: Reading) -> tuple[float, TransitionDetector, int] | None:
         """Return the distance at which a function with a gradient seems to vanish first, and which.
 
@@ -220,7 +236,7 @@ def first_on_curve(
 
     Once an event is found, the segment is cut there: a function that keeps its sign on the shorter
     segment falls to zero later, and is not located. So of each detector the function that seems to
-    vanish first is located first.
+    vanish first is located first. Last the detectors look for what no reading tells.
 
     ``start``, ``end``: what is read at the start and at the end of the segment.
     ``first``: a known event at the end of the segment: another function that vanishes at the end is
@@ -247,11 +263,10 @@ def first_on_curve(
             continue
         first = event
         if event.position <= 0.0:
-            break
-        ends = segment.start, event.state
-        segment = CurvedSegment.between(segment.curve, *ends, segment.suggestion)
+            return first
+        segment = segment.until(event.state)
         end = watch.before(watch.read(segment.curve, event.state), event)
-    return first
+    return watch.look_inside(segment) or first
 
 
 def _suspects(before: Reading, after: Reading, length: float) -> list[int]:

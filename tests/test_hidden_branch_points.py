@@ -1,0 +1,94 @@
+"""Branch points that the signs at the ends of a step do not tell, against counts in closed form."""
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+
+from pwscont import Switched, trace
+from pwscont.linear.banded import BandedJacobian
+from pwscont.linear.factorise import bordered
+from pwscont.linear.sparse import SparseJacobian
+
+END = 0.95
+
+#: Rows that cross the path z = 0 at alpha = b, and the number of solutions of a row beyond b.
+ROWS = {
+    "pitchfork": (lambda z, t, sw: z * (z**2 - t), 3),
+    "kinked pitchfork": (lambda z, t, sw: z * (sw.abs(z) - t), 3),
+    "transcritical": (lambda z, t, sw: z * (z - t), 2),
+}
+
+
+def counted(row, places, mixed=False):
+    """Return what ``trace`` counts beyond all places, from z = 0 on, and the guarantee."""
+    places, n = np.array(places), len(places)
+    mix = np.eye(n) + 0.3 * np.cos(np.arange(n * n).reshape(n, n)) if mixed else np.eye(n)
+
+    def residual(z, alpha, sw):
+        rows = row(z, alpha - places, sw)
+        return [sum(mix[i, j] * rows[j] for j in range(n)) for i in range(n)]
+
+    graph = trace(Switched(n, residual), (np.zeros(n), -1.0), (-1.0, 1.0))
+    return graph.count(END), str(graph.guarantee)
+
+
+@pytest.mark.sweep(4)
+@pytest.mark.parametrize("name", ROWS)
+@pytest.mark.parametrize("apart", [0.08, 0.04, 0.01, 0.001])
+def test_two_branch_points_within_a_step(name, apart):
+    row, beyond = ROWS[name]
+    for first in (-0.45, 0.13):
+        assert counted(row, [first, first + apart]) == (beyond**2, "balanced")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ROWS)
+@pytest.mark.parametrize("apart", [0.03, 0.01, 0.003])
+def test_three_branch_points_within_a_step(name, apart):
+    row, beyond = ROWS[name]
+    places = [0.13, 0.13 + apart, 0.13 + 2.2 * apart]
+    assert counted(row, places) == (beyond**3, "balanced")
+
+
+def test_two_branch_points_of_coupled_equations():
+    row, beyond = ROWS["pitchfork"]
+    assert counted(row, [0.2, 0.21], mixed=True) == (beyond**2, "balanced")
+
+
+def test_branch_point_exactly_at_the_end_of_the_first_step_behind_another():
+    row, beyond = ROWS["kinked pitchfork"]
+    first_step = 0.02 * 2.0  # of an interval of length 2
+    assert counted(row, [-0.45, -0.45 + first_step]) == (beyond**2, "balanced")
+
+
+@pytest.mark.parametrize("name", ROWS)
+def test_two_curves_that_cross_a_path_at_one_point_are_announced(name):
+    count, words = counted(ROWS[name][0], [0.13, 0.13])
+    assert count == 1
+    assert "curves touch, or more than two cross, at alpha = 0.13" in words
+
+
+def test_nothing_is_seen_where_the_determinant_is_small_but_does_not_vanish():
+    def residual(z, alpha, sw):
+        return [z[0] * (z[0] ** 2 + (alpha - 0.1) ** 2 + 1e-3)]
+
+    graph = trace(Switched(1, residual), ([0.0], -1.0), (-1.0, 1.0))
+    assert [str(point.kind) for point in graph.special_points()] == ["start", "end"]
+    assert str(graph.guarantee) == "balanced"
+
+
+@pytest.mark.parametrize("store", ["dense", "sparse", "banded"])
+def test_logarithms_of_determinants_in_every_storage_and_unit(store):
+    rng = np.random.default_rng(5)
+    for n in (1, 4, 40):
+        bands = rng.normal(size=(3, n)) * 10.0 ** rng.integers(-9, 9, size=n)
+        bands[1] += 3.0 * np.abs(bands).max(axis=0)
+        banded = BandedJacobian(bands, 1, 1, rng.normal(size=n))
+        dense = banded.tocsc().toarray()
+        stored = {"dense": dense, "sparse": SparseJacobian(sp.csc_matrix(dense)), "banded": banded}
+        row = rng.normal(size=n + 1)
+        scale = np.append(2.0 ** -np.round(np.log2(np.abs(bands).max(axis=0))), 1.0)
+        _, wanted = np.linalg.slogdet(np.vstack([dense, row]) * scale)
+        wanted -= np.log(scale).sum()
+        found = bordered(stored[store], row, scale).log_determinant
+        assert found == pytest.approx(wanted, abs=1e-9 * n)
