@@ -133,7 +133,10 @@ def _inside(curve: Curve, x: Array, error: Array) -> SpecialPointFound:
     error = uncertainty(Root(x, known, jacobian, row, factor, curve.metric.scale))
     # det [J; r] is proportional to r.t, and e_j.t is positive like t.t: the signs are equal
     state = State(x, tangent, error, factor.sign, magnitude(x, error))
-    forth = Ray(curve, fold_at_end(curve, state) or state)
+    fold = fold_at_end(curve, state)
+    if fold and (there := Corner.at(curve.selection.system, curve.metric, fold.x, fold.error)).zero:
+        return departures(there)  # the fold may be known less exactly than the start
+    forth = Ray(curve, fold or state)
     rays = forth, forth.reversed()
     said = partial("start in {0.label}".format, curve.selection)
     return SpecialPointFound(Kind.START, forth.state.x, said, rays)
