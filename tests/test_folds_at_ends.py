@@ -122,3 +122,14 @@ def test_a_fold_at_an_end_that_lies_on_a_kink(c, q, w, side):
         right += [y for y in [np.arccos(1.0 - alpha / q)] if y < 2.5]
         found = sorted(side * (solution.z[0] - c) for solution in graph.solutions(alpha))
         assert found == pytest.approx(sorted(right), abs=1e-9)
+
+
+@pytest.mark.parametrize("start", [-0.5, 0.3])
+def test_both_ways_from_a_kink_at_an_end_where_one_side_is_level(start):
+    """z^2 = alpha where z < 0, and z^2 + z = alpha where z > 0, meet at alpha = 0."""
+    system = Switched(1, lambda z, a, sw: z * z + sw.relu(z) - a)
+    graph = trace(system, ([start], 0.3), (0.0, 1.0))
+    for alpha in (1e-6, 0.1, 0.9):
+        right = [-np.sqrt(alpha), -0.5 + np.sqrt(0.25 + alpha)]
+        assert sorted(s.z[0] for s in graph.solutions(alpha)) == pytest.approx(right, abs=1e-9)
+    assert graph.count(0.0) == 1
