@@ -381,7 +381,7 @@ def test_a_finished_journal_gives_the_same_proof(tmp_path):
 @pytest.mark.slow
 @pytest.mark.parametrize("calls", [90, 130])
 def test_a_run_that_was_cut_while_magnitudes_were_measured_goes_on(tmp_path, calls):
-    """The circle has radius sqrt(0.1) about (2, 0), and 1 + z = 0.3 |alpha| is one more solution."""
+    """The circle of radius sqrt(0.1) about (2, 0), and 1 + z = 0.3 |alpha|."""
     left = [0]
 
     def circle_and_line(z, a, sw):

@@ -297,6 +297,13 @@ class Bounds(TransitionDetector):
         found = np.flatnonzero(self._is_on(curve, state) & out if out.any() else out)
         return self._message(int(found[0])) if len(found) else None
 
+    def shifts_within(self, x: Array, shift: Array) -> float:
+        """Return how often a point may be shifted within the bounds, infinity without a bound."""
+        falls = -self._side * shift[self._which]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            times = self._side * (x[self._which] - self._limit) / falls
+        return float(times[falls > 0.0].min(initial=np.inf))
+
     def _message(self, index: int) -> str:
         side = "lower" if self._side[index] > 0.0 else "upper"
         name = self._names[int(self._which[index])]
