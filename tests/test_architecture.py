@@ -63,7 +63,7 @@ BUDGET = {
     "curve": (13, 3104),
     "enumeration": (11, 2671),
     "transitions": (13, 4015),
-    "graph": (10, 2710),
+    "graph": (10, 2711),
     "search": (7, 1680),
     "continuation": (8, 2773),
     "kit": (4, 940),
