@@ -79,3 +79,15 @@ def test_a_bound_that_is_crossed_is_left():
     graph = trace(curve(lambda z, t, sw: z + t**3), ([1.0], -1.0), (-1.0, 1.0))
     assert graph.count(0.5) == 0
     assert graph.special_points("end")[0].alpha == pytest.approx(0.0, abs=1e-4)
+
+
+@pytest.mark.slow
+def test_a_path_that_repeats_itself_is_followed_to_its_bounds():
+    system = curve(lambda z, a, sw: np.sin(z) - a, bounds=(-40.0, 40.0))
+    graph = trace(system, ([0.0], 0.0), (-1.2, 1.2))
+    for alpha in (-0.9, 0.3, 0.9):
+        turns = 2.0 * np.pi * np.arange(-8, 9)
+        right = np.hstack([np.arcsin(alpha) + turns, np.pi - np.arcsin(alpha) + turns])
+        found = sorted(solution.z[0] for solution in graph.solutions(alpha))
+        assert found == pytest.approx(np.sort(right[np.abs(right) < 40.0]), abs=1e-9)
+    assert "repeats itself" not in graph.guarantee

@@ -9,6 +9,7 @@ from pwscont import (
     PseudoArclength,
     StartNotFoundError,
     StepSize,
+    Switched,
     Tangent,
     explore,
     trace,
@@ -95,3 +96,40 @@ def test_beside_a_fold_there_is_no_solution():
     graph = trace(Circle(), ([0.0], 1.0 - 1e-6), (1.0 - 1e-6, 5.0))
     assert graph.count(1.0 - 1e-6) == 0
     assert graph.count(3.0) == 2
+
+
+#: Where the fold lies, the stiffness, that of the kink, and the side on which the kink acts.
+FOLDS_ON_KINKS = [(2.0, 0.8, 1.2, -1), (-4.2, 0.6, -0.5, 1), (-4.1, 0.6, -1.4, -1)]
+
+
+@pytest.mark.sweep(1)
+@pytest.mark.parametrize(("c", "q", "w", "side"), FOLDS_ON_KINKS)
+def test_a_fold_at_an_end_that_lies_on_a_kink(c, q, w, side):
+    """A solution at the fold is known to half of the digits, and may stand on the wrong side.
+
+    With y = side (z - c): q (1 - cos y) = alpha where y > 0, and q (1 - cos y) - w sin y = alpha
+    where y < 0, which is q - r cos(y - b) = alpha.
+    """
+
+    def fold(z, a, sw):
+        return q * (1.0 - np.cos(z - c)) + w * sw.relu(side * np.sin(c - z)) - a
+
+    graph = explore(Switched(1, fold, bounds=([c - 2.5], [c + 2.5])), (0.0, 0.3))
+    r, b = np.hypot(q, w), np.arctan2(w, q)
+    for alpha in (5e-5, 1e-3, 0.05, 0.2):
+        lean = np.arccos((q - alpha) / r)
+        right = [y for y in (b - lean, b + lean) if -2.5 < y < 0.0]
+        right += [y for y in [np.arccos(1.0 - alpha / q)] if y < 2.5]
+        found = sorted(side * (solution.z[0] - c) for solution in graph.solutions(alpha))
+        assert found == pytest.approx(sorted(right), abs=1e-9)
+
+
+@pytest.mark.parametrize("start", [-0.5, 0.3])
+def test_both_ways_from_a_kink_at_an_end_where_one_side_is_level(start):
+    """z^2 = alpha where z < 0, and z^2 + z = alpha where z > 0, meet at alpha = 0."""
+    system = Switched(1, lambda z, a, sw: z * z + sw.relu(z) - a)
+    graph = trace(system, ([start], 0.3), (0.0, 1.0))
+    for alpha in (1e-6, 0.1, 0.9):
+        right = [-np.sqrt(alpha), -0.5 + np.sqrt(0.25 + alpha)]
+        assert sorted(s.z[0] for s in graph.solutions(alpha)) == pytest.approx(right, abs=1e-9)
+    assert graph.count(0.0) == 1

@@ -376,3 +376,24 @@ def test_a_finished_journal_gives_the_same_proof(tmp_path):
         with Journal(tmp_path / "journal") as journal:
             said.append(explore(*asked, journal=journal).guarantee)
     assert said == 2 * ["complete in the box, proved; balanced"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("calls", [90, 130])
+def test_a_run_that_was_cut_while_magnitudes_were_measured_goes_on(tmp_path, calls):
+    """The circle of radius sqrt(0.1) about (2, 0), and 1 + z = 0.3 |alpha|."""
+    left = [0]
+
+    def circle_and_line(z, a, sw):
+        left[0] -= 1
+        if not left[0]:
+            raise KeyboardInterrupt
+        return (sw.abs(z - 2.0) ** 2 + a * a - 0.1) * (z + 1.0 - 0.3 * sw.abs(a))
+
+    system, left[0] = Switched(1, circle_and_line), calls
+    with Journal(tmp_path / "journal") as journal:
+        graph = explore(system, (-1.0, 1.0), journal=journal)
+    assert graph.guarantee.startswith("interrupted")
+    with Journal(tmp_path / "journal") as journal:
+        graph = explore(system, (-1.0, 1.0), journal=journal)
+    assert [graph.count(alpha) for alpha in (-0.5, 0.05, 0.5)] == [1, 3, 1]

@@ -112,11 +112,12 @@ def test_units_of_a_complementarity_problem_do_not_hide_an_inequality(stiffness)
     assert len(boxes) + len(points) == 1
 
 
-def test_what_is_no_solution_is_not_proved_beside_solutions_that_are_close():
+@pytest.mark.parametrize("off", [5.0, -1e-6, np.nan, np.inf])
+def test_what_is_no_solution_is_not_proved_beside_solutions_that_are_close(off):
     close = LCP([[1, 0, 0], [0, 1, 2], [0, 2, 1]], q=[-1, -1e-9, -1e-9], d=[0, 0, 0])
     known = enumerate_solutions(close, 0.0)  # three, within 1e-9
     assert prove(known).holds
-    wrong = [known[0], known[1], replace(known[2], z=known[2].z + 5.0)]
+    wrong = [known[0], known[1], replace(known[2], z=known[2].z + off)]
     assert not prove(Solutions(wrong, "complete", close, 0.0)).holds
 
 

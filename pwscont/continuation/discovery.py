@@ -30,7 +30,7 @@ from pwscont.continuation.known import (
     Node,
     accumulating,
     match,
-    repeats,
+    repeated_shift,
 )
 from pwscont.curve.error_samples import magnitude
 from pwscont.graph.records import Place
@@ -87,6 +87,8 @@ BESIDE_AN_END = 1e-3
 #: Largest distance in the metric between two roundings of one solution, and the part of the way
 #: between both at which H must be rounding.
 FARTHEST_TWIN, BETWEEN = 1e-3, 0.381966
+#: A path that repeats itself is followed to a bound that is at most this many periods away.
+MOST_SHIFTS = 1000
 #: Kinds of special points at which a curve leaves one cell for another: the change says all.
 CROSSED = (Kind.TRANSITION, Kind.NONSMOOTH_FOLD)
 
@@ -190,7 +192,7 @@ class Discovery:
         if ray is None:
             return
         is_due = (len(self.edges) + 1) % EVERY == 0 and not self._budget.is_limited
-        if is_due and repeats(self.nodes, left.node, ray.curve.metric.scale):
+        if is_due and self._is_endless(left.node, ray.curve.metric.scale):
             left.ray, self._repeats = None, True
             here.stop(REPEATS)
             return
@@ -221,6 +223,13 @@ class Discovery:
         if not ray.curve.selection.is_straight:  # straight pieces pass over nothing
             self._keep_shorter(self.edges[-1], left, ray)
         self._report(len(self.edges), float(points[-1][-1]))
+
+    def _is_endless(self, number: int, scale: Array) -> bool:
+        """Tell whether the path to a node repeats itself, and no bound is near."""
+        shift, bounds = repeated_shift(self.nodes, number, scale), self._follower.bounds
+        if shift is None or bounds is None:
+            return shift is not None
+        return bounds.shifts_within(self.nodes[number].place.x, shift) > MOST_SHIFTS
 
     def _inside(self, arrival: SpecialPointFound, back: int) -> SpecialPointFound:
         """Return a special point without the rays that leave interval or bounds at once.

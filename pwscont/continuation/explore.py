@@ -166,7 +166,8 @@ def _measured(
         starts = starts_of(plan)
         first += islice(starts, FIRST)
     except KeyboardInterrupt as why:  # or the budget is spent: the starts found so far are followed
-        return plan, chain(first, _raising(why))
+        # a journal begins with magnitudes that the run that goes on measures as well
+        return replace(plan, journal=None), chain(first, _raising(why))
     if first:
         sizes = rounded_to_one(magnitudes_of(plan.system, plan.metric, first))
         if not are_alike(sizes, plan.metric.scale[:-1]):

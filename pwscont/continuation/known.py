@@ -251,11 +251,12 @@ def _way_to(nodes: Mapping[int, Node], number: int, most: int) -> list[tuple[Pla
     return found[::-1]
 
 
-def repeats(nodes: Mapping[int, Node], number: int, scale: Array) -> bool:
-    """Tell whether the path to a node repeats itself; the scale is that of (z, alpha).
+def repeated_shift(nodes: Mapping[int, Node], number: int, scale: Array) -> Array | None:
+    """Return the shift of (z, alpha) after which the path to a node repeats itself, None if never.
 
     After each period the path is in the same cells again, shifted by the same vector, at the same
-    alpha. Such a path may end all the same: a user who sets limits decides.
+    alpha. Such a path may end all the same: a user who sets limits decides. The scale is that of
+    (z, alpha).
     """
     way = _way_to(nodes, number, PERIODS * LONGEST + 1)
     cells = [names for _, names in way[1:]]
@@ -268,8 +269,8 @@ def repeats(nodes: Mapping[int, Node], number: int, scale: Array) -> bool:
         spread = np.linalg.norm(shifts - shifts[-1], axis=1).max()
         largest = max(spread, np.abs(shifts[:, -1]).max())
         if length > 0.0 and largest <= SAME_SHIFT * length:
-            return True
-    return False
+            return np.asarray(shifts[-1] * scale)
+    return None
 
 
 def accumulating(nodes: Mapping[int, Node], number: int) -> str:

@@ -133,7 +133,10 @@ def _inside(curve: Curve, x: Array, error: Array) -> SpecialPointFound:
     error = uncertainty(Root(x, known, jacobian, row, factor, curve.metric.scale))
     # det [J; r] is proportional to r.t, and e_j.t is positive like t.t: the signs are equal
     state = State(x, tangent, error, factor.sign, magnitude(x, error))
-    forth = Ray(curve, fold_at_end(curve, state) or state)
+    fold = fold_at_end(curve, state)
+    if fold and (there := Corner.at(curve.selection.system, curve.metric, fold.x, fold.error)).zero:
+        return departures(there)  # the fold may be known less exactly than the start
+    forth = Ray(curve, fold or state)
     rays = forth, forth.reversed()
     said = partial("start in {0.label}".format, curve.selection)
     return SpecialPointFound(Kind.START, forth.state.x, said, rays)
@@ -205,9 +208,16 @@ def at_end(curve: Curve, state: State) -> SpecialPointFound:
         return fold_point(curve, fold, ", at the end of the interval")
     found = tangent_cone(corner, back) if corner.zero else None
     rays, dimension = (found.rays, found.dimension) if found else ((), 1)
-    inside = tuple(ray for ray in rays if turns(back, ray) and not same_piece(ray, back))
+    others = (ray for ray in rays if not same_piece(ray, back))
+    inside = tuple(ray for ray in others if turns(back, ray) or _bends_inwards(ray))
     wide = f"; {FILL} a cone of dimension {dimension}" if dimension > 1 else ""
     return SpecialPointFound(Kind.END, state.x, f"end of the interval{wide}", (back, *inside))
+
+
+def _bends_inwards(ray: Ray) -> bool:
+    """Tell whether a curved piece that is level at an end of the interval begins there."""
+    is_straight, slope = ray.curve.selection.is_straight, ray.curve.slope(ray.state)
+    return not (is_straight or slope or leads_outside(ray))
 
 
 def _fold(segment: CurvedSegment, found: State | Failure) -> State | None:
@@ -286,6 +296,13 @@ class Bounds(TransitionDetector):
         out = self._side * state.tangent[self._which] < -self._level(curve, state)
         found = np.flatnonzero(self._is_on(curve, state) & out if out.any() else out)
         return self._message(int(found[0])) if len(found) else None
+
+    def shifts_within(self, x: Array, shift: Array) -> float:
+        """Return how often a point may be shifted within the bounds, infinity without a bound."""
+        falls = -self._side * shift[self._which]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            times = self._side * (x[self._which] - self._limit) / falls
+        return float(times[falls > 0.0].min(initial=np.inf))
 
     def _message(self, index: int) -> str:
         side = "lower" if self._side[index] > 0.0 else "upper"
