@@ -177,7 +177,7 @@ class Arithmetic(NDArrayOperatorsMixin):
 def scaled(rows: Matrix, factors: Any) -> Matrix:
     """Return the rows of a matrix, each multiplied by a factor of its own."""
     column = factors.reshape(-1, 1)
-    return rows.multiply(column).tocsr() if sp.issparse(rows) else column * rows
+    return column * rows if type(rows) is np.ndarray else rows.multiply(column).tocsr()
 
 
 def added(one: Matrix, other: Matrix) -> Matrix:

@@ -296,10 +296,8 @@ def joined(parts: Sequence[Any]) -> Any:
     if len(parts) == 1:
         return parts[0].reshape(-1)
     kinds = set(map(type, parts))
-    if kinds == {np.ndarray}:
-        return np.concatenate([part.reshape(-1) for part in parts])  # nearly always
-    if not parts:
-        return np.zeros(0)
+    if kinds <= {np.ndarray, np.float64}:  # nearly always
+        return np.concatenate([part.reshape(-1) for part in parts] or [np.zeros(0)])
     if any(map(is_traced, parts)):
         return sys.modules["jax"].numpy.concatenate([part.reshape(-1) for part in parts])
     return _joined_duals(parts) if Dual in kinds else np.concatenate([*map(np.ravel, parts)])

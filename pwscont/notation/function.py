@@ -294,8 +294,9 @@ def true_modes(tests: Sequence[Any]) -> Any:
 
 def taken(modes: Any, branches: Sequence[Any]) -> Any:
     """Return for each entry the branch that belongs to the mode of the entry."""
-    if len(branches) == 2:
-        return where(modes, branches[1], branches[0])
+    if not branches[0].ndim and not is_traced(modes):
+        branch = branches[int(modes)]
+        return branch[()] if type(branch) is np.ndarray else branch
     found = branches[0]
     for mode, branch in enumerate(branches[1:], start=1):
         found = where(modes >= mode, branch, found)
