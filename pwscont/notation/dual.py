@@ -305,9 +305,9 @@ def joined(parts: Sequence[Any]) -> Any:
 
 def _joined_duals(parts: Sequence[Any]) -> Dual:
     variables = next(part.rows.shape[1] for part in parts if type(part) is Dual)
-    duals = [as_dual(part, variables) for part in parts]
+    duals = [part if type(part) is Dual else as_dual(part, variables) for part in parts]
     value = np.concatenate([dual.value.reshape(-1) for dual in duals])
-    if all(sp.issparse(dual.rows) for dual in duals):
+    if not any(type(dual.rows) is np.ndarray for dual in duals):
         return Dual.made(value, sp.vstack([dual.rows for dual in duals], format="csr"))
     return Dual.made(value, np.concatenate([dense(dual.rows) for dual in duals]))
 

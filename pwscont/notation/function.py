@@ -382,11 +382,9 @@ def _parts(outcome: Outcome) -> tuple[Any, Any, Any]:
 def _is_finite(outcome: Outcome) -> bool:
     """Tell whether all numbers and derivatives are finite; arrays traced by JAX count as finite."""
     for part in _parts(outcome):
-        known: list[Any] = []
-        if isinstance(part, np.ndarray | Dual):
-            known.append(numbers_in(value_of(part)))
-        if isinstance(part, Dual):
-            known.append(part.rows.data if sp.issparse(part.rows) else part.rows)
+        known: list[Any] = [numbers_in(part)] if type(part) is np.ndarray else []
+        if type(part) is Dual:
+            known = [part.value, part.rows.data if sp.issparse(part.rows) else part.rows]
         if not all(np.isfinite(numbers).all() for numbers in known):
             return False
     return True

@@ -17,7 +17,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from functools import partial
 from itertools import chain
 from typing import final
 
@@ -121,8 +120,6 @@ class Pursuit:
         self._ends = interval[0] / metric.width, interval[1] / metric.width
         self._box, self._shown = Box.of(system), shown_size(system)
         self.reach = nonlinear_reach(system, metric)  # grows with the reach of known branches
-        #: Known solutions, by the cell and the point of the branch to which each belongs.
-        self._roots: dict[tuple[bytes, bytes], Array] = {}
         self._farthest = RUN_AWAY * float((self.reach / metric.scale[:-1]).max())
 
     def at(self, alpha: float, guesses: Iterable[Array]) -> Iterator[Found]:
@@ -210,10 +207,11 @@ class Pursuit:
             return None
         if (found := self._standing(self._along(free))) is None:
             return None
-        x, new = found[0], partial(is_new, self._metric, found[0], same=DISTINCT)
-        near = self._known.in_cells_at(float(x[-1]))
-        near.sort(key=lambda each: self._metric.norm(self._metric.difference(each[1], x)))
-        return found if all(new([self._root(*each)]) for each in near) else None
+        metric, x, alpha = self._metric, found[0], float(found[0][-1])
+        near = self._known.in_cells_at(alpha)
+        near.sort(key=lambda each: metric.norm(metric.difference(each[1], x)))  # most are known
+        roots = (self._known_root(*each, alpha) for each in near)
+        return found if all(is_new(metric, x, [root], DISTINCT) for root in roots) else None
 
     def _standing(self, y: Array) -> Found | None:
         """Return the exact solution near a rough solution, None for a start that ran away."""
@@ -236,22 +234,17 @@ class Pursuit:
 
     def _solutions(self, alpha: float) -> list[Array]:
         """Return the known solutions at an alpha."""
-        near = self._known.in_cells_at(alpha)
-        for _, x in near:
-            reach = np.minimum(np.abs(x[:-1]), FARTHEST_START * self._scale[:-1])
-            self.reach = np.maximum(self.reach, reach)
-        return [self._root(*each) for each in near]
+        return [self._known_root(*each, alpha) for each in self._known.in_cells_at(alpha)]
 
-    def _root(self, character: Character, x: Array) -> Array:
-        """Return the known solution near a point of a known branch, at the point's alpha."""
-        key = bytes(character), x.tobytes()
-        if key not in self._roots:
-            root = self._in_cell(character, x, float(x[-1]))
-            if root is None:  # large constants that cancel keep Newton from converging
-                y, arrived = self._at_alpha(x / self._scale, ())
-                root = y * self._scale if arrived else x
-            self._roots[key] = root
-        return self._roots[key]
+    def _known_root(self, character: Character, x: Array, alpha: float) -> Array:
+        """Return the known solution near a point of a known branch; the reach reaches there."""
+        reach = np.minimum(np.abs(x[:-1]), FARTHEST_START * self._scale[:-1])
+        self.reach = np.maximum(self.reach, reach)
+        root = self._in_cell(character, x, alpha)
+        if root is None:  # large constants that cancel keep Newton from converging
+            y, arrived = self._at_alpha(x / self._scale, ())
+            root = y * self._scale if arrived else x
+        return root
 
     def _in_cell(self, character: Character, x: Array, alpha: float) -> Array | None:
         """Return the root of a selection at an alpha to which Newton leads, None for a failure."""
