@@ -59,7 +59,7 @@ BUDGET = {
     "basics": (10, 1185),
     "system": (10, 2201),
     "linear": (11, 1480),
-    "notation": (13, 2913),
+    "notation": (13, 2911),
     "curve": (13, 3104),
     "enumeration": (11, 2671),
     "transitions": (13, 4015),

@@ -71,6 +71,8 @@ FUNCTIONS = [
     lambda z: np.array([z[0], z[1]]) * np.array([z[2], 2.0]),
     lambda z: np.sin(np.array([z[0], z[1]])) + np.float64(3.0) * z[0],
     lambda z: np.arctan2(z, z[::-1]) + np.hypot(z, 1.0),
+    lambda z: z * z[0] + z[1] * z - z / 3 + (z[2] - z) * (z + z[3]) ** 2,
+    lambda z: z[:1] * z[1] / 2 - z[2] + z[:1] ** -2 + (z.reshape(2, 2) - z[0]).ravel(),
     filled,
     updated,
     kept,

@@ -8,10 +8,12 @@ from pwscont import (
     EndPoints,
     InvalidInputError,
     InvalidSystemError,
+    Limits,
     MultiStart,
     PiecewiseSystem,
     SlicewiseLinearSystem,
     StartNotFoundError,
+    Switched,
     explore,
     trace,
 )
@@ -19,6 +21,9 @@ from pwscont.curve.metric import Metric
 from pwscont.scenes.scene import Scene
 from pwscont.scenes.table import report
 from pwscont.search.default_search import default_search
+
+#: Most calls of a formula of two unknowns, for each branch that explore finds and follows.
+MOST_CALLS = 2500
 
 # -- points without digits -----------------------------------------------------------------------
 
@@ -52,6 +57,44 @@ def test_no_search_yields_points_without_digits(search):
     system = Saturating()
     found = list(search.starts(system, Metric.of(system, (-2.0, 2.0)), (-2.0, 2.0)))
     assert [x.tolist() for x, _ in found] == [[-2.0, -2.0]]
+
+
+# -- rough starts --------------------------------------------------------------------------------
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("n", [20, 60])
+def test_a_curved_string_over_an_obstacle_has_one_solution(n):
+    """From every start H grows before H falls: the active set changes first."""
+    string = (2.0 * np.eye(n) - np.eye(n, k=1) - np.eye(n, k=-1)) * (n + 1.0) ** 2
+
+    def forces(z, load, sw):  # the derivative of a convex energy, or the gap to the obstacle
+        return sw.max(string @ z + z**3 - 20.0 * load, z - 0.5)
+
+    graph = explore(Switched(n, forces), (-1.0, 1.0))
+    for load in (-0.7, 0.3, 0.9):
+        (solution,) = graph.solutions(load)
+        gap, force = 0.5 - solution.z, 20.0 * load - string @ solution.z - solution.z**3
+        assert min(gap.min(), force.min() / string[0, 0]) >= -1e-12
+        assert np.minimum(gap, force / string[0, 0]).max() <= 1e-12
+
+
+@pytest.mark.slow
+def test_starts_that_lead_to_known_solutions_cost_little():
+    """Nine solutions, three of each equation: z**3 - 3 z = alpha has three for |alpha| < 2."""
+    calls = 0
+
+    def two_of_a_kind(z, load, sw):
+        nonlocal calls
+        calls += 1
+        return [z[i] ** 3 - 3.0 * z[i] + 0.5 * sw.relu(z[i] - 3.0) - load for i in range(2)]
+
+    limits = Limits(seconds=1000.0)  # no proof ends the search
+    graph = explore(Switched(2, two_of_a_kind), (-1.0, 1.0), limits=limits)
+    roots = sorted(np.roots([1.0, 0.0, -3.0, -0.3]).real)
+    found = sorted(tuple(solution.z) for solution in graph.solutions(0.3))
+    assert np.array(found) == pytest.approx(np.array([(a, b) for a in roots for b in roots]))
+    assert calls <= MOST_CALLS * len(found)
 
 
 # -- given starts --------------------------------------------------------------------------------

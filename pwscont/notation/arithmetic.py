@@ -116,12 +116,11 @@ class Arithmetic(NDArrayOperatorsMixin):
         return new
 
     def _is_like(self, other: Any) -> bool:
-        """Tell whether ``other`` has the shape of this array, and no derivatives are sparse."""
-        return (
-            type(other) is type(self)
-            and self.value.shape == other.value.shape
-            and type(self.rows) is np.ndarray is type(other.rows)
-        )
+        """Tell whether ``other`` has the same shape or shape (), and no derivatives are sparse."""
+        if not (type(other) is type(self) and type(self.rows) is np.ndarray is type(other.rows)):
+            return False
+        shape, others = self.value.shape, other.value.shape
+        return shape == others or not shape or not others  # rows broadcast as values do
 
     def __add__(self, other: Any) -> Any:
         if self._is_like(other):
@@ -156,28 +155,29 @@ class Arithmetic(NDArrayOperatorsMixin):
         if not self._is_like(other):
             return super().__mul__(other)
         a, b = self.value, other.value
-        if a.ndim:
-            rows = b.reshape(-1, 1) * self.rows + a.reshape(-1, 1) * other.rows
-        else:
-            rows = b * self.rows + a * other.rows
-        return self.made(a * b, rows)
+        return self.made(a * b, scaled(self.rows, b) + scaled(other.rows, a))
 
     def __rmul__(self, other: Any) -> Any:
         if type(other) in PLAIN:
             return self.made(other * self.value, other * self.rows)
         return super().__rmul__(other)
 
+    def __truediv__(self, other: Any) -> Any:
+        if type(other) in PLAIN:
+            return self.made(self.value / other, self.rows / other)
+        return super().__truediv__(other)
+
     def __pow__(self, other: Any) -> Any:
-        if type(other) not in PLAIN or self.value.ndim or type(self.rows) is not np.ndarray:
+        if type(other) not in PLAIN:
             return super().__pow__(other)
-        slope = other * self.value ** (other - 1) if other else 0.0
-        return self.made(self.value**other, slope * self.rows)
+        slope = other * self.value ** (other - 1) if other else 0.0 * self.value
+        return self.made(self.value**other, scaled(self.rows, slope))
 
 
 def scaled(rows: Matrix, factors: Any) -> Matrix:
     """Return the rows of a matrix, each multiplied by a factor of its own."""
     column = factors.reshape(-1, 1)
-    return rows.multiply(column).tocsr() if sp.issparse(rows) else column * rows
+    return column * rows if type(rows) is np.ndarray else rows.multiply(column).tocsr()
 
 
 def added(one: Matrix, other: Matrix) -> Matrix:

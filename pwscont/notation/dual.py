@@ -296,10 +296,8 @@ def joined(parts: Sequence[Any]) -> Any:
     if len(parts) == 1:
         return parts[0].reshape(-1)
     kinds = set(map(type, parts))
-    if kinds == {np.ndarray}:
-        return np.concatenate([part.reshape(-1) for part in parts])  # nearly always
-    if not parts:
-        return np.zeros(0)
+    if kinds <= {np.ndarray, np.float64}:  # nearly always
+        return np.concatenate([part.reshape(-1) for part in parts] or [np.zeros(0)])
     if any(map(is_traced, parts)):
         return sys.modules["jax"].numpy.concatenate([part.reshape(-1) for part in parts])
     return _joined_duals(parts) if Dual in kinds else np.concatenate([*map(np.ravel, parts)])
@@ -307,9 +305,9 @@ def joined(parts: Sequence[Any]) -> Any:
 
 def _joined_duals(parts: Sequence[Any]) -> Dual:
     variables = next(part.rows.shape[1] for part in parts if type(part) is Dual)
-    duals = [as_dual(part, variables) for part in parts]
+    duals = [part if type(part) is Dual else as_dual(part, variables) for part in parts]
     value = np.concatenate([dual.value.reshape(-1) for dual in duals])
-    if all(sp.issparse(dual.rows) for dual in duals):
+    if not any(type(dual.rows) is np.ndarray for dual in duals):
         return Dual.made(value, sp.vstack([dual.rows for dual in duals], format="csr"))
     return Dual.made(value, np.concatenate([dense(dual.rows) for dual in duals]))
 

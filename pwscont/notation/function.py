@@ -294,8 +294,9 @@ def true_modes(tests: Sequence[Any]) -> Any:
 
 def taken(modes: Any, branches: Sequence[Any]) -> Any:
     """Return for each entry the branch that belongs to the mode of the entry."""
-    if len(branches) == 2:
-        return where(modes, branches[1], branches[0])
+    if not branches[0].ndim and not is_traced(modes):
+        branch = branches[int(modes)]
+        return branch[()] if type(branch) is np.ndarray else branch
     found = branches[0]
     for mode, branch in enumerate(branches[1:], start=1):
         found = where(modes >= mode, branch, found)
@@ -381,11 +382,9 @@ def _parts(outcome: Outcome) -> tuple[Any, Any, Any]:
 def _is_finite(outcome: Outcome) -> bool:
     """Tell whether all numbers and derivatives are finite; arrays traced by JAX count as finite."""
     for part in _parts(outcome):
-        known: list[Any] = []
-        if isinstance(part, np.ndarray | Dual):
-            known.append(numbers_in(value_of(part)))
-        if isinstance(part, Dual):
-            known.append(part.rows.data if sp.issparse(part.rows) else part.rows)
+        known: list[Any] = [numbers_in(part)] if type(part) is np.ndarray else []
+        if type(part) is Dual:
+            known = [part.value, part.rows.data if sp.issparse(part.rows) else part.rows]
         if not all(np.isfinite(numbers).all() for numbers in known):
             return False
     return True

@@ -181,6 +181,8 @@ class Throughout(Search):
             yield from pursuit.at(alpha, rough)
         if known.are_all():
             return
+        if not known.extremes():  # only undamped steps cross kinks where H grows at first
+            yield from MultiStart(count=1, around=self.around).starts(system, metric, interval)
         count = 0
         for turn in range(MOST_ROUNDS):
             before = count

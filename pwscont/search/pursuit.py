@@ -207,8 +207,11 @@ class Pursuit:
             return None
         if (found := self._standing(self._along(free))) is None:
             return None
-        known = self._solutions(float(found[0][-1]))
-        return found if is_new(self._metric, found[0], known, DISTINCT) else None
+        metric, x, alpha = self._metric, found[0], float(found[0][-1])
+        near = self._known.in_cells_at(alpha)
+        near.sort(key=lambda each: metric.norm(metric.difference(each[1], x)))  # most are known
+        roots = (self._known_root(*each, alpha) for each in near)
+        return found if all(is_new(metric, x, [root], DISTINCT) for root in roots) else None
 
     def _standing(self, y: Array) -> Found | None:
         """Return the exact solution near a rough solution, None for a start that ran away."""
@@ -231,16 +234,17 @@ class Pursuit:
 
     def _solutions(self, alpha: float) -> list[Array]:
         """Return the known solutions at an alpha."""
-        found = []
-        for character, x in self._known.in_cells_at(alpha):
-            reach = np.minimum(np.abs(x[:-1]), FARTHEST_START * self._scale[:-1])
-            self.reach = np.maximum(self.reach, reach)
-            root = self._in_cell(character, x, alpha)
-            if root is None:  # large constants that cancel keep Newton from converging
-                y, arrived = self._at_alpha(x / self._scale, ())
-                root = y * self._scale if arrived else x
-            found.append(root)
-        return found
+        return [self._known_root(*each, alpha) for each in self._known.in_cells_at(alpha)]
+
+    def _known_root(self, character: Character, x: Array, alpha: float) -> Array:
+        """Return the known solution near a point of a known branch; the reach reaches there."""
+        reach = np.minimum(np.abs(x[:-1]), FARTHEST_START * self._scale[:-1])
+        self.reach = np.maximum(self.reach, reach)
+        root = self._in_cell(character, x, alpha)
+        if root is None:  # large constants that cancel keep Newton from converging
+            y, arrived = self._at_alpha(x / self._scale, ())
+            root = y * self._scale if arrived else x
+        return root
 
     def _in_cell(self, character: Character, x: Array, alpha: float) -> Array | None:
         """Return the root of a selection at an alpha to which Newton leads, None for a failure."""
