@@ -139,6 +139,11 @@ def check_detector(detector: TransitionDetector) -> Report:
     -------
     Report
 
+    Raises
+    ------
+    InvalidInputError
+        If ``detector`` is no :class:`~pwscont.TransitionDetector`: a class is none.
+
     Examples
     --------
     >>> from pwscont import check_detector
@@ -312,6 +317,11 @@ def check_search(search: Search) -> Report:
     -------
     Report
 
+    Raises
+    ------
+    InvalidInputError
+        If ``search`` is no :class:`~pwscont.Search`: a class is none.
+
     Examples
     --------
     >>> from pwscont import EndPoints, check_search
@@ -368,6 +378,11 @@ def check_stepper(stepper: Stepper) -> Report:
     Returns
     -------
     Report
+
+    Raises
+    ------
+    InvalidInputError
+        If ``stepper`` is no :class:`~pwscont.Stepper`: a class is none.
 
     Examples
     --------

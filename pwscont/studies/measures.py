@@ -323,6 +323,11 @@ class CriticalValue(Measure):
         Whether the value is the last bracket, (lo, hi); default the upper end of the last bracket,
         at which the property holds.
 
+    Raises
+    ------
+    InvalidInputError
+        If lo and hi are not finite numbers with lo < hi, or the tolerance is no positive number.
+
     Examples
     --------
     >>> from pwscont import LCP, CriticalValue, Study

@@ -36,6 +36,15 @@ class Selection:
     adjacent_cells : tuple of Character
         For a curve along an interface, all cells to which the curve belongs: the tests of these
         cells end the curve, too.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pwscont import LCP, Character
+    >>> from pwscont.extending import Selection
+    >>> problem = LCP([[2.0]], q=[-1.0], d=[1.0])
+    >>> Selection(problem, Character([True])).jacobian(np.array([0.5, 0.0])).shape
+    (1, 2)
     """
 
     def __init__(

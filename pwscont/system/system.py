@@ -52,17 +52,6 @@ def number_of_cells(blocks: Iterable[Block]) -> int:
     return prod(len(block.modes) for block in blocks)
 
 
-def characters(blocks: Sequence[Block], tests: int) -> Iterator[Character]:
-    """Yield the characters of all combinations of the modes of some blocks.
-
-    Every test of the ``tests`` tests that no block decides is positive.
-    """
-    positive = Character([True] * tests)
-    decided = [test for block in blocks for test in block.tests]
-    for modes in product(*(block.modes for block in blocks)):
-        yield positive.with_signs(decided, chain.from_iterable(modes))
-
-
 def _some_of(system: PiecewiseSystem, rows: Any, alpha: float, which: Indices) -> Any:
     """Return some rows of the tests, or say that there are fewer here than elsewhere."""
     try:
