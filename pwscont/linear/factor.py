@@ -148,10 +148,9 @@ def regularise(pivots: Array) -> None:
 
 def sum_of_logs(numbers: Array) -> float:
     """Return the sum of the logarithms of magnitudes, minus infinity where a number is zero."""
-    if len(numbers) <= ROWS_IN_TURN:  # numbers of Python take a third of the time
-        product = abs(math.prod(numbers.tolist()))
-        if SMALLEST_PRODUCT < product < 1.0 / SMALLEST_PRODUCT:
-            return math.log(product)
+    product = abs(math.prod(numbers.tolist()))  # of few numbers a third of the time
+    if SMALLEST_PRODUCT < product < 1.0 / SMALLEST_PRODUCT:
+        return math.log(product)
     with np.errstate(divide="ignore"):
         return float(np.log(np.abs(numbers)).sum())
 
