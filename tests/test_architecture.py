@@ -62,7 +62,7 @@ BUDGET = {
     "notation": (13, 2910),
     "curve": (13, 3292),
     "enumeration": (11, 2671),
-    "transitions": (13, 4066),
+    "transitions": (13, 4072),
     "graph": (10, 2711),
     "search": (7, 1686),
     "continuation": (8, 2780),

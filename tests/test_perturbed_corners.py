@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from sweeps import swept
 
-from pwscont import Block, PiecewiseLinearSystem, trace
+from pwscont import Block, PiecewiseLinearSystem, Switched, trace
 from pwscont.curve.metric import Metric
 from pwscont.transitions.corner import rays_cell_by_cell
 from pwscont.transitions.corner_paths import rays_by_perturbation
@@ -206,3 +206,18 @@ def test_a_promise_of_uniqueness_makes_two_ways_all_there_are():
     graph = trace(chain, (np.zeros(20), -1.0), (-1.0, 1.0))
     assert graph.special_points("corner")
     assert graph.guarantee.startswith("complete")
+
+
+@pytest.mark.slow
+def test_curved_formula_whose_many_kinks_meet_at_one_point():
+    n = 24
+    weights = 0.3 * np.cos(np.arange(n * n).reshape(n, n)) / np.sqrt(n)
+
+    def residual(z, alpha, sw):
+        return z + 0.1 * z**3 - sw.max(weights @ z + alpha, 0.0)
+
+    # 1 > |W| makes z -> max(W z + alpha, 0) a contraction: one solution at each alpha
+    assert np.linalg.norm(weights, 2) < 1.0
+    graph = trace(Switched(n, residual), (np.zeros(n), -1.0), (-1.0, 1.0))
+    assert [graph.count(alpha) for alpha in (-0.5, 0.5)] == [1, 1]
+    assert "a corner was searched in part" in str(graph.guarantee)

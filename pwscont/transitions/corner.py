@@ -21,7 +21,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from itertools import chain, product
 from math import prod
-from typing import final
+from typing import TypeGuard, final
 
 import numpy as np
 import scipy.sparse as sp
@@ -47,6 +47,7 @@ from pwscont.system.selection import Selection
 from pwscont.system.system import (
     Block,
     PiecewiseLinearSystem,
+    PiecewiseSystem,
     SlicewiseLinearSystem,
     number_of_cells,
 )
@@ -322,7 +323,7 @@ def _in_parts(corner: Corner) -> ConeProblem | None:
     None where parts would hardly have fewer cells, or a ray may be vertical: no ray is, if every
     part is regular in all cells.
     """
-    if not has_named_cells(corner.system):
+    if not _has_blocks(corner.system):
         return None
     problem = ConeProblem(corner, last_unit(len(corner.x)))
     blocks = problem.blocks()
@@ -332,6 +333,11 @@ def _in_parts(corner: Corner) -> ConeProblem | None:
     if FEW_CELLS * most_cells(parts, blocks) > cells:
         return None
     return problem if is_regular(problem.table, parts, corner.metric.scale) else None
+
+
+def _has_blocks(system: PiecewiseSystem) -> TypeGuard[SlicewiseLinearSystem]:
+    """Tell whether a system names its cells block by block, so that the cells are counted first."""
+    return isinstance(system, SlicewiseLinearSystem) and has_named_cells(system)
 
 
 def index_along(ray: Ray, zero: frozenset[int]) -> int:
@@ -441,7 +447,7 @@ class ConeProblem(SlicewiseLinearSystem):
     @property
     def is_small(self) -> bool:
         """Whether all cells that meet at the corner can be tried."""
-        if not has_named_cells(self._corner.system):
+        if not _has_blocks(self._corner.system):
             return len(self._corner.zero) <= MOST_PATTERN_TESTS
         blocks = self.blocks()
         if number_of_cells(blocks) <= MOST_CELLS_OF_CONE:
@@ -459,7 +465,7 @@ class ConeProblem(SlicewiseLinearSystem):
         For a system that does not name its cells, return all these cells as one block.
         """
         corner = self._corner
-        if isinstance(corner.system, SlicewiseLinearSystem) and has_named_cells(corner.system):
+        if _has_blocks(corner.system):
             return tuple(corner.restricted(corner.system.blocks()))
         cells = tuple(cell.signs for cell in corner.all_cells())
         return (Block(tuple(range(len(corner.tests))), tuple(range(self.size - 1)), cells),)
