@@ -149,7 +149,7 @@ STRETCH = 1.5
 FARTHEST_PREDICTION = 10.0
 #: A refused step is shortened to this part, not to a half: where a step ends exactly on a branch
 #: point, two halves would end there again.
-SHORTER = 0.55
+SHORTER = 0.6
 #: Shortest step, in the metric, that ends at a zero: a shorter chord has a direction of few digits.
 #: A closer zero is located within a longer step.
 SHORTEST_LANDING = 1e-6
