@@ -251,7 +251,7 @@ def hidden_in(segment: CurvedSegment) -> State | Failure | None:
     """
     states = [*segment.behind, segment.start, segment.end]
     known = [state for state in states if not _is_zero(state)]
-    if len(known) == len(states) and not _falls(known):
+    if len(known) == len(states) and not _may_vanish(segment, known):
         return None  # nearly always
     known, sign = known[-3:], segment.start.orientation
     if any(state.orientation != sign for state in (*known, segment.end)):
@@ -268,9 +268,18 @@ def hidden_in(segment: CurvedSegment) -> State | Failure | None:
     return _least(segment, known[-3:], zeros)
 
 
-def _falls(known: list[State]) -> bool:
-    """Tell whether the determinant falls before a segment; the start is the last state but one."""
-    return len(known) > 2 and known[-2].log_determinant < known[-3].log_determinant
+def _may_vanish(segment: CurvedSegment, known: list[State]) -> bool:
+    """Tell whether the parabola through the last three determinants is low within a segment."""
+    if len(known) < 3 or not known[-2].log_determinant < known[-3].log_determinant:
+        return False  # the determinant grows
+    earlier, here, end = known[-3:]
+    first, last = (
+        exp(min(each.log_determinant - here.log_determinant, LARGEST_LOG))
+        for each in (earlier, end)
+    )
+    before = segment.curve.metric.norm(here.x - earlier.x)
+    at = _least_at([(-before, first), (0.0, 1.0), (segment.length, last)])
+    return at is not None and 0.0 < at < segment.length
 
 
 def _is_zero(state: State) -> bool:

@@ -25,6 +25,8 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from functools import cached_property
+from itertools import count
+from operator import ne
 from typing import final
 
 import numpy as np
@@ -33,8 +35,8 @@ from scipy.linalg import lapack
 from pwscont.basics.arrays import Array, Indices, power_of_two
 from pwscont.basics.rounding import EPS
 
-#: Most rows that LAPACK scales in less time than NumPy.
-FEW_ROWS = 32
+#: Most rows, and most right-hand sides, for solutions one after the other, see :func:`_solved`.
+ROWS_IN_TURN, COLUMNS_IN_TURN = 32, 8
 #: Number of columns of an inverse that LAPACK computes together, the block size of ``dgetri``:
 #: with less room ``dgetri`` works column by column.
 COLUMNS_AT_ONCE = 64
@@ -148,15 +150,19 @@ def regularise(pivots: Array) -> None:
 
 def sum_of_logs(numbers: Array) -> float:
     """Return the sum of the logarithms of magnitudes, minus infinity where a number is zero."""
-    product = abs(math.prod(numbers.tolist()))  # of few numbers a third of the time
-    if SMALLEST_PRODUCT < product < 1.0 / SMALLEST_PRODUCT:
-        return math.log(product)
+    if len(numbers) <= ROWS_IN_TURN:  # numbers of Python take a third of the time
+        product = abs(math.prod(numbers.tolist()))
+        if SMALLEST_PRODUCT < product < 1.0 / SMALLEST_PRODUCT:
+            return math.log(product)
     with np.errstate(divide="ignore"):
         return float(np.log(np.abs(numbers)).sum())
 
 
 def sign_of_pivots(pivots: Array, exchanges: Indices) -> int:
     """Return the sign of a determinant from the pivots and the row exchange of each pivot."""
+    if len(pivots) <= ROWS_IN_TURN:  # numbers of Python take a third of the time
+        odd = sum(map(ne, exchanges.tolist(), count()))
+        return -1 if (odd + sum(map((0.0).__gt__, pivots.tolist()))) % 2 else 1
     negative = np.count_nonzero(np.signbit(pivots))
     odd = np.count_nonzero(exchanges != np.arange(len(exchanges)))
     return -1 if (negative + odd) % 2 else 1
@@ -175,6 +181,20 @@ def sign_of_permutation(order: Sequence[int]) -> int:
     return sign
 
 
+def _solved(lu: Array, pivots: Indices, rhs: Array, transposed: bool = False) -> Array:
+    """Return the solutions for the columns of an array, shape (k,) or (k, l).
+
+    OpenBLAS shares several right-hand sides among threads, however small the matrix is, and a
+    thread may have to wait for a core: a few columns of a small matrix are solved for in turn.
+    """
+    if rhs.ndim == 2 and 1 < rhs.shape[1] <= COLUMNS_IN_TURN and len(pivots) <= ROWS_IN_TURN:
+        solutions = np.array(rhs, order="F")
+        for column in solutions.T:  # solved for in the room of the column
+            lapack.dgetrs(lu, pivots, column, int(transposed), 1)
+        return solutions
+    return np.asarray(lapack.dgetrs(lu, pivots, rhs, int(transposed))[0])
+
+
 def row_maxima(matrix: Array) -> Array:
     """Return the largest magnitude in each row, without an array of all magnitudes."""
     return np.asarray(np.maximum(matrix.max(axis=1), -matrix.min(axis=1)))
@@ -185,7 +205,7 @@ def row_divisors(matrix: Array) -> Array:
 
     ``matrix`` is in Fortran order.
     """
-    if len(matrix) <= FEW_ROWS:  # a tenth of the time for few rows
+    if len(matrix) <= ROWS_IN_TURN:  # a tenth of the time for few rows
         multipliers, *_, zero_row = lapack.dgeequb(matrix)
         if not zero_row:
             return np.asarray(1.0 / multipliers)
@@ -223,13 +243,16 @@ class DenseLU(Factor):
 
     def solve(self, rhs: Array) -> Array:
         """Return the solution for a right-hand side, or several."""
-        return np.asarray(lapack.dgetrs(self.lu, self.pivots, rhs.T)[0].T)
+        if rhs.ndim == 1:
+            solution: Array = lapack.dgetrs(self.lu, self.pivots, rhs)[0]
+            return solution
+        return _solved(self.lu, self.pivots, rhs.T).T
 
     solve_all = solve
 
     def solve_transposed(self, rhs: Array) -> Array:
         """Return the solution with the transposed matrix."""
-        return np.asarray(lapack.dgetrs(self.lu, self.pivots, rhs.T, trans=1)[0].T)
+        return _solved(self.lu, self.pivots, rhs.T, transposed=True).T
 
     @cached_property
     def reciprocal_condition(self) -> float:

@@ -84,6 +84,8 @@ class Watch:
         self, detectors: Sequence[TransitionDetector], added: Sequence[TransitionDetector] = ()
     ) -> None:
         self._detectors, self._added = detectors, added
+        none = TransitionDetector.look_inside
+        self._looking = [each for each in detectors if type(each).look_inside is not none]
 
     def read(self, curve: Curve, state: State) -> Reading:
         """Return what all detectors read at a state, in new arrays; refuse wrong readings."""
@@ -149,7 +151,7 @@ class Watch:
 
         A Failure if a detector asks for a shorter step.
         """
-        for detector in self._detectors:
+        for detector in self._looking:
             found = detector.look_inside(segment)
             if isinstance(found, Failure):
                 return found
