@@ -225,14 +225,14 @@ LOW = 0.9
 FAR_HIGHER = 10.0
 #: Most looks into a step, and the shortest step that is refused where that many tell nothing.
 MOST_LOOKS, SHORTEST = 24, 1e-4
-#: Where the Jacobian loses rank, the determinant vanishes if it is below this part of the
-#: determinants at both ends; on a curve of double roots the determinant is rounding everywhere.
+#: Where the Jacobian loses rank, the determinant vanishes if it is below this part of the largest
+#: determinant that is known. On a curve of double roots every determinant is rounding.
 VANISHES = 1e-6
 #: Distance from a place at which the Jacobian is exactly singular, as a part of the step.
 BESIDE_LOOK = EPS**0.5
-#: Where looks are taken, as parts of the step, if the determinant vanishes at one of the places at
-#: which it is known. The first is for a step that ends at a branch point: there the sign must still
-#: be that of the start.
+#: Where looks are taken, as parts of the step, if a known branch point leaves fewer than three
+#: determinants. The first look is for a step that ends at a branch point: next to the end the sign
+#: must still be that of the start.
 PARTS = (0.99, 0.5, 0.25)
 #: Distance of places, as a part of the room between three, below which a look tells nothing new.
 SAME_PLACE = 1e-6
