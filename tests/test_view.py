@@ -70,7 +70,7 @@ def test_rows_of_a_curved_piece_solve_the_equation(cubic):
     records = View(cubic).records
     assert records["names"] == ["alpha", "z[0]", "square"]
     rough = records["rough"][1]  # how far the page says that z may be off the curve
-    assert rough < 2e-5
+    assert rough < 4e-5
     for piece in range(3):
         alpha, z, square = line_of(records, piece).T
         assert len(alpha) > 20

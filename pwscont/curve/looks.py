@@ -220,6 +220,9 @@ def _alphas_turn(segment: CurvedSegment, alphas: Array) -> bool:
 
 #: A look is taken if the parabola comes down to this part of the least determinant that is known.
 LOW = 0.9
+#: Where the determinant at an end of a step is this part of the determinants beside, zeros may lie
+#: next to that end, and a look is taken at this part of the step from the other end.
+DEEP, NEXT_TO_END = 0.03, 0.9
 #: Further looks are taken while the determinant beside the least is this many times larger: the
 #: determinant may be flat and have several zeros between.
 FAR_HIGHER = 10.0
@@ -278,8 +281,7 @@ def _may_vanish(segment: CurvedSegment, known: list[State]) -> bool:
         for each in (earlier, end)
     )
     before = segment.curve.metric.norm(here.x - earlier.x)
-    at = _least_at([(-before, first), (0.0, 1.0), (segment.length, last)])
-    return at is not None and 0.0 < at < segment.length
+    return _first_look([(-before, first), (0.0, 1.0), (segment.length, last)], segment) is not None
 
 
 def _is_zero(state: State) -> bool:
@@ -292,7 +294,7 @@ def _least(
 ) -> State | Failure | None:
     """Return what looks at the least determinant tell, as :func:`hidden_in` does."""
     places = sorted(_placed(state, segment, zeros) for state in known)
-    at, largest = _least_at(places), max(map(_value, places))
+    at, largest = _first_look(places, segment), max(map(_value, places))
     for _ in range(MOST_LOOKS):
         if at is None or not 0.0 < at < segment.length:
             return None  # nearly always
@@ -326,6 +328,18 @@ def _placed(state: State, segment: CurvedSegment, zeros: tuple[float, ...]) -> P
     above = state.log_determinant - max(filter(isfinite, logs), default=0.0)
     above -= sum(log(abs(at - zero) / segment.length) for zero in zeros if at != zero)
     return at, exp(min(above, LARGEST_LOG))
+
+
+def _first_look(places: list[Place], segment: CurvedSegment) -> float | None:
+    """Return where to look first: where the parabola is low, or next to an end that is low."""
+    at = _least_at(places)
+    if at is not None and 0.0 < at < segment.length:
+        return at
+    values = [value for _, value in places]
+    if values[-1] < DEEP * values[-2]:
+        return NEXT_TO_END * segment.length
+    is_low = places[-2][0] == 0.0 and values[-2] < DEEP * min(values[0], values[-1])
+    return (1.0 - NEXT_TO_END) * segment.length if is_low else None
 
 
 def _least_at(places: list[Place]) -> float | None:

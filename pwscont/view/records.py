@@ -37,7 +37,9 @@ OWN_MARKERS = ("hex", "square_pin", "triangle_pin", "diamond_cross", "circle_x",
 MINUS = "\N{MINUS SIGN}"
 #: Most digits shown of interpolated values, and the possible error of interpolation as a part of
 #: the largest value: with the system, which checked every step by cubics, and without the system.
-CORRECTED, UNCORRECTED = (4, 1e-5), (3, 3e-3)
+#: A cubic is off by 1e-5 of typical magnitudes at most where a step was looked at; the width of the
+#: interval, the typical magnitude of the parameter, may be twice the largest value.
+CORRECTED, UNCORRECTED = (4, 2.5e-5), (3, 3e-3)
 #: Number of digits of the parameter at a special point.
 DIGITS = 8
 #: Most transitions of a graph that are drawn with marks of full size, and the least size in pixels.
