@@ -55,6 +55,27 @@ def test_two_branch_points_of_coupled_equations():
     assert counted(row, [0.2, 0.21], mixed=True) == (beyond**2, "balanced")
 
 
+@pytest.mark.sweep(20)
+@pytest.mark.parametrize("seed", range(60))
+def test_pairs_anywhere_in_a_step_are_found_or_announced(seed):
+    rng = np.random.default_rng(seed)
+    first, second = (ROWS[name] for name in rng.permutation(list(ROWS))[:2])
+    lo, hi = rng.uniform(-2.0, -0.5), rng.uniform(0.5, 2.0)
+    places = rng.uniform(0.6 * lo, 0.3 * hi) + np.array([0.0, 10.0 ** rng.uniform(-3.0, -1.0)])
+    bend = rng.uniform(-0.15, 0.15)
+
+    def beyond(alpha, place):
+        return alpha - place + bend * (alpha**2 - place**2)
+
+    def residual(z, alpha, sw):
+        pairs = zip((first, second), z, places, strict=True)
+        return [row(x, beyond(alpha, place), sw) for (row, _), x, place in pairs]
+
+    graph = trace(Switched(2, residual), (np.zeros(2), lo), (lo, hi))
+    # beyond both places; 1 + 2 bend alpha > 0 makes each row cross the path once
+    assert graph.count(hi - 0.05) == first[1] * second[1] or str(graph.guarantee) != "balanced"
+
+
 def test_branch_point_exactly_at_the_end_of_the_first_step_behind_another():
     row, beyond = ROWS["kinked pitchfork"]
     first_step = 0.02 * 2.0  # of an interval of length 2
