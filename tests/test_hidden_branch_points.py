@@ -76,6 +76,21 @@ def test_pairs_anywhere_in_a_step_are_found_or_announced(seed):
     assert graph.count(hi - 0.05) == first[1] * second[1] or str(graph.guarantee) != "balanced"
 
 
+def test_two_branch_points_beside_many_stiff_unknowns():
+    n = 12
+
+    def residual(z, alpha, sw):
+        pitchforks = z[:2] * (z[:2] ** 2 - (alpha - np.array([0.2, 0.21])))
+        # the determinant falls by orders of magnitude along the way, for the springs unload
+        springs = z[2:] + 50.0 * z[2:] ** 3 - 30.0 * (1.0 - alpha)
+        return np.concatenate([pitchforks, springs])
+
+    loaded = max(np.roots([50.0, 0.0, 1.0, -60.0]), key=lambda root: -abs(root.imag)).real
+    start = np.concatenate([np.zeros(2), np.full(n - 2, loaded)])
+    graph = trace(Switched(n, residual), (start, -1.0), (-1.0, 1.0))
+    assert (graph.count(END), str(graph.guarantee)) == (9, "balanced")
+
+
 def test_branch_point_exactly_at_the_end_of_the_first_step_behind_another():
     row, beyond = ROWS["kinked pitchfork"]
     first_step = 0.02 * 2.0  # of an interval of length 2

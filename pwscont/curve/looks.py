@@ -21,7 +21,8 @@ determinant may be least. The curve is looked at there, the next parabola leads 
 places, and so on.
 
 - The determinant of many unknowns changes by orders of magnitude within a step: logarithms are
-  carried along, and a parabola that is wrong costs a few looks.
+  carried along. A parabola that is wrong costs a few looks; of more than 8 unknowns a determinant
+  that falls evenly is left alone.
 - A branch point that is known, at the beginning of a piece or where a step ends, is a zero, next to
   which a parabola sees no other zeros: known zeros are divided out.
 - An odd number of branch points lies before the branch point that was located in a step: the sign
@@ -223,6 +224,10 @@ LOW = 0.9
 #: Where the determinant at an end of a step is this part of the determinants beside, zeros may lie
 #: next to that end, and a look is taken at this part of the step from the other end.
 DEEP, NEXT_TO_END = 0.03, 0.9
+#: The determinant of many unknowns may fall evenly, and no look is taken: by more than this factor
+#: within a step, if the rates of the logarithm in two steps agree up to this part. Zeros bend the
+#: rates.
+DECAY, EVENLY = 0.1, 0.2
 #: Further looks are taken while the determinant beside the least is this many times larger: the
 #: determinant may be flat and have several zeros between.
 FAR_HIGHER = 10.0
@@ -332,6 +337,8 @@ def _placed(state: State, segment: CurvedSegment, zeros: tuple[float, ...]) -> P
 
 def _first_look(places: list[Place], segment: CurvedSegment) -> float | None:
     """Return where to look first: where the parabola is low, or next to an end that is low."""
+    if segment.curve.selection.system.size > CHEAP_UNKNOWNS and _follow_trend(places):
+        return None
     at = _least_at(places)
     if at is not None and 0.0 < at < segment.length:
         return at
@@ -340,6 +347,15 @@ def _first_look(places: list[Place], segment: CurvedSegment) -> float | None:
         return NEXT_TO_END * segment.length
     is_low = places[-2][0] == 0.0 and values[-2] < DEEP * min(values[0], values[-1])
     return (1.0 - NEXT_TO_END) * segment.length if is_low else None
+
+
+def _follow_trend(places: list[Place]) -> bool:
+    """Tell whether three determinants fall like the terms of a geometric sequence, and fast."""
+    (a, first), (b, middle), (c, last) = places
+    if not 0.0 < middle < DECAY * first or not last > 0.0:
+        return False
+    before, after = log(middle / first) / (b - a), log(last / middle) / (c - b)
+    return abs(after - before) < EVENLY * abs(before)
 
 
 def _least_at(places: list[Place]) -> float | None:
