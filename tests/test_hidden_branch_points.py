@@ -55,7 +55,7 @@ def test_two_branch_points_of_coupled_equations():
     assert counted(row, [0.2, 0.21], mixed=True) == (beyond**2, "balanced")
 
 
-@pytest.mark.sweep(20)
+@pytest.mark.sweep(60)
 @pytest.mark.parametrize("seed", range(60))
 def test_pairs_anywhere_in_a_step_are_found_or_announced(seed):
     rng = np.random.default_rng(seed)
@@ -91,6 +91,7 @@ def test_two_branch_points_beside_many_stiff_unknowns():
     assert (graph.count(END), str(graph.guarantee)) == (9, "balanced")
 
 
+@pytest.mark.slow
 def test_branch_point_exactly_at_the_end_of_the_first_step_behind_another():
     row, beyond = ROWS["kinked pitchfork"]
     first_step = 0.02 * 2.0  # of an interval of length 2
