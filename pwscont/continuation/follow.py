@@ -214,14 +214,17 @@ class PieceFollower:
         return self._stopped(str(Failure(FailureReason.TOO_MANY_STEPS)))
 
     def _first_event(
-        self, step: Segment, reading: Reading
+        self, step: Segment, reading: Reading, aimed: Event | None = None
     ) -> tuple[Event | Failure | None, Reading]:
-        """Return the first event on a step, and the reading at the end of the step."""
+        """Return the first event on a step, and the reading at the end of the step.
+
+        ``aimed``: the event at the end of a step that the stepper aimed at.
+        """
         watch = self._watch
         if not isinstance(step, CurvedSegment):
             return first_on_ray(watch, step, reading), reading
-        after = watch.read(self._curve, step.end)
-        return first_on_curve(watch, step, reading, after), after
+        step.behind, after = self._behind, watch.read(self._curve, step.end)
+        return first_on_curve(watch, step, reading, after, aimed), after
 
     def _step(self, longest: float) -> Segment | Failure:
         """Return the next step; the farther a long piece has gone, the longer the step."""
@@ -235,8 +238,6 @@ class PieceFollower:
             stepper = stepper.stretched(factor) if factor > 1.0 else stepper
         interval, before = self.interval, self._step_before
         step = stepper.step(self._curve, interval, self._state, before, longest)
-        if isinstance(step, CurvedSegment):
-            step.behind = self._behind
         if isinstance(step, CurvedSegment) and not stepper.takes_rays:
             largest = (step_size_of(stepper) or StepSize()).largest
             self._tiny = self._tiny + 1 if step.length < TINY_PART * largest else 0
@@ -262,10 +263,8 @@ class PieceFollower:
             return None
         if not isinstance(step, CurvedSegment):
             raise self._broken("aim", "a CurvedSegment or None", step)
-        step.behind = self._behind
         event = Event(detector, index, step.length, step.end)
-        after = watch.read(curve, step.end)
-        first = first_on_curve(watch, step, reading, after, event)
+        first, _ = self._first_event(step, reading, event)
         if not isinstance(first, Event) or watch.is_rounding(first, curve):
             return None
         return step, first

@@ -99,16 +99,18 @@ class BorderedNewton(Corrector):
         if factor.failed:
             return Failure(FailureReason.SINGULAR)
         state = State(root.x, along, root.error[np.newaxis], factor.sign)
-        state.log_determinant = _log_determinant(factor, dot(border[1], along))
+        state.log_determinant = log_determinant(curve, factor, dot(border[1], along))
         return Corrected(state, root.iterations, factor, root.contraction)
 
 
-def _log_determinant(factor: Factor, along: float) -> float:
+def log_determinant(curve: Curve, factor: Factor, along: float = 1.0) -> float:
     """Return log |det[J; t^T]| for a unit tangent t, from a factorisation of [J; row].
 
-    J t vanishes, so that the determinants differ by the factor ``along``, which is row . t.
+    J t vanishes, so that the determinants differ by the factor ``along``, which is row . t. Of a
+    straight curve nobody asks: nan.
     """
-    return factor.log_determinant - math.log(abs(along)) if along else math.nan
+    is_known = along and not curve.selection.is_straight
+    return factor.log_determinant - math.log(abs(along)) if is_known else math.nan
 
 
 @final
@@ -153,7 +155,7 @@ class MoorePenrose(Corrector):
             sizes.append(size)
             if size <= CONVERGED and metric.admits(x):
                 state = State(x, t, np.abs(dx)[np.newaxis], factor.sign)
-                state.log_determinant = factor.log_determinant
+                state.log_determinant = log_determinant(curve, factor)
                 return Corrected(state, iteration, factor, first_quotient(sizes))
         return Failure(FailureReason.NOT_CONVERGED)
 
@@ -183,7 +185,7 @@ def zero(curve: Curve, border: Border, x: Array) -> Corrected | Failure:
     if factor.failed:
         return Failure(FailureReason.SINGULAR)
     state = State(root.x, -rising, error, -factor.sign, located_by=factor)
-    state.log_determinant = _log_determinant(factor, product(root.row, rising).item())
+    state.log_determinant = log_determinant(curve, factor, product(root.row, rising).item())
     return Corrected(state, root.iterations, factor, root.contraction)
 
 

@@ -142,6 +142,11 @@ class State:
         """The parameter value."""
         return float(self.x[-1])
 
+    @property
+    def is_singular(self) -> bool:
+        """Whether the determinant is known to vanish here, as at a branch point."""
+        return self.log_determinant == -np.inf
+
     def reversed(self) -> State:
         """Return the same place with the opposite direction."""
         return State(self.x, -self.tangent, self.error, -self.orientation, self._size)

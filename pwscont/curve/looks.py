@@ -38,6 +38,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from functools import lru_cache
 from math import ceil, exp, inf, isfinite, isnan, log, nan, sqrt
+from operator import itemgetter
 from typing import TypeAlias
 
 import numpy as np
@@ -249,6 +250,7 @@ LARGEST_LOG = 700.0
 
 #: A place on a segment, and the magnitude of the determinant there, up to a constant.
 Place: TypeAlias = tuple[float, float]
+_value = itemgetter(1)
 
 
 def hidden_in(segment: CurvedSegment) -> State | Failure | None:
@@ -258,13 +260,13 @@ def hidden_in(segment: CurvedSegment) -> State | Failure | None:
     determinant does not vanish within the segment, and where the signs at both ends differ.
     """
     states = [*segment.behind, segment.start, segment.end]
-    known = [state for state in states if not _is_zero(state)]
+    known = [state for state in states if not state.is_singular]
     if len(known) == len(states) and not _may_vanish(segment, known):
         return None  # nearly always
     known, sign = known[-3:], segment.start.orientation
     if any(state.orientation != sign for state in (*known, segment.end)):
         return None
-    parts = PARTS if _is_zero(segment.end) else PARTS[1:]
+    parts = PARTS if segment.end.is_singular else PARTS[1:]
     for part in parts[: max(3 - len(known), len(parts) - 2)]:
         look = _look(segment, part * segment.length)
         if look is None:
@@ -272,7 +274,7 @@ def hidden_in(segment: CurvedSegment) -> State | Failure | None:
         if look.orientation != sign:
             return Failure(FailureReason.SINGULAR)
         known.append(look)
-    zeros = tuple(segment.position(state.x) for state in states if _is_zero(state))
+    zeros = tuple(segment.position(state.x) for state in states if state.is_singular)
     return _least(segment, known[-3:], zeros)
 
 
@@ -287,11 +289,6 @@ def _may_vanish(segment: CurvedSegment, known: list[State]) -> bool:
     )
     before = segment.curve.metric.norm(here.x - earlier.x)
     return _first_look([(-before, first), (0.0, 1.0), (segment.length, last)], segment) is not None
-
-
-def _is_zero(state: State) -> bool:
-    """Tell whether the determinant vanishes at a state, as at a branch point."""
-    return state.log_determinant == -inf
 
 
 def _least(
@@ -385,8 +382,3 @@ def _around_lowest(places: list[Place]) -> list[Place]:
     places = sorted(places)
     middle = min(max(places.index(min(places, key=_value)), 1), 2)
     return places[middle - 1 : middle + 2]
-
-
-def _value(place: Place) -> float:
-    """Return the magnitude of the determinant at a place."""
-    return place[1]

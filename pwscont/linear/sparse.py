@@ -6,6 +6,7 @@ SuperLU gives up if a pivot vanishes exactly: the factorisation has ``failed`` t
 from __future__ import annotations
 
 from contextlib import suppress
+from functools import cached_property
 from typing import Any, final
 
 import numpy as np
@@ -84,19 +85,23 @@ class SparseLU(Factor):
                 self._lu = splu(matrix)
         self.failed = self._lu is None
 
+    @cached_property
+    def _pivots(self) -> Array:
+        """The diagonal of U, for which SciPy copies all of U."""
+        return np.asarray(self._lu.U.diagonal())
+
     @property
     def sign(self) -> int:
         """Sign of the determinant; 0 where a pivot vanishes exactly."""
         if self.failed:
             return 0
-        negative = np.count_nonzero(self._lu.U.diagonal() < 0.0)
-        exchanges = sign_of_permutation(self._lu.perm_r[self._lu.perm_c].tolist())
-        return -exchanges if negative % 2 else exchanges
+        signs = np.prod(np.sign(self._pivots))
+        return int(signs) * sign_of_permutation(self._lu.perm_r[self._lu.perm_c].tolist())
 
     @property
     def log_determinant(self) -> float:
         """Logarithm of the magnitude of the determinant."""
-        return -np.inf if self.failed else sum_of_logs(self._lu.U.diagonal())
+        return -np.inf if self.failed else sum_of_logs(self._pivots)
 
     def solve(self, rhs: Array) -> Array:
         """Return the solution for a right-hand side, or several, shape (l, k)."""
@@ -110,12 +115,11 @@ class SparseLU(Factor):
 
     def _solved(self, rhs: Array, trans: str) -> Array:
         assert not self.failed, "nothing can be solved where the factorisation failed"
-        solutions: Array = self._lu.solve(np.asfortranarray(rhs.T), trans)
-        return solutions.T
+        return np.asarray(self._lu.solve(np.asfortranarray(rhs.T), trans).T)
 
     def is_singular(self) -> bool:
         """Tell whether the smallest pivot is at most k rounding errors of the largest pivot."""
         if self.failed:
             return True
-        pivots = np.abs(self._lu.U.diagonal())
+        pivots = np.abs(self._pivots)
         return bool(pivots.min() <= len(pivots) * EPS * pivots.max())

@@ -404,11 +404,11 @@ def _belongs(segment: CurvedSegment, x: Array) -> bool:
 
     A branch point at which the segment begins does not count.
     """
-    begins = segment.start.log_determinant == -math.inf
-    if begins and segment.curve.metric.norm(x - segment.start.x) <= BEGINNING * segment.length:
+    norm = segment.curve.metric.norm
+    if segment.start.is_singular and norm(x - segment.start.x) <= BEGINNING * segment.length:
         return False
     s, slack = segment.position(x), OUTSIDE_STEP * segment.length
-    aside = segment.curve.metric.norm(x - segment.near(s))
+    aside = norm(x - segment.near(s))
     return bool(-slack <= s <= segment.length + slack and aside <= segment.length)
 
 
