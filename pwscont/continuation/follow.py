@@ -171,7 +171,7 @@ class PieceFollower:
     def _begin(self, ray: Ray) -> None:
         """Forget the last piece, and begin a piece with a ray."""
         self._curve, self._state, self._points = ray.curve, ray.state, [ray.state.x]
-        self._behind: tuple[State, ...] = ()  # the first state, and the state before
+        self._before: State | None = None
         self._step_before: CurvedSegment | None = None
         self._blocked = self._tiny = self._shortened = 0
         self._part = part_of(ray.curve)
@@ -223,7 +223,7 @@ class PieceFollower:
         watch = self._watch
         if not isinstance(step, CurvedSegment):
             return first_on_ray(watch, step, reading), reading
-        step.behind, after = self._behind, watch.read(self._curve, step.end)
+        step.behind, after = self._before, watch.read(self._curve, step.end)
         return first_on_curve(watch, step, reading, after, aimed), after
 
     def _step(self, longest: float) -> Segment | Failure:
@@ -281,7 +281,7 @@ class PieceFollower:
         before, self._step_before = self._step_before, step
         self._state = step.end
         self._points.append(step.end.x)
-        self._behind = (*self._behind[:1], step.start)
+        self._before = step.start
         # no detector took the change of sign for a special point
         self._is_twofold |= step.start.orientation != step.end.orientation
         if before and step.length < SHORTENED * before.suggestion:
@@ -392,7 +392,7 @@ class PieceFollower:
         """
         last, residual = self._state, self._curve.selection.residual
         while len(self._points) > 2 and not are_finite(residual(self._points[-1])):
-            last = self._behind[-1]
+            last = self._before or last
             self._points.pop()
         steps = [self._points[-1] - self._points[-2]]
         if not self._curve.selection.system.knows_jacobian:

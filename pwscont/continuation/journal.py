@@ -15,7 +15,6 @@ compared before any work, and each piece with the ray that begins the piece.
 from __future__ import annotations
 
 import json
-import math
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from hashlib import blake2b
@@ -65,7 +64,7 @@ def written(piece: Followed) -> tuple[str, bytes]:
             "state": add(np.stack([state.x, state.tangent])),
             "error": add(state.error),
             "orientation": int(state.orientation),
-            "log_determinant": state.log_determinant,
+            "is_singular": state.is_singular,
         }
 
     points, arrival = piece
@@ -90,7 +89,7 @@ def piece_of(record: tuple[str, bytes], ray: Ray) -> Followed:
         curve = Curve(Selection(system, Character.read(data["signs"]), beside), metric)
         x, tangent = rows[data["state"]]
         state = State(x, tangent, rows[data["error"]], data["orientation"])
-        state.log_determinant = data.get("log_determinant", math.nan)
+        state.is_singular = data.get("is_singular", False)
         return Ray(curve, state, tuple(map(Character.read, data["shared"])), data["index"])
 
     rays, x = tuple(map(read, header["rays"])), rows[header["x"][0]]

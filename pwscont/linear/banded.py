@@ -17,7 +17,7 @@ from scipy.linalg import lapack
 from pwscont.basics.arrays import Array
 from pwscont.basics.errors import InvalidSystemError
 from pwscont.basics.printing import named
-from pwscont.linear.factor import Factor, regularise, sign_of_pivots, sum_of_logs
+from pwscont.linear.factor import Factor, regularise, sign_of_pivots
 from pwscont.linear.jacobian import StoredJacobian
 
 
@@ -145,11 +145,6 @@ class BandLU(Factor):
     def sign(self) -> int:
         """Sign of the determinant."""
         return sign_of_pivots(self._diagonal, self._pivots)
-
-    @property
-    def log_determinant(self) -> float:
-        """Logarithm of the magnitude of the determinant."""
-        return sum_of_logs(self._diagonal)
 
     def solve(self, rhs: Array) -> Array:
         """Return the solution for a right-hand side, or several, shape (l, k)."""

@@ -22,7 +22,7 @@ import numpy as np
 
 from pwscont.basics.arrays import Array, generic_angles, power_of_two
 from pwscont.basics.rounding import EPS
-from pwscont.linear.factor import Factor, sum_of_logs
+from pwscont.linear.factor import Factor
 
 #: Bound on the largest entry of B^-1 b, a number without unit since the entries of B and b are
 #: scaled to about 1. Plain elimination multiplies rounding errors by the largest entry; an error of
@@ -89,12 +89,6 @@ class BorderedFactor(Factor):
         if self.failed:
             return 0
         return self._core.sign if self._schur > 0.0 else -self._core.sign
-
-    @property
-    def log_determinant(self) -> float:
-        """Logarithm of the magnitude of the determinant."""
-        pivots = np.append(self._rows / self._columns, self._schur)
-        return self._core.log_determinant + sum_of_logs(pivots)
 
     def solve(self, rhs: Array) -> Array:
         """Return the solution for a right-hand side, by the algorithm BEMW."""

@@ -62,11 +62,6 @@ class Factor(ABC):
     def sign(self) -> int:
         """Sign of the determinant; 0 where a pivot vanishes exactly."""
 
-    @property
-    def log_determinant(self) -> float:
-        """Logarithm of the magnitude of the determinant; nan, the default, where not known."""
-        return math.nan
-
     @abstractmethod
     def solve(self, rhs: Array) -> Array:
         """Return the solution for a right-hand side, shape (k,)."""
@@ -116,11 +111,6 @@ class ScaledFactor(Factor):
         """Sign of the determinant, which positive multipliers do not change."""
         return self._factor.sign
 
-    @property
-    def log_determinant(self) -> float:
-        """Logarithm of the magnitude of the determinant."""
-        return self._factor.log_determinant + sum_of_logs(self._rows / self._columns)
-
     def solve(self, rhs: Array) -> Array:
         """Return the solution for a right-hand side."""
         return self._columns * self._factor.solve(rhs / self._rows)
@@ -144,14 +134,6 @@ def regularise(pivots: Array) -> None:
     if sizes.min() < EPS:
         tiny = sizes < EPS
         pivots[tiny] = np.copysign(EPS, pivots[tiny])
-
-
-def sum_of_logs(numbers: Array) -> float:
-    """Return the sum of the logarithms of magnitudes, minus infinity where a number is zero."""
-    if len(numbers) <= ROWS_IN_TURN and numbers.all():  # numbers of Python take less time
-        return sum(map(math.log, map(abs, numbers.tolist())))
-    with np.errstate(divide="ignore"):
-        return float(np.log(np.abs(numbers)).sum())
 
 
 def sign_of_pivots(pivots: Array, exchanges: Indices) -> int:
@@ -231,11 +213,6 @@ class DenseLU(Factor):
     def sign(self) -> int:
         """Sign of the determinant; 0 where a pivot vanishes exactly."""
         return 0 if self.failed else sign_of_pivots(self.lu.diagonal(), self.pivots)
-
-    @property
-    def log_determinant(self) -> float:
-        """Logarithm of the magnitude of the determinant."""
-        return sum_of_logs(self.lu.diagonal())
 
     def solve(self, rhs: Array) -> Array:
         """Return the solution for a right-hand side, or several."""

@@ -14,7 +14,7 @@ import scipy.sparse as sp
 
 from pwscont.basics.arrays import Array
 from pwscont.basics.rounding import EPS
-from pwscont.linear.factor import Factor, sign_of_permutation, sum_of_logs
+from pwscont.linear.factor import Factor, sign_of_permutation
 from pwscont.linear.jacobian import StoredJacobian
 
 
@@ -97,11 +97,6 @@ class SparseLU(Factor):
             return 0
         signs = np.prod(np.sign(self._pivots))
         return int(signs) * sign_of_permutation(self._lu.perm_r[self._lu.perm_c].tolist())
-
-    @property
-    def log_determinant(self) -> float:
-        """Logarithm of the magnitude of the determinant."""
-        return -np.inf if self.failed else sum_of_logs(self._pivots)
 
     def solve(self, rhs: Array) -> Array:
         """Return the solution for a right-hand side, or several, shape (l, k)."""
