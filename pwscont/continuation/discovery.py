@@ -16,7 +16,7 @@ import numpy as np
 
 from pwscont.basics.arrays import Array
 from pwscont.basics.budget import Budget
-from pwscont.basics.outcome import ON_BOUND, Kind
+from pwscont.basics.outcome import ON_BOUND, FailureReason, Kind
 from pwscont.basics.rounding import SAME_ALPHA
 from pwscont.continuation.follow import ENDLESS, LONG_CHANGE, Followed, PieceFollower, is_cut
 from pwscont.continuation.known import (
@@ -32,6 +32,7 @@ from pwscont.continuation.known import (
     match,
     repeated_shift,
 )
+from pwscont.curve.crossing import loses_rank
 from pwscont.curve.error_samples import magnitude
 from pwscont.graph.records import Place
 from pwscont.system.abilities import Ending
@@ -76,6 +77,15 @@ def _is_past(x: Array, back: Ray) -> bool:
     return bool(0.0 <= ahead <= rest and end @ point >= NEARLY_AS_FAR * (end @ end))
 
 
+def _leads_nowhere(points: Sequence[Array], arrival: SpecialPointFound, ray: Ray) -> bool:
+    """Tell whether a curved piece is hardly longer than a point, or one of a double root."""
+    if ray.curve.selection.is_straight:
+        return False
+    why, metric = worded(arrival.said), ray.curve.metric
+    gone = metric.norm(metric.difference(points[-1], points[0])) if len(points) > 1 else 0.0
+    return gone < NOWHERE or FailureReason.TWICE.value in why
+
+
 def _is_a_point(left: KnownRay, points: Sequence[Array], ray: Ray) -> bool:
     metric, size = ray.curve.metric, ray.state.size
     return all(left.is_at(metric, x, size) for x in points[::-1])
@@ -87,6 +97,8 @@ BESIDE_AN_END = 1e-3
 #: Largest distance in the metric between two roundings of one solution, and the part of the way
 #: between both at which H must be rounding.
 FARTHEST_TWIN, BETWEEN = 1e-3, 0.381966
+#: Most steps along curves on which H seems to vanish twice, or which are no longer than this.
+MOST_IN_VAIN, NOWHERE = 300, 1e-5
 #: A path that repeats itself is followed to a bound that is at most this many periods away.
 MOST_SHIFTS = 1000
 #: Kinds of special points at which a curve leaves one cell for another: the change says all.
@@ -121,6 +133,9 @@ class Discovery:
         self._starts: list[Place] = []  # where tracing began on pieces that were forgotten
         self._repeats = False
         self._endless: list[Ray] = []  # back from where paths to infinity were left
+        self._in_vain = 0  # number of steps that led next to nowhere
+        #: Number of starts that were not followed, because as many paths led next to nowhere.
+        self.left_out = 0
 
     def add(self, arrival: SpecialPointFound, start: Corner | None = None) -> None:
         """Start from a special point, and follow everything that can be reached from it."""
@@ -133,6 +148,9 @@ class Discovery:
             self._follow_all()
             return
         if self._stands_on_pieces(inside, interior) or (start and self._is_twin(start)):
+            return
+        if arrival.rays and self._is_in_vain(arrival.rays[0]):
+            self.left_out += 1
             return
         if not self._budget.allows(len(self.edges)):
             return
@@ -196,7 +214,13 @@ class Discovery:
             left.ray, self._repeats = None, True
             here.stop(REPEATS)
             return
+        if self._is_in_vain(ray):
+            left.ray = None
+            here.stop(FailureReason.TWICE.value)
+            return
         points, arrival = self._piece_from(ray)
+        if _leads_nowhere(points, arrival, ray):
+            self._in_vain += len(points)
         arrival = self._inside(_sharing(arrival, ray), back=1)
         if len(points) == 1 and is_cut(arrival, self._budget):
             return
@@ -223,6 +247,13 @@ class Discovery:
         if not ray.curve.selection.is_straight:  # straight pieces pass over nothing
             self._keep_shorter(self.edges[-1], left, ray)
         self._report(len(self.edges), float(points[-1][-1]))
+
+    def _is_in_vain(self, ray: Ray) -> bool:
+        """Tell whether a ray would lead next to nowhere, as rays before from such points did.
+
+        Along a double root the Jacobian loses rank, and rounding makes folds without end.
+        """
+        return self._in_vain > MOST_IN_VAIN and loses_rank(ray.curve, ray.state.x)
 
     def _is_endless(self, number: int, scale: Array) -> bool:
         """Tell whether the path to a node repeats itself, and no bound is near."""
