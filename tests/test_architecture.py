@@ -65,7 +65,7 @@ BUDGET = {
     "transitions": (13, 4074),
     "graph": (10, 2719),
     "search": (7, 1686),
-    "continuation": (8, 2833),
+    "continuation": (8, 2834),
     "kit": (4, 955),
     "proof": (9, 2151),
     "scenes": (14, 2652),

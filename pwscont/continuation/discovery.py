@@ -83,7 +83,7 @@ def _leads_nowhere(points: Sequence[Array], arrival: SpecialPointFound, ray: Ray
         return False
     why, metric = worded(arrival.said), ray.curve.metric
     gone = metric.norm(metric.difference(points[-1], points[0])) if len(points) > 1 else 0.0
-    return gone < NOWHERE or FailureReason.TWICE.value in why
+    return gone < NOWHERE or TWICE in why
 
 
 def _is_a_point(left: KnownRay, points: Sequence[Array], ray: Ray) -> bool:
@@ -97,6 +97,7 @@ BESIDE_AN_END = 1e-3
 #: Largest distance in the metric between two roundings of one solution, and the part of the way
 #: between both at which H must be rounding.
 FARTHEST_TWIN, BETWEEN = 1e-3, 0.381966
+TWICE = FailureReason.TWICE.value
 #: Most steps along curves on which H seems to vanish twice, or which are no longer than this.
 MOST_IN_VAIN, NOWHERE = 300, 1e-5
 #: A path that repeats itself is followed to a bound that is at most this many periods away.
@@ -216,7 +217,7 @@ class Discovery:
             return
         if self._is_in_vain(ray):
             left.ray = None
-            here.stop(FailureReason.TWICE.value)
+            here.stop(TWICE)
             return
         points, arrival = self._piece_from(ray)
         if _leads_nowhere(points, arrival, ray):
