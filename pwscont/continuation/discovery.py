@@ -31,6 +31,7 @@ from pwscont.continuation.known import (
     accumulating,
     match,
     repeated_shift,
+    shift_along_row,
 )
 from pwscont.curve.crossing import loses_rank
 from pwscont.curve.error_samples import magnitude
@@ -133,8 +134,11 @@ class Discovery:
         self.leaving: list[Ray] = []
         self._starts: list[Place] = []  # where tracing began on pieces that were forgotten
         self._repeats = False
+        self._first = 0  # number of the first node of the component that is followed
         self._endless: list[Ray] = []  # back from where paths to infinity were left
         self._in_vain = 0  # number of steps that led next to nowhere
+        #: Whether paths that branch repeat themselves in several directions.
+        self.is_net = False
         #: Number of starts that were not followed, because as many paths led next to nowhere.
         self.left_out = 0
 
@@ -155,7 +159,7 @@ class Discovery:
             return
         if not self._budget.allows(len(self.edges)):
             return
-        first = self._new(inside, place, rays)
+        first = self._first = self._new(inside, place, rays)
         self.leaving += outside
         if interior:  # both rays come first and are joined
             self._follow(self._queue.popleft())
@@ -210,18 +214,11 @@ class Discovery:
         here, ray = self.nodes[left.node], left.ray
         if ray is None:
             return
-        is_due = (len(self.edges) + 1) % EVERY == 0 and not self._budget.is_limited
-        if is_due and self._is_endless(left.node, ray.curve.metric.scale):
-            left.ray, self._repeats = None, True
-            here.stop(REPEATS)
-            return
-        if self._is_in_vain(ray):
-            left.ray = None
-            here.stop(TWICE)
+        if why := self._is_useless(left.node, ray):
+            self._leave(left, why)
             return
         points, arrival = self._piece_from(ray)
-        if _leads_nowhere(points, arrival, ray):
-            self._in_vain += len(points)
+        self._in_vain += len(points) if _leads_nowhere(points, arrival, ray) else 0
         arrival = self._inside(_sharing(arrival, ray), back=1)
         if len(points) == 1 and is_cut(arrival, self._budget):
             return
@@ -249,6 +246,21 @@ class Discovery:
             self._keep_shorter(self.edges[-1], left, ray)
         self._report(len(self.edges), float(points[-1][-1]))
 
+    def _is_useless(self, number: int, ray: Ray) -> str:
+        """Return why a ray of a node is not followed, empty if the ray is."""
+        is_due = (len(self.edges) + 1) % EVERY == 0 and not self._budget.is_limited
+        if is_due and self._is_endless(number, ray.curve.metric.scale):
+            self._repeats = True
+            return REPEATS
+        return TWICE if self._is_in_vain(ray) else ""
+
+    def _leave(self, left: KnownRay, why: str) -> None:
+        """Say at the node of a ray why the ray is not followed; in a net, nor are all others."""
+        for known in (left, *self._queue) if why == REPEATS and self.is_net else (left,):
+            if known.ray is not None:
+                self.nodes[known.node].stop(why)
+                known.ray = None
+
     def _is_in_vain(self, ray: Ray) -> bool:
         """Tell whether a ray would lead next to nowhere, as rays before from such points did.
 
@@ -259,6 +271,10 @@ class Discovery:
     def _is_endless(self, number: int, scale: Array) -> bool:
         """Tell whether the path to a node repeats itself, and no bound is near."""
         shift, bounds = repeated_shift(self.nodes, number, scale), self._follower.bounds
+        if shift is None:
+            near = {key: node for key, node in self.nodes.items() if key >= self._first}
+            shift = shift_along_row(near, number, scale)
+            self.is_net |= shift is not None and bounds is None
         if shift is None or bounds is None:
             return shift is not None
         return bounds.shifts_within(self.nodes[number].place.x, shift) > MOST_SHIFTS

@@ -343,6 +343,9 @@ def _follow_from(
             arrival = each.begun(arrival)
         arrival = plan.events.begun(arrival) if plan.events else arrival
         discovery.add(ended_by_system(arrival), corner)
+        if discovery.is_net:  # every start would lead to another part of it
+            plan.branches.leave_off()
+            return
         if plan.budget.spent or (plan.system.unique and discovery.spans(*plan.interval)):
             return
 
