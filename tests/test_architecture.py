@@ -60,7 +60,7 @@ BUDGET = {
     "system": (10, 2205),
     "linear": (11, 1523),
     "notation": (13, 2910),
-    "curve": (13, 3332),
+    "curve": (13, 3335),
     "enumeration": (11, 2671),
     "transitions": (13, 4074),
     "graph": (10, 2719),

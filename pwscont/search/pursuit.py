@@ -196,7 +196,7 @@ class Pursuit:
             if np.sign([equation(a), equation(b)]).tolist() != signs[i : i + 2].tolist():
                 words = f"changed its sign at z = {a} or {b}, alpha = {alpha}: {NOT_ON_CHANCE}"
                 raise broken(system, "residual", words)
-            z = bisect(equation, a, b, xtol=EPS * reach)
+            z = bisect(lambda z: np.nan_to_num(equation(z)), a, b, xtol=EPS * reach)
             full = completed(system, np.array([z]), alpha)
             is_pole = abs(equation(z)) > sizes[i : i + 2].max()
             if not is_pole and is_new(self._metric, np.append(full, alpha), known):
