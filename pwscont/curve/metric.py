@@ -286,7 +286,7 @@ class Gauge:
             wrong = self._farthest > FAR * self._scale
         moves = (typical > STEADY * self._size) & (self._size > EPS * self._scale)
         if (wrong & moves).any():
-            wrong |= typical > NEARLY_TOO_SMALL * self._scale  # or they would be wrong next time
+            wrong |= typical > NEARLY_TOO_SMALL * self._scale  # wrong on the next path
             raise MisjudgedError(np.where(wrong & moves, typical, self._scale))
 
 
