@@ -46,6 +46,8 @@ ON_BOUND = "a branch ends on its bound"
 
 #: What is said of a search that ends because there are so many solutions.
 GIVEN_UP = "given up because many solutions were found: there may be more"
+#: What is said of starts that a run leaves out.
+IN_VAIN = "not followed, for the Jacobian loses rank there, as along paths that led nowhere"
 #: What is said of a graph without a solution; the searches follow.
 NOTHING_FOUND = "nothing found"
 

@@ -108,6 +108,9 @@ LONG_PART, MOST_PART, EXCESS, LONG_POWER, GEOMETRIC = 0.7, 0.9, 1.001, 0.45, 0.9
 ENDLESS = FailureReason.ENDLESS.value
 #: A piece creeps after this many tiny steps in turn: steps below this part of the longest step.
 MOST_TINY, TINY_PART = 300, 1e-5
+#: After every such number of steps it is asked whether a piece crawls along a double root: steps
+#: are shorter than this on average, and the determinant changes its sign more often than this.
+CRAWL_CHECK_EVERY, CRAWLING, MOST_FLIPS = 100, 1e-5, 10
 #: A piece is singular after this many steps too long to tell which event comes first.
 MOST_BLOCKED = 200
 #: Derivatives by differences are wrong if this many more steps were shortened than were not: with
@@ -176,7 +179,7 @@ class PieceFollower:
         self._blocked = self._tiny = self._shortened = 0
         self._part = part_of(ray.curve)
         self._stops: EventsAlong | None = None
-        self._is_twofold = False
+        self._flips = 0  # changes of sign that no detector took for a special point
 
     def _to_the_end(self) -> Followed:
         """Return the piece, step after step."""
@@ -233,6 +236,8 @@ class PieceFollower:
             return Failure(FailureReason.ENDLESS)
         if self._tiny > MOST_TINY:
             return Failure(FailureReason.CREEPING)
+        if number % CRAWL_CHECK_EVERY == 0 and self._crawls():
+            return Failure(FailureReason.TWICE)
         if number > MANY_STEPS:
             factor = self._curve.metric.norm(self._state.x - self._points[0]) / STRETCHED_FROM
             stepper = stepper.stretched(factor) if factor > 1.0 else stepper
@@ -282,8 +287,7 @@ class PieceFollower:
         self._state = step.end
         self._points.append(step.end.x)
         self._before = step.start
-        # no detector took the change of sign for a special point
-        self._is_twofold |= step.start.orientation != step.end.orientation
+        self._flips += step.start.orientation != step.end.orientation
         if before and step.length < SHORTENED * before.suggestion:
             self._shortened += 1
         elif before and before.suggestion > before.length:  # else kept short for another reason
@@ -307,7 +311,7 @@ class PieceFollower:
         watch, events = self._watch, self._events
         arrival = watch.ended(event.arrive(self._curve))
         arrival = events.ended(arrival) if events else arrival
-        arrival = arrival.adding(TWOFOLD) if self._is_twofold else arrival
+        arrival = arrival.adding(TWOFOLD) if self._flips else arrival
         final = ended_by_system(arrival)
         arrival = arrival if final is arrival else final.leading(final.rays[:1])
         return self._points_to(step, event.position, event.state), arrival
@@ -335,6 +339,11 @@ class PieceFollower:
                     self._gauge.see(self._state.x, middle)
                 return [*self._points, middle, end.x]
         return [*self._points, end.x]
+
+    def _crawls(self) -> bool:
+        """Tell whether a piece has hardly moved, and where H has no rank but by rounding."""
+        gone = self._curve.metric.norm(self._state.x - self._points[0])
+        return self._flips > MOST_FLIPS and gone < CRAWLING * len(self._points)
 
     def _is_endless(self) -> bool:
         """Tell whether a long piece leads to infinity while alpha stays inside the interval.

@@ -238,6 +238,8 @@ STRAY = 0.25
 STEEPEST_LINE = 0.8
 #: Periods after which a path is taken to repeat itself, and their longest length in pieces.
 PERIODS, LONGEST = 8, 8
+#: Special points in a row, each shifted as the last, after which a net of paths repeats itself.
+IN_A_ROW = 6
 #: Two shifts are one up to this part of their length.
 SAME_SHIFT = 1e-5
 
@@ -270,6 +272,32 @@ def repeated_shift(nodes: Mapping[int, Node], number: int, scale: Array) -> Arra
         largest = max(spread, np.abs(shifts[:, -1]).max())
         if length > 0.0 and largest <= SAME_SHIFT * length:
             return np.asarray(shifts[-1] * scale)
+    return None
+
+
+def shift_along_row(nodes: Mapping[int, Node], number: int, scale: Array) -> Array | None:
+    """Return the shift of a row of special points of one kind and alpha that ends at a node.
+
+    Where paths branch, their net may repeat itself in several directions, although none of the
+    paths does. None where no row has :data:`IN_A_ROW` points.
+    """
+    here, same = nodes[number], SAME_SHIFT * scale[-1]
+    cells = here.before and here.before[1]
+    alike = [
+        node.place.x
+        for node in nodes.values()
+        if node.kind == here.kind
+        and abs(node.place.alpha - here.place.alpha) <= same
+        and (node.before and node.before[1]) == cells
+    ]
+    if len(alike) < IN_A_ROW:
+        return None  # nearly always
+    apart = (np.array(alike) - here.place.x) / scale
+    for shift in apart[np.linalg.norm(apart, axis=1) > SAME_SHIFT]:
+        row = np.arange(2, IN_A_ROW)[:, np.newaxis, np.newaxis] * shift
+        off = np.linalg.norm(apart - row, axis=2).min(axis=1).max()
+        if off <= SAME_SHIFT * float(np.linalg.norm(shift)):
+            return np.asarray(-shift * scale)
     return None
 
 

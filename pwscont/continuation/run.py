@@ -29,7 +29,15 @@ from pwscont.basics.arrays import Array, generic
 from pwscont.basics.budget import INTERRUPTED, Budget, Limits
 from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidInputError
-from pwscont.basics.outcome import FILL, FILL_CURVES, GIVEN_UP, Guarantee, Kind, SearchScope
+from pwscont.basics.outcome import (
+    FILL,
+    FILL_CURVES,
+    GIVEN_UP,
+    IN_VAIN,
+    Guarantee,
+    Kind,
+    SearchScope,
+)
 from pwscont.basics.printing import counted, short
 from pwscont.basics.quantities import Function
 from pwscont.basics.rounding import SAME_ALPHA
@@ -311,7 +319,7 @@ def follow_starts(plan: Plan, starts: Iterable[Found], searched: SearchScope) ->
         unmarked = divide(discovery, system, metric, plan.events, budget) if plan.events else 0
     is_part = bool(without_digits)
     infinite: tuple[Stretch, ...] = budget.spend(lambda: _infinite(plan, discovery, is_part), ())
-    scope = _scope(plan, searched, len(without_digits), unmarked)
+    scope = _scope(plan, searched, len(without_digits), discovery.left_out, unmarked)
     return _graph(plan, discovery, scope, infinite)
 
 
@@ -335,6 +343,9 @@ def _follow_from(
             arrival = each.begun(arrival)
         arrival = plan.events.begun(arrival) if plan.events else arrival
         discovery.add(ended_by_system(arrival), corner)
+        if discovery.is_net:  # every start would lead to another part of it
+            plan.branches.leave_off()
+            return
         if plan.budget.spent or (plan.system.unique and discovery.spans(*plan.interval)):
             return
 
@@ -357,14 +368,20 @@ def _infinite(plan: Plan, discovery: Discovery, is_part: bool) -> tuple[Stretch,
     return joined(find_continua(system, metric, alphas, one_of_many, doubtful), alphas)
 
 
-def _scope(plan: Plan, searched: SearchScope, lost: int, unmarked: int) -> SearchScope:
+def _scope(
+    plan: Plan, searched: SearchScope, lost: int, left_out: int, unmarked: int
+) -> SearchScope:
     """Return what was searched and what that promises.
 
-    ``lost``: the number of starts without a digit; ``unmarked``: of pieces without marked events.
+    ``lost``: the number of starts without a digit; ``left_out``: of starts at which the Jacobian
+    loses rank; ``unmarked``: of pieces without marked events.
     """
     what, promise = searched.what, searched.promise
     if lost:
         what += f"; {lost} of the points found not followed, for no digit of them is certain"
+        promise = Guarantee.NOTHING
+    if left_out:
+        what += f"; {left_out} of the points found {IN_VAIN}"
         promise = Guarantee.NOTHING
     if plan.branches.is_left_off:
         what += f"; {GIVEN_UP}"

@@ -21,6 +21,7 @@ from pwscont.basics.outcome import (
     FILL,
     FILL_CURVES,
     GIVEN_UP,
+    IN_VAIN,
     NOTHING_FOUND,
     ON_BOUND,
     TOUCH,
@@ -243,6 +244,7 @@ def _causes(graph: ConnectedPieces, gaps: list[Gap]) -> Iterator[str]:
         yield f"a solution stands twice in {listed(twice)}"
     yield from _stops(graph, stopped)
     yield from _touches(graph)
+    yield from _left_out(graph)
     yield from _places(IN_PART, graph, partial)
     yield from _places("a branch ends on purpose", graph, on_purpose)
 
@@ -283,8 +285,7 @@ def _doubts(graph: ConnectedPieces) -> Iterator[str]:
     lost = [point for point in graph.nodes if point.kind == Kind.STOPPED or point.lost]
     alone = [p for p in lost if not (FILL_CURVES in p.message and p in of_many)]
     yield from _stops(graph, alone)
-    if GIVEN_UP in graph.searched.what:
-        yield f"the search was {GIVEN_UP}"
+    yield from _left_out(graph)
     yield from _places(IN_PART, graph, graph.special_points(Kind.PARTIAL_CORNER))
     if known := [stretch.ends for stretch in graph.infinite if stretch[0] < stretch[1]]:
         yield f"infinitely many solutions for {graph.parameter} in {', '.join(known)}"
@@ -298,6 +299,13 @@ def _doubts(graph: ConnectedPieces) -> Iterator[str]:
     yield from _places("a fold was passed over on the piece that begins", graph, begun)
     vague = [point for point in graph.nodes if point.digits < TOO_FEW_DIGITS]
     yield from _places("hardly a digit is known", graph, vague)
+
+
+def _left_out(graph: ConnectedPieces) -> Iterator[str]:
+    """Yield what a run left out of its search."""
+    for what, left in ("the search was", GIVEN_UP), ("starts were", IN_VAIN):
+        if left in graph.searched.what:
+            yield f"{what} {left}"
 
 
 def _goes_back(graph: ConnectedPieces, piece: Piece) -> bool:

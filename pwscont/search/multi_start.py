@@ -23,7 +23,7 @@ from pwscont.basics.printing import counted
 from pwscont.curve.error_samples import Found
 from pwscont.curve.metric import Metric, Range
 from pwscont.search.enumeration import starts_at
-from pwscont.search.pursuit import MOST_FOUND, Pursuit, is_new, solution_from
+from pwscont.search.pursuit import FEW_MORE, MOST_FOUND, Pursuit, is_new, solution_from
 from pwscont.search.search import KnownBranches, Search
 from pwscont.system.abilities import completed, shown_size
 from pwscont.system.box import Box
@@ -183,12 +183,12 @@ class Throughout(Search):
             return
         if not known.extremes():  # only undamped steps cross kinks where H grows at first
             yield from MultiStart(count=1, around=self.around).starts(system, metric, interval)
-        count = 0
+        count, most = 0, FEW_MORE if known.is_left_off else MOST_FOUND
         for turn in range(MOST_ROUNDS):
             before = count
             for count, found in enumerate(self._between(pursuit, interval, turn), before + 1):
                 yield found
-                if count > MOST_FOUND:
+                if count > most:
                     known.leave_off()
                     return
             if count == before and (turn or known.extremes()):

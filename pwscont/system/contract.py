@@ -208,6 +208,8 @@ def jacobian_at(system: PiecewiseSystem, z: Array, alpha: float, character: Char
 DISTANCE_TO_POINT = 0.01
 #: Lengths of steps, in typical magnitudes; the first length nearly always confirms the derivative.
 STEPS = (1e-5, 1e-4, 1e-6)
+#: Still shorter steps, tried before a derivative is called wrong: magnitudes may be far too large.
+FINEST = (1e-7, 1e-8, 1e-9, 1e-10, 1e-11, 1e-12, 1e-13)
 #: Largest error of a right derivative, and largest difference of quotients that agree, as parts of
 #: the terms of the derivative.
 WRONG_SLOPE, EQUAL_QUOTIENTS = 1e-4, 1e-5
@@ -283,6 +285,10 @@ def _refuse_wrong_derivative(
         values = np.abs(function(far))
         rounding = np.fmax(rounding, GUARD * EPS * values / min(STEPS))
     wrong &= ~(np.abs(quotients[-1] - slopes) <= rounding)
+    for step in FINEST if wrong.any() else ():  # H may oscillate within all other steps
+        ahead, behind = x + step * direction, x - step * direction
+        apart = np.abs(function(ahead) - function(behind) - product(matrix, ahead - behind))
+        wrong &= ~(apart < WRONG_SLOPE * product(abs(matrix), np.abs(ahead - behind)))
     if not wrong.any():
         return
     words = f"is wrong in row {np.flatnonzero(wrong)[0]}: it is not the derivative of"
