@@ -88,8 +88,7 @@ def joined(vector: Array, value: float) -> Array:
 
 def product(matrix: Matrix, x: Array) -> Array:
     """Return ``matrix @ x``; of few dense entries numpy's ``dot`` takes a third of the time."""
-    result: Array = matrix.dot(x) if type(matrix) is np.ndarray else matrix @ x
-    return result
+    return matrix.dot(x) if type(matrix) is np.ndarray else matrix @ x
 
 
 def indices(numbers: Sequence[int] | Indices) -> Indices:
@@ -101,8 +100,7 @@ def indices(numbers: Sequence[int] | Indices) -> Indices:
 
 def dense(matrix: Matrix) -> Array:
     """Return any matrix, sparse, banded or dense, as an array."""
-    whole: Array = matrix.toarray() if hasattr(matrix, "toarray") else np.asarray(matrix)
-    return whole
+    return matrix.toarray() if hasattr(matrix, "toarray") else np.asarray(matrix)
 
 
 def by_rows(matrix: Matrix) -> Matrix:
@@ -133,5 +131,4 @@ def generic(size: int, shift: float = 0.0) -> Array:
 
 def generic_angles(size: int, shift: float = 0.0) -> Array:
     """Return the angles whose cosines and sines are generic: multiples of the root of two."""
-    angles: Array = 1.0 + shift + np.sqrt(2.0) * np.arange(size)
-    return angles
+    return 1.0 + shift + np.sqrt(2.0) * np.arange(size)

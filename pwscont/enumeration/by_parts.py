@@ -152,8 +152,7 @@ class PartSlice(SlicewiseLinearSystem):
 
     def test_functions(self, z: Array, alpha: float) -> Array:
         """Return the tests of the blocks of the part."""
-        values: Array = self.table.tests[0] @ z + self.table.tests[1]
-        return values
+        return self.table.tests[0] @ z + self.table.tests[1]
 
     def test_jacobian(self, z: Array, alpha: float) -> Matrix:
         """Return the gradients of these tests, with a column of zeros for the idle parameter."""
@@ -162,8 +161,7 @@ class PartSlice(SlicewiseLinearSystem):
     def residual(self, z: Array, alpha: float, character: Character) -> Array:
         """Return the rows of the part."""
         matrix, constants, _ = self._in_cell(character)
-        value: Array = matrix @ z + constants
-        return value
+        return matrix @ z + constants
 
     def jacobian(self, z: Array, alpha: float, character: Character) -> Matrix:
         """Return the constant Jacobian, with a column of zeros for the idle parameter."""

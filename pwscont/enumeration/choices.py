@@ -61,19 +61,16 @@ class Choices:
     @property
     def rounding(self) -> Array:
         """Estimate of the rounding error of the starts, shape (N,)."""
-        rounding: Array = EPS * self.growth * self._sizes
-        return rounding
+        return EPS * self.growth * self._sizes
 
     @property
     def slack(self) -> Array:
         """How far below zero an inequality of unit length may be and still hold, shape (N,)."""
-        slack: Array = SLACK * self._sizes + GUARD * self.rounding
-        return slack
+        return SLACK * self._sizes + GUARD * self.rounding
 
     @property
     def _sizes(self) -> Array:
-        sizes: Array = 1.0 + np.abs(self.starts).max(axis=1, initial=0.0)
-        return sizes
+        return 1.0 + np.abs(self.starts).max(axis=1, initial=0.0)
 
     def __getitem__(self, index: Indices | slice) -> Choices:
         """Return some of the choices."""

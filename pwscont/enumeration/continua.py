@@ -297,8 +297,7 @@ def _is_singular(system: PiecewiseSystem, scale: Array, y: Array, alpha: float) 
 def _null_space(matrix: Array) -> Array:
     """Return unit columns that span what the matrix sends to zero, shape (n, d)."""
     _, sizes, directions = svd(matrix)
-    null: Array = directions[sizes <= SINGULAR_VALUE * sizes[0]].T
-    return null
+    return directions[sizes <= SINGULAR_VALUE * sizes[0]].T
 
 
 def _in_linear_pieces(system: PiecewiseLinearSystem, metric: Metric) -> Iterator[Continuum]:

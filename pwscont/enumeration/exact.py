@@ -134,8 +134,7 @@ class ExactSlice:
             slack = (CERTAINLY_OUTSIDE * (np.abs(x) + 1.0) + off[:, np.newaxis]) @ np.abs(tests).T
             side = sum(signs[k] for signs, k in zip(sides, picks.T, strict=True))
             outside = side * (x @ tests.T) < -slack
-            is_outside: Signs = outside.any(axis=1) & (condition <= WORST_IN_DOUBLES)
-            return is_outside
+            return outside.any(axis=1) & (condition <= WORST_IN_DOUBLES)
 
         left, most = [], 1 + ENTRIES_AT_ONCE // self._n**2
         for picks in _batches([len(block.modes) for block in self._blocks], most):
@@ -213,8 +212,7 @@ def _inverse(matrix: Array, scale: Array) -> Array:
     with suppress(np.linalg.LinAlgError):
         inverse = np.linalg.inv(scaled / largest)
         if np.abs(inverse).sum(axis=1).max() * len(matrix) <= WELL_CONDITIONED:
-            rounded: Array = (inverse * scale[:, np.newaxis] / largest.T).T
-            return rounded
+            return (inverse * scale[:, np.newaxis] / largest.T).T
     n, unit = len(matrix), np.eye(len(matrix))
     echelon = Echelon(n).extended(
         [integers(np.append(*row)) for row in zip(matrix, unit, strict=True)]

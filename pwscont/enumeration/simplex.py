@@ -84,8 +84,7 @@ class Forms:
 
     def values(self, points: Array) -> Array:
         """Return all forms at points, shapes (M, q) and (M, N)."""
-        values: Array = points @ self.rows.T + self.constants
-        return values
+        return points @ self.rows.T + self.constants
 
 
 def _distinct(rows: Array) -> tuple[Array, Indices, Flags]:
@@ -206,23 +205,20 @@ def _most_wrong(forms: Forms, vertices: Vertices) -> tuple[Indices, Array]:
 
 def slack_of(vertices: Vertices) -> Array:
     """Return the size, shape (N,), up to which values of the wrong sign hold."""
-    slack: Array = SLACK * (1.0 + np.abs(vertices.points).max(axis=1, initial=0.0))
-    return slack
+    return SLACK * (1.0 + np.abs(vertices.points).max(axis=1, initial=0.0))
 
 
 def _gains(vertices: Vertices, slopes: Array) -> Array:
     """Return how much each form of the basis helps; less than zero for a change not allowed."""
     asked = np.take_along_axis(vertices.signs, vertices.basis, axis=1)
-    gains: Array = np.where(asked == ANY, np.abs(slopes), slopes * _WAY[asked])
-    return gains
+    return np.where(asked == ANY, np.abs(slopes), slopes * _WAY[asked])
 
 
 def _rounding(row: Array) -> Array:
     """Return the size, shape (N, 1), below which coefficients are rounding."""
-    size: Array = ROUNDING_OF_COEFFICIENTS * np.maximum(
+    return ROUNDING_OF_COEFFICIENTS * np.maximum(
         1.0, np.abs(row).max(axis=1, initial=0.0, keepdims=True)
     )
-    return size
 
 
 def _pivoted(old: Vertices, form: Indices, value: Array, row: Array, gain: Array) -> Vertices:
@@ -256,5 +252,4 @@ def _is_proved(
     off = np.abs(forms.rows[form] - (row[:, np.newaxis] @ basis)[:, 0]).sum(axis=1)
     off += np.maximum(gain, 0.0).sum(axis=1)
     most = SOLUTION_MARGIN * (1.0 + np.abs(row).sum(axis=1)) + REACH * off
-    is_proved: Flags = constant * np.sign(value) > most
-    return is_proved
+    return constant * np.sign(value) > most

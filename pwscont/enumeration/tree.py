@@ -251,8 +251,7 @@ class _Search:
         """Tell which choices are complete, or hold at the vertex and fit into a batch."""
         numbers = np.where(nodes.picks == OPEN, self._numbers, 1).astype(float).prod(axis=1)
         holds = wrong.max(axis=(1, 2), initial=0.0) <= slack_of(nodes)
-        is_end: npt.NDArray[np.bool_] = holds & (numbers <= BATCH) | (numbers == 1.0)
-        return is_end
+        return holds & (numbers <= BATCH) | (numbers == 1.0)
 
     def _branches(self, nodes: Vertices, wrong: Array) -> Vertices:
         """Return all options of the block whose options are most wrong, for every choice."""

@@ -99,10 +99,9 @@ class Fields:
 
     def integer(self, key: str, least: int) -> int:
         """Return a whole number that is not below ``least``."""
-        value: int = self._fitting(
+        return self._fitting(
             key, lambda v: type(v) is int and v >= least, f"a whole number from {least} on"
         )
-        return value
 
     def number(self, key: str) -> float:
         """Return a number, which may be infinite."""
@@ -131,10 +130,7 @@ class Fields:
     def items(self, key: str, length: int | None = None) -> list[Any]:
         """Return a list."""
         what = "a list" if length is None else f"a list of {length}"
-        found: list[Any] = self._fitting(
-            key, lambda v: isinstance(v, list) and length in (None, len(v)), what
-        )
-        return found
+        return self._fitting(key, lambda v: isinstance(v, list) and length in (None, len(v)), what)
 
     def numbers(self, key: str) -> Array:
         """Return a list of numbers."""

@@ -240,8 +240,7 @@ class DenseLU(Factor):
     def solve(self, rhs: Array) -> Array:
         """Return the solution for a right-hand side, or several."""
         if rhs.ndim == 1:
-            solution: Array = lapack.dgetrs(self.lu, self.pivots, rhs)[0]
-            return solution
+            return lapack.dgetrs(self.lu, self.pivots, rhs)[0]
         return _solved(self.lu, self.pivots, rhs.T).T
 
     solve_all = solve

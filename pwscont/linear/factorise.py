@@ -103,8 +103,7 @@ def rows_divided(jacobian: Matrix, rows: Array) -> Matrix:
 def largest_in_rows(jacobian: Matrix) -> Array:
     """Return the largest magnitude in each row of a result of :func:`columns_scaled`."""
     is_dense = isinstance(jacobian, np.ndarray)
-    largest: Array = row_maxima(jacobian) if is_dense else jacobian.largest_in_rows()
-    return largest
+    return row_maxima(jacobian) if is_dense else jacobian.largest_in_rows()
 
 
 def column(jacobian: Matrix, index: int) -> Array:

@@ -106,8 +106,7 @@ class StoredJacobian(StructuredJacobian):
 
     def toarray(self) -> Array:
         """Return the same matrix as a dense array, shape (n, n + 1)."""
-        dense: Array = self.tocsc().toarray()
-        return dense
+        return self.tocsc().toarray()
 
     @abstractmethod
     def split(self) -> tuple[Factor, Array]:

@@ -30,12 +30,10 @@ class SparseJacobian(StoredJacobian):
         self.shape = self._csc.shape
 
     def __matmul__(self, x: Array) -> Array:
-        product: Array = self._csc @ x
-        return product
+        return self._csc @ x
 
     def __rmatmul__(self, y: Array) -> Array:
-        product: Array = y @ self._csc
-        return product
+        return y @ self._csc
 
     def __abs__(self) -> Any:
         return abs(self._csc)

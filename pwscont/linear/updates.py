@@ -99,8 +99,7 @@ class ProductForm(Factor):
         k = self.count
         if not k:
             return vectors
-        changed: Array = vectors - vectors.dot(self._d[:k].T).dot(self._v[:k])
-        return changed
+        return vectors - vectors.dot(self._d[:k].T).dot(self._v[:k])
 
     def change(self, w: Array, g: Array) -> float:
         """Change the matrix by c g^T, with the known w = M^-1 c, and return the pivot 1 + g.w.

@@ -310,8 +310,7 @@ class Reduction:
 
     def state(self, z: Array) -> Array:
         """Return the unknowns that remain of a state of the full system."""
-        state: Array = self.recovery.state(z) if self.recovery else z[self.kept]
-        return state
+        return self.recovery.state(z) if self.recovery else z[self.kept]
 
     def character(self, character: Character) -> Character:
         """Return the character of the full system."""

@@ -104,8 +104,7 @@ class Differences:
         a, b, here = near - alpha, far - alpha, _value(function, alpha)
         # the slope at alpha of the parabola through three points
         first, second = (_value(function, other) - here for other in (near, far))
-        one_sided: Array = (first * (b / a) - second * (a / b)) / (b - a)
-        return one_sided
+        return (first * (b / a) - second * (a / b)) / (b - a)
 
     def exact(self, function: Function) -> Array:
         """Return the Jacobian of an affine ``function``, shape (k, n + 1), right to rounding."""
@@ -130,8 +129,7 @@ class Differences:
             weights = ONE_SIDED
             sign = np.copysign(1.0, step[-1]) * self._inward(float(x[-1]), reach)
         terms = [w * _value(function, x + sign * k * step) for k, w in weights.items()]
-        derivative: Array = np.sum(terms, axis=0) / (sign * fine)
-        return derivative
+        return np.sum(terms, axis=0) / (sign * fine)
 
     def to_fourth_order(self, function: Function, x: Array) -> Array:
         """Return the Jacobian of ``function`` at ``x``, shape (k, n + 1), about 12 digits right."""

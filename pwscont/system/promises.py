@@ -173,8 +173,7 @@ def refuse_bent_tests(
 def _bend(value: Array, origin: Array, change: Array, terms: Array) -> Array:
     """Return how far ``value`` is off ``origin + change``, beyond a part of all terms."""
     terms = np.abs(value) + np.abs(origin) + terms
-    off: Array = np.abs(value - origin - change) - AFFINE_DEFECT * terms
-    return off
+    return np.abs(value - origin - change) - AFFINE_DEFECT * terms
 
 
 def _bent(system: PiecewiseSystem, what: str, dx: Array) -> InvalidSystemError:

@@ -170,8 +170,7 @@ class Selection:
         """Return the gradient of the bounding test with this index, shape (n + 1,)."""
         which = self.bounding[index : index + 1]
         rows = self.system.some_test_gradients(x[:-1], float(x[-1]), which)
-        gradient: Array = self.side[index] * dense(rows)[0]
-        return gradient
+        return self.side[index] * dense(rows)[0]
 
 
 def _bounds(system: PiecewiseSystem, character: Character) -> tuple[Indices, Signs]:

@@ -220,13 +220,11 @@ class PiecewiseSystem(Undefined, ABC):
         all tests, and take some; override this method, and :meth:`some_test_gradients`, if every
         test costs time.
         """
-        taken: Array = _some_of(self, self.test_functions(z, alpha), alpha, which)
-        return taken
+        return _some_of(self, self.test_functions(z, alpha), alpha, which)
 
     def some_test_gradients(self, z: Array, alpha: float, which: Indices) -> Matrix:
         """Return only some rows of :meth:`test_jacobian`, shape (len(which), n + 1)."""
-        taken: Matrix = _some_of(self, self.test_jacobian(z, alpha), alpha, which)
-        return taken
+        return _some_of(self, self.test_jacobian(z, alpha), alpha, which)
 
     def bounding_tests(self, character: Character) -> Sequence[int] | Indices:
         """Return the indices of the tests whose zero sets bound this cell; default all.
