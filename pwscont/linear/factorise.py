@@ -1,9 +1,8 @@
 """Factorisations of matrices in every storage: the functions that the other rooms call.
 
 A full row and a full column would fill a sparse factorisation: rows and columns are added in turn
-to an LU of B, the part of J for z. First come the borders that make up for the rank that B lacks,
-then the column for alpha. Where B has no LU, and where B lacks two ranks because two vertical
-curves cross, the bordered matrix is factorised as a whole, at whatever cost.
+to an LU of B, the part of J for z. Where B has no LU, and where B lacks two ranks because two
+vertical curves cross, the bordered matrix is factorised as a whole, at whatever cost.
 """
 
 from __future__ import annotations

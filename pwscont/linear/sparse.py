@@ -1,7 +1,4 @@
-"""Sparse Jacobians, and the LU of sparse matrices by SuperLU.
-
-SuperLU gives up if a pivot vanishes exactly: the factorisation has ``failed`` then.
-"""
+"""Sparse Jacobians, and the LU of sparse matrices by SuperLU."""
 
 from __future__ import annotations
 
@@ -39,25 +36,20 @@ class SparseJacobian(StoredJacobian):
         return abs(self._csc)
 
     def tocsc(self) -> Any:
-        """Return the matrix in a storage of scipy.sparse, by columns."""
         return self._csc
 
     def scaled(self, columns: Array) -> SparseJacobian:
-        """Return a new matrix with columns multiplied by ``columns``, shape (n + 1,)."""
         return self._with(self._csc.data * np.repeat(columns, np.diff(self._csc.indptr)))
 
     def divided(self, rows: Array) -> SparseJacobian:
-        """Return a new matrix with rows divided by ``rows``, shape (n,)."""
         return self._with(self._csc.data / rows[self._csc.indices])
 
     def largest_in_rows(self) -> Array:
-        """Return the largest magnitude in each row, shape (n,)."""
         largest = np.zeros(self.shape[0])
         np.maximum.at(largest, self._csc.indices, np.abs(self._csc.data))
         return largest
 
     def split(self) -> tuple[Factor, Array]:
-        """Return an LU of the part for z, and the column for alpha; for entries of about 1."""
         n, end = self.shape[0], self._csc.indptr[-2]
         parts = self._csc.data[:end], self._csc.indices[:end], self._csc.indptr[:-1]
         return SparseLU(sp.csc_matrix(parts, shape=(n, n))), self.column_at(n)
@@ -90,7 +82,6 @@ class SparseLU(Factor):
 
     @property
     def sign(self) -> int:
-        """Sign of the determinant; 0 where a pivot vanishes exactly."""
         if self.failed:
             return 0
         signs = np.prod(np.sign(self._pivots))
@@ -98,17 +89,14 @@ class SparseLU(Factor):
 
     @property
     def log_determinant(self) -> float:
-        """Logarithm of the magnitude of the determinant."""
         return -np.inf if self.failed else sum_of_logs(self._pivots)
 
     def solve(self, rhs: Array) -> Array:
-        """Return the solution for a right-hand side, or several, shape (l, k)."""
         return self._solved(rhs, "N")
 
     solve_all = solve
 
     def solve_transposed(self, rhs: Array) -> Array:
-        """Return the solution with the transposed matrix."""
         return self._solved(rhs, "T")
 
     def _solved(self, rhs: Array, trans: str) -> Array:
@@ -116,8 +104,5 @@ class SparseLU(Factor):
         return np.asarray(self._lu.solve(np.asfortranarray(rhs.T), trans).T)
 
     def is_singular(self) -> bool:
-        """Tell whether the smallest pivot is at most k rounding errors of the largest pivot."""
-        if self.failed:
-            return True
-        pivots = np.abs(self._pivots)
+        pivots = np.abs(self._pivots) if not self.failed else np.zeros(1)
         return bool(pivots.min() <= len(pivots) * EPS * pivots.max())
