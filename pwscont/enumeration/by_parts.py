@@ -2,15 +2,11 @@
 
 The strongly connected components of this graph, in topological order, are the parts: each part
 depends on earlier parts only, and a search over all modes is exponential in the largest part only.
-The rows and tests of a block belong to a single part, except tests that depend on earlier parts
-alone. Where rows and unknowns cannot be paired, or blocks have no rows, the whole system is a
-single part.
-
 For each solution of the parts before, a part is a small slice, whose constants have the error of
 that solution. A part with a single unknown is solved mode by mode, by a division: in a chain of
 such parts magnitudes may fall until no typical magnitude can be told. If a part cannot be decided,
 the whole slice is solved at once. A solution found part by part is refined in the whole system, and
-must lie in the closed cell. Its cells, all combinations of the parts' cells, are made when needed.
+must lie in the closed cell.
 """
 
 from __future__ import annotations
@@ -177,13 +173,11 @@ class PartSlice(SlicewiseLinearSystem):
         signs, blocks = character.signs, self.table.blocks
         return [block.modes.index(tuple(signs[i] for i in block.tests)) for block in blocks]
 
-    def _in_cell(self, character: Character) -> tuple[Array, Array, Array]:
+    def _in_cell(self, character: Character) -> list[Array]:
         """Return the rows of a cell: the matrix, the constants and the errors of the constants."""
         modes, rows = self._modes(character), [block.rows for block in self.table.blocks]
-        matrices, constants = zip(*self.table.rows, strict=True)
-        parts = matrices, constants, self._errors
-        matrix, values, errors = (_in_modes(part, rows, modes) for part in parts)
-        return matrix, values, errors
+        parts = *zip(*self.table.rows, strict=True), self._errors
+        return [_in_modes(part, rows, modes) for part in parts]
 
     def scalar_root(self, character: Character, scale: float) -> _Root | None:
         """Solve a mode for the only unknown; None if the mode leaves the unknown free."""

@@ -1,14 +1,10 @@
 """Sets of infinitely many solutions at one alpha, as two equal equations have.
 
-For piecewise-linear systems such sets are found exactly. With alpha as a further unknown, the
-solutions in a closed cell are a polyhedron, which fills all values of alpha between two ends, or a
-single value. The face at an end is looked at alone, for a polyhedron may end in a point.
-
-For curved systems, a solution belongs to such a set if dH/dz is singular there and at another
-solution nearby, found from aside in the null direction of dH/dz: from a branch point or a double
-root Newton's method does not converge there, or comes back. The shortest Newton step is taken,
-because dH/dz is singular at all solutions of a set. A singular value below the error of Jacobians
-by differences counts as zero.
+For piecewise-linear systems such sets are found exactly: with alpha as a further unknown, the
+solutions in a closed cell are a polyhedron. For curved systems, a solution belongs to such a set if
+dH/dz is singular there and at another solution nearby, found from aside in the null direction of
+dH/dz: from a branch point or a double root Newton's method does not converge there, or comes back.
+The shortest Newton step is taken, because dH/dz is singular at all solutions of a set.
 """
 
 from __future__ import annotations
@@ -21,6 +17,7 @@ from math import sqrt
 from typing import final
 
 import numpy as np
+from numpy.linalg import norm
 from scipy.linalg import lstsq, null_space, svd
 
 from pwscont.basics.arrays import Array, are_finite, dense, generic
@@ -94,20 +91,16 @@ def _has_others(
     parts: tuple[float, ...] = DISTANCES_TO_OTHER[:1],
 ) -> bool:
     """Tell whether solutions beside a place fill a curve or more, in any of the cells there."""
-    here, size = equations_in_magnitudes(system, y * scale, alpha, scale), 1.0 + _length(y)
-    most = MORE_RESIDUAL * _length(here[0]) / size + LEFT_OVER if here else 0.0
+    here, size = equations_in_magnitudes(system, y * scale, alpha, scale), 1.0 + norm(y)
+    most = MORE_RESIDUAL * norm(here[0]) / size + LEFT_OVER if here else 0.0
     for way in (part * size for part in parts):
         for direction in _level_directions(system, scale, y, alpha, way):
             other = solution_near(system, scale, y + way * direction, alpha, most)
-            if other is None or not 0.5 * way <= _length(other - y) <= 2.0 * way:
+            if other is None or not 0.5 * way <= norm(other - y) <= 2.0 * way:
                 continue
             if _is_singular(system, scale, other, alpha):
                 return True
     return False
-
-
-def _length(y: Array) -> float:
-    return float(np.linalg.norm(y))
 
 
 def _level_directions(
@@ -133,7 +126,7 @@ def _level_directions(
         cone = Polyhedron.of(np.vstack([sides, box]), values, SINGULAR_VALUE)
         inside, along = (cone and cone.inside(SINGULAR_VALUE)) or (np.zeros(0), np.zeros((0, 0)))
         for end in (inside + w for v in along.T for w in (v, -v)):
-            yield null @ end / _length(end)
+            yield null @ end / norm(end)
 
 
 def underflows(system: PiecewiseSystem, metric: Metric, x: Array) -> bool:
@@ -171,11 +164,11 @@ def solution_near(
         residual, jacobian, _ = linear
         step = lstsq(jacobian, -residual, cond=SINGULAR_VALUE)[0]
         y = y + step
-        size = 1.0 + np.linalg.norm(y)
-        if np.linalg.norm(step) <= LONGEST_LAST_STEP * size:
+        size = 1.0 + norm(y)
+        if norm(step) <= LONGEST_LAST_STEP * size:
             arrived = equations_in_magnitudes(system, y * scale, alpha, scale)
             # a cut off direction may have hidden the residual
-            return y if arrived and np.linalg.norm(arrived[0]) <= most * size else None
+            return y if arrived and norm(arrived[0]) <= most * size else None
     return None
 
 
@@ -199,9 +192,6 @@ def find_continua(
     doubtful: list[Array],
 ) -> Iterator[Continuum]:
     """Yield the parts of the interval with infinitely many solutions.
-
-    Exact for piecewise-linear systems. Otherwise the special points and the middles between special
-    points are asked for.
 
     ``system``: nothing is asked of systems that are affine in z at fixed alpha and have many cells.
     ``alphas``: the values of alpha of special points, and both ends of the interval.

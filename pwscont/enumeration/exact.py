@@ -1,16 +1,14 @@
 """Enumeration of all cells in exact arithmetic.
 
 At fixed alpha selections and tests are affine in z with coefficients that are doubles, hence
-rational. Each row is made a row of integers, and Bareiss's fraction-free elimination (1968) leaves
-integers whose quotients are the solution. Nothing is rounded, whatever the condition, and the sign
-of the determinant is exact as well. Choices of modes share the elimination of the blocks decided
-before. Cells are excluded in doubles, in batches, where floating point is certain. The integers
+rational: elimination in integers (:mod:`pwscont.enumeration.echelon`) rounds nothing, whatever the
+condition. Cells are excluded in doubles, in batches, where floating point is certain. The integers
 grow by 53 bits and more for each row: beyond MOST_WORK nothing is done, and the caller says so.
 
 The system's own numbers are rounded, so that selections agree on an interface to rounding only. A
-solution that close to an interface may lie in two cells: the two points found are merged if the
-errors cover the distance. Or the solution lies in no cell: a cell that misses the cell's solution
-by no more than the error counts as undecided, unless the solution was found in another cell.
+solution that close to an interface may lie in two cells: the two points are merged if the errors
+cover the distance. Or the solution lies in no cell: a cell that misses its solution by no more than
+the error counts as undecided, unless the solution was found in another cell.
 """
 
 from __future__ import annotations
@@ -109,8 +107,7 @@ class ExactSlice:
         """Return the work before the first cell is solved exactly."""
         n, common = self._n, len(self._common)
         options = sum(len(block.rows) * len(block.modes) for block in self._blocks)
-        cells = number_of_cells(self._blocks)
-        return (common + options) * common * n + cells * (n - common)
+        return (common + options) * common * n + number_of_cells(self._blocks) * (n - common)
 
     def _left(self) -> Indices:
         """Return the choices of modes, shape (N, blocks), that may hold a solution or nearly.

@@ -172,13 +172,7 @@ def _corners(around: Polyhedron, basis: Array, rounding: float) -> Array:
     if d == 1:
         ends = [end for end in Polyhedron(matrix, vector).ends() if np.isfinite(end)]
         return np.array(ends).reshape(-1, 1)
-    return _extreme(matrix, vector)
-
-
-def _extreme(matrix: Array, vector: Array) -> Array:
-    """Return the extreme points of {s : matrix s + vector >= 0}, shape (k, q)."""
-    q = matrix.shape[1]
-    rows = np.array([*combinations(range(len(matrix)), q)], dtype=np.intp).reshape(-1, q)
+    rows = np.array([*combinations(range(len(matrix)), d)], dtype=np.intp).reshape(-1, d)
     rows = rows[np.abs(np.linalg.det(matrix[rows])) > SLACK]
     points = np.linalg.solve(matrix[rows], -vector[rows][..., np.newaxis])[..., 0]
     slack = GUARD * EPS * (1.0 + np.abs(points).max(axis=1, initial=0.0))
@@ -187,7 +181,7 @@ def _extreme(matrix: Array, vector: Array) -> Array:
     for s, off in zip(points[inside], slack[inside], strict=True):
         if not any(np.abs(s - other).max() <= off for other in found):
             found.append(s)
-    return np.array(found).reshape(-1, q)
+    return np.array(found).reshape(-1, d)
 
 
 #: Options of HiGHS: the least tolerances, and no presolve, which fails without a largest value.

@@ -4,17 +4,16 @@ Equations and inequalities of all options, and of every cell, are affine forms o
 form is listed once, with either sign. To choose an option is to ask more signs: a form asked to be
 >= 0 and <= 0 has to vanish. Each program asks whether some point has the signs that are asked.
 
-A vertex is the point where q independent forms, the basis, vanish; s = coordinates + directions @
-(values of the basis). The objective is any linear function that is least at the vertex, for the
-signs asked of the basis. The vertex stays least when more signs are asked: the dual simplex method
-(Lemke 1954) begins where the program of the parent ended. In each step the form with the wrongest
-value enters the basis, for the form by which the objective grows least (among equals the largest
-coefficient). If no form can make the value right, the row is the proof (Farkas 1902) that no point
-has the signs asked: form = constant + sum of coefficients times forms, where no term can help.
+A vertex is the point where q independent forms, the basis, vanish. The objective is any linear
+function that is least at the vertex, for the signs asked of the basis. The vertex stays least when
+more signs are asked: the dual simplex method (Lemke 1954) begins where the program of the parent
+ended. In each step the form with the wrongest value enters the basis, for the form by which the
+objective grows least. If no form can make the value right, the row is the proof (Farkas 1902) that
+no point has the signs asked: form = constant + sum of coefficients times forms, and no term helps.
 
 Rounding grows from step to step: a proof is checked against the forms themselves. If the check
 fails, or after too many steps (ties may cycle), the program counts as feasible, which costs time,
-and no more. Signs count as wrong from SLACK on only, because a solution may lie on a boundary.
+and no more.
 """
 
 from __future__ import annotations

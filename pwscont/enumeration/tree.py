@@ -1,13 +1,10 @@
 """The search over all choices of options.
 
-Blocks are decided in turn. Linear programs, many at once, cut off choices that no point can
-satisfy: they relax the undecided blocks, and ask only what holds in all options of a block. Each
-choice branches on the block whose options are most wrong at the vertex of the choice.
-
-Choices that cannot be cut off, because their vertex lies in the cells of all options that are left
-(an unloaded body), are decided together (:mod:`pwscont.enumeration.choices`). If the search has
-cost as much as that, all choices are decided together. A cell without a unique point is handed on
-with the directions that are left, with or without a look at the inequalities of the cell.
+Linear programs, many at once, cut off choices that no point can satisfy: undecided blocks are
+relaxed to what holds in all of their options. Each choice branches on the block whose options are
+most wrong at the vertex of the choice. Choices that cannot be cut off, because their vertex lies in
+the cells of all options that are left (an unloaded body), are decided together
+(:mod:`pwscont.enumeration.choices`), and so are all choices if the search has cost as much as that.
 """
 
 from __future__ import annotations
@@ -201,13 +198,13 @@ def _of_first(problem: Problem, picks: tuple[int, ...]) -> Choices | None:
 
 def _search(problem: Problem, per_program: float) -> list[tuple[int, ...]] | None:
     """Return the choices whose completions are all that is left; None if too costly."""
-    single = [options for options in problem.blocks if len(options) == 1]
-    first = _of_first(problem, (0,) * len(single))
+    blocks = [options for options in problem.blocks if len(options) > 1]
+    single = (0,) * (len(problem.blocks) - len(blocks))
+    first = _of_first(problem, single)
     if first is None:
         return []
-    blocks = [options for options in problem.blocks if len(options) > 1]
     found = _Search(Forms.of(problem, blocks, first), per_program).ends()
-    return found if found is None else sorted((0,) * len(single) + picks for picks in found)
+    return found and sorted(single + picks for picks in found)
 
 
 @final
@@ -261,5 +258,4 @@ class _Search:
         option = np.arange(len(parent)) - np.repeat(np.cumsum(numbers) - numbers, numbers)
         picks = nodes.picks[parent]
         picks[np.arange(len(parent)), block[parent]] = option
-        asked = self._forms.options[block[parent], option]
-        return nodes[parent].asking(asked, picks)
+        return nodes[parent].asking(self._forms.options[block[parent], option], picks)
