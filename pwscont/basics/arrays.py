@@ -32,7 +32,8 @@ def finite_array(name: str, values: Any, shape: tuple[int, ...] | None = None) -
     """
     try:
         given = np.asarray(values)
-        if (what := NO_REALS.get(_kind(given))) is not None:
+        is_text = given.dtype == object and any(isinstance(v, str | bytes) for v in given.flat)
+        if (what := NO_REALS.get("U" if is_text else given.dtype.kind)) is not None:
             raise TypeError(f"got {what}")
         array = np.array(given, dtype=float)
     except (TypeError, ValueError, OverflowError) as error:
@@ -44,13 +45,6 @@ def finite_array(name: str, values: Any, shape: tuple[int, ...] | None = None) -
         entry = name + (str(list(where)) if where else "")
         raise InvalidInputError(f"{name} must be finite, but {entry} is {array[where]}")
     return array
-
-
-def _kind(values: npt.NDArray[Any]) -> str:
-    """Return the letter for the kind of an array; of Python's objects, texts are found."""
-    if values.dtype.kind == "O" and any(isinstance(value, str | bytes) for value in values.flat):
-        return "U"
-    return values.dtype.kind
 
 
 def largest(values: Array) -> float:

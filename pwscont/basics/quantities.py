@@ -177,7 +177,10 @@ class Quantities:
         if name not in (*self.record, *names, *self._elsewhere):
             name = as_written(name, (*names, *self.record))
         if name in self.record:
-            return _recorded(name, self.record[name], z, alpha)
+            function = self.record[name]
+            if isinstance(function, Kept):
+                return function(z, alpha)
+            return evaluated(f"record {name!r}", function, z, alpha)
         if name in names:
             return float(z[names.index(name)])
         if name in self._elsewhere:
@@ -211,12 +214,6 @@ class Kept:
         if isinstance(self._value, str):
             raise InvalidInputError(self._value)
         return self._value
-
-
-def _recorded(name: str, function: Function, z: Array, alpha: float) -> float:
-    if isinstance(function, Kept):
-        return function(z, alpha)
-    return evaluated(f"record {name!r}", function, z, alpha)
 
 
 def evaluated(what: str, function: Callable[..., Any], z: Array, alpha: float) -> float:

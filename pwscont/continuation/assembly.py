@@ -1,14 +1,7 @@
 """From discovered nodes and pieces to the records of the branch graph.
 
-Events are marked after everything has been found. No event changes a step or a piece: the graph is
-the graph without events, plus the events.
-
-Failure modes and answers
--------------------------
-- A piece with two points is taken as straight: a part of a curved piece has a third point.
-- At an end of a piece, as at a branch point, the tangent may not be known: of several cubics the
-  one closest to the curve is taken.
-- An event where tracing began: the point is the event.
+Events are marked after everything has been found, and change no step: the graph is the graph
+without events, plus the events.
 """
 
 from __future__ import annotations
@@ -152,9 +145,8 @@ def assemble(
 ) -> tuple[list[SpecialPoint], list[Piece], list[SpecialPoint]]:
     """Return special points, pieces, and starts inside pieces, in the unknowns that a user sees.
 
-    Pieces are directed and numbered along the positive orientation of the component. Unknowns
-    and signs that a reduction left out are put back, and unknowns that the system hides are left
-    out. Special points get the names of the events there. The metric is that of the system.
+    Pieces are directed and numbered along the positive orientation of the component. What a
+    reduction left out is put back, and unknowns that the system hides are left out.
     """
 
     def show(points: Array, errors: bool = False) -> Array:
@@ -270,10 +262,7 @@ def _special_point(
     metric: Metric,
     events: Events | None,
 ) -> SpecialPoint:
-    """Return the special point of a node at which some edges end and others begin.
-
-    The metric is that of the user's unknowns.
-    """
+    """Return the special point of a node at which some edges end and others begin."""
     ends = [edge.last for edge, _ in before] + [edge.first for edge, _ in after]
     here, *others = (places.get(at, at) for at in [node.place, *(ray.place for ray in node.rays)])
     place = _covering(here, [*ends, *others], metric)

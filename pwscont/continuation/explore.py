@@ -72,10 +72,7 @@ def checked_start(
 
 
 def corrected(plan: Plan, start: Start, name: str) -> Found:
-    """Return the solution near a start of the full system, by semismooth Newton at its alpha.
-
-    Refused is a start without a solution nearby, or with a solution outside the bounds.
-    """
+    """Return the solution near a start of the full system, or refuse the start, named ``name``."""
     z, alpha = start
     found = semismooth_newton(plan.reduced_system, plan.metric, plan.reduced(z), alpha)
     if isinstance(found, Failure):
@@ -125,8 +122,7 @@ def follow_measured(
 ) -> tuple[BranchGraph, Plan]:
     """Return the graph from all starts, and its plan, which begins again with other magnitudes.
 
-    ``guess`` is the state around which magnitudes are measured if the system gives no typical
-    magnitudes. ``starts_of`` returns the starts of a plan; a start is computed when it is taken.
+    ``guess`` is the state around which magnitudes are measured if the system gives none.
     """
     if plan.system.gives_scale or plan.reduction:
         return follow_starts(plan, starts_of(plan), searched), plan
@@ -379,8 +375,8 @@ def explore(
 def _proof(search: Search, plan: Plan, before: Proof | None) -> Proof | None:
     """Return what a search proved in this run; ``before`` is what the search had proved earlier.
 
-    A search that the run did not ask still has the earlier proof, perhaps of a formula that has
-    changed since; and a journal repeats no finished search. Therefore the search is asked again.
+    A search that the run did not ask, as with a journal, is asked again: the formula of an earlier
+    proof may have changed since.
     """
     proof = search.proved(plan.reduced_system, plan.interval)
     is_new = proof is not None and proof is not before

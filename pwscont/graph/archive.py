@@ -1,8 +1,4 @@
-"""Files of graphs: arrays and a header in one archive, written whole or not at all.
-
-What a header holds is read by :class:`Fields`, which names an entry that is missing or makes no
-sense.
-"""
+"""Files of graphs: arrays and a header in one archive, written whole or not at all."""
 
 from __future__ import annotations
 
@@ -75,10 +71,7 @@ class DamagedError(Exception):
 @final
 @dataclass(frozen=True, slots=True)
 class Fields:
-    """A JSON object read from a file, and the name of the object in messages, such as "node 3".
-
-    All methods raise :class:`DamagedError` where an entry is missing or of another type.
-    """
+    """A JSON object read from a file, named in messages; a wrong entry raises a DamagedError."""
 
     name: str
     data: Any

@@ -2,16 +2,15 @@
 
 The sum of signs can change only at the end of a piece that no other continues (docs/theory, F4).
 Where the sum is wrong on a stretch of alpha, the ends around this stretch tell why: a piece was
-stopped, or the model ends there. Where all pieces go on, a branch is missing, or a branch stands
-there twice, which the estimated errors tell from two close solutions. The ends that a vertical
-piece joins count as a single end, and the sign of a branch that ends on purpose does not count.
+stopped, or the model ends there. Where all pieces go on, a branch is missing, or stands there
+twice. The sign of a branch that ends on purpose does not count.
 """
 
 from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator
-from itertools import combinations, pairwise
+from itertools import combinations, compress, pairwise
 
 import numpy as np
 
@@ -41,7 +40,7 @@ from pwscont.graph.queries import (
     pieces_through,
     solutions_at,
 )
-from pwscont.graph.records import Piece, SpecialPoint, Stretch, are_one
+from pwscont.graph.records import Piece, SpecialPoint, are_one
 from pwscont.graph.structure import NOT_SEARCHED, ConnectedPieces, connected
 from pwscont.system.system import SlicewiseLinearSystem
 
@@ -62,8 +61,10 @@ def loose_ends(graph: ConnectedPieces) -> dict[SpecialPoint, int]:
         jumps[piece.end] -= sign
     jumping = sorted(node for node, jump in jumps.items() if jump)
     verticals = [(piece.start, piece.end) for piece in graph.verticals]
-    for stretch in graph.infinite:
-        verticals += pairwise(i for i in jumping if _touches_stretch(graph, stretch, i))
+    for lo, hi, _ in graph.infinite:
+        at = {i: graph.point(i).alpha for i in jumping}
+        touching = (lo <= at[i] <= hi or graph.same(np.array([lo, hi]), at[i]).any() for i in at)
+        verticals += pairwise(compress(jumping, touching))
     found = {}
     for nodes in connected(jumping, verticals):
         points = [graph.point(node) for node in nodes]
@@ -72,12 +73,6 @@ def loose_ends(graph: ConnectedPieces) -> dict[SpecialPoint, int]:
             order = [point for kind in EXPLAINING for point in points if point.kind == kind]
             found[(order or points)[0]] = jump
     return found
-
-
-def _touches_stretch(graph: ConnectedPieces, stretch: Stretch, node: int) -> bool:
-    """Tell whether a point lies in a stretch of alpha or at an end."""
-    lo, hi, alpha = *stretch[:2], graph.point(node).alpha
-    return lo <= alpha <= hi or bool(graph.same(np.array([lo, hi]), alpha).any())
 
 
 def is_on_purpose(graph: ConnectedPieces, point: SpecialPoint) -> bool:
@@ -211,17 +206,12 @@ def verdict(graph: ConnectedPieces) -> str:
         where = "on" if graph.searched.what == NOT_SEARCHED.what else "by"
         return "; ".join([f"{NOTHING_FOUND} {where} {graph.searched.what}", *doubts])
     words = "balanced" if doubts else WORDS[graph.searched.promise]
-    ends_said = _places("a branch ends on purpose", graph, ends)
-    return "; ".join([words, *doubts, *_at_single_values(graph), *ends_said])
-
-
-def _at_single_values(graph: ConnectedPieces) -> Iterator[str]:
-    """Yield the values of alpha with infinitely many solutions, unless ends of branches name it."""
     single = {stretch[0] for stretch in graph.infinite if stretch[0] == stretch[1]}
     single |= {piece.interval[0] for piece in graph.verticals}
     single -= {p.alpha for p in graph.nodes if p.kind == Kind.STOPPED and leaves_upright(graph, p)}
-    nodes = [point for point in graph.nodes if point.alpha in single]
-    yield from _places("infinitely many solutions", graph, nodes)
+    infinite = [point for point in graph.nodes if point.alpha in single]
+    said = _places("infinitely many solutions", graph, infinite)
+    return "; ".join([words, *doubts, *said, *_places("a branch ends on purpose", graph, ends)])
 
 
 # -- why the sum of signs is wrong ----------------------------------------------------------------
@@ -264,8 +254,7 @@ def _stands_twice(graph: ConnectedPieces, gap: Gap) -> bool:
 def doubled(graph: ConnectedPieces) -> list[Gap]:
     """Return where a solution of a curved system stands twice, among the widest stretches.
 
-    A step that jumped between branches close to one another leaves a piece that lies on both: the
-    balance need not change. Systems that are linear at fixed alpha have no such steps.
+    A step that jumped between close branches leaves a piece on both: the balance need not change.
     """
     system = graph.system
     if system is None or isinstance(system, SlicewiseLinearSystem) or system.size > MOST_SOLVED:

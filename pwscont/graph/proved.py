@@ -206,8 +206,7 @@ class BoxProof:
     def disagreements(self, graph: ConnectedPieces) -> Iterator[tuple[float, int, int]]:
         """Yield where a graph has not the proved solutions: alpha, and how many are proved, found.
 
-        Solutions are compared where the solutions were counted, and numbers between special points
-        and ends of stretches: a piece may have been stopped within a stretch.
+        Numbers are compared between special points, too: a piece may have been stopped there.
         """
         known = {each.alpha: each.solutions for each in self.stretches}
         parts = ((lo, hi) for lo, hi in self._parts(graph) if not is_blurred(graph, lo, hi))
@@ -266,10 +265,7 @@ def _widest(ranges: list[Range]) -> float:
 
 
 def with_slack(solution: Solution, typical: Any, part: float = NEAR_A_PROVED_SOLUTION) -> Corners:
-    """Return the unknowns of a solution of a graph, and how far the unknowns may be off.
-
-    ``typical``: magnitudes of the unknowns, and ``part`` of them may be off besides the error.
-    """
+    """Return the unknowns of a solution, and how far off: the error and a part of magnitudes."""
     z, error = solution.z, solution.error[: len(solution.z)]
     near = part * np.maximum(typical, np.abs(z))
     return z, near + CONFIDENCE * error if len(error) else near
@@ -277,10 +273,7 @@ def with_slack(solution: Solution, typical: Any, part: float = NEAR_A_PROVED_SOL
 
 @np.errstate(invalid="ignore")
 def are_matched(proved: Sequence[Corners], found: Sequence[Corners]) -> bool:
-    """Tell whether solutions proved, between corners, are those found with slack, one to one.
-
-    A solution found belongs to the nearest proved solution, so that no solution is counted twice.
-    """
+    """Tell whether solutions proved, between corners, are those found with slack, one to one."""
     left = dict(enumerate(proved))
     for z, slack in found:
         far = [np.max((abs(z - 0.5 * (lo + hi)) - hi + lo) / (slack + 1e-300)) for lo, hi in proved]

@@ -1,8 +1,7 @@
 """The file of a branch graph: written and read, and given a system.
 
-A zip holds a checksum of every entry. The file may have been edited by hand: the type of every
-entry, the shape of every array and the target of every reference are checked before a graph is
-made. The file appears whole or not at all.
+The file may have been edited by hand: the type of every entry, the shape of every array and the
+target of every reference are checked before a graph is made.
 """
 
 from __future__ import annotations
@@ -116,7 +115,7 @@ def read(path: str | Path) -> tuple[Contents, BoxProof | None]:
         if (version := fields.entry("version")) != VERSION:
             words = f"{path} has format version {version}; this pwscont reads {VERSION}"
             raise GraphFileError(words)
-        return _contents(fields, arrays), _proof(fields)
+        return _contents(fields, arrays), _proof(header)
     except DamagedError as error:
         raise damaged(path, FORMAT, error) from error
 
@@ -173,12 +172,10 @@ def _check_places(points: Sequence[SpecialPoint], pieces: Sequence[Piece], inter
         raise DamagedError("pieces have different numbers of signs")
 
 
-def _proof(header: Fields) -> BoxProof | None:
+def _proof(header: dict[str, Any]) -> BoxProof | None:
     """Return what was proved, which files of graphs without proof lack."""
-    if not header.has("proof"):
-        return None
     try:
-        return BoxProof.read(header.entry("proof"))
+        return BoxProof.read(header["proof"]) if "proof" in header else None
     except (KeyError, TypeError, ValueError) as error:
         raise DamagedError(f"the proof makes no sense: {error}") from error
 
@@ -231,9 +228,7 @@ def _node(header: Fields, z: Array, error: Array, names: tuple[str, ...] | None)
 
 def _recorded(header: Fields) -> dict[str, Kept]:
     """Return the recorded values of a special point, which old files lack."""
-    if not header.has("recorded"):
-        return {}
-    values = Fields(f"recorded of {header.name}", header.entry("recorded"))
+    values = Fields(f"recorded of {header.name}", header.data.get("recorded", {}))
     return {name: Kept(values.finite_or_text(name)) for name in values.data}
 
 

@@ -121,9 +121,11 @@ class ConnectedPieces:
         everything = [*self.nodes, *self.starts]
         if kind is None:
             return everything
-        kinds = dict.fromkeys([*map(str, Kind), *(str(point.kind) for point in everything)])
-        if not isinstance(kind, str) or kind not in kinds:
-            _check_spelling(kind, list(kinds))
+        kinds = list(dict.fromkeys([*map(str, Kind), *(str(point.kind) for point in everything)]))
+        near = get_close_matches(str(kind), kinds, n=3, cutoff=MISSPELT)
+        if not (isinstance(kind, str) and kind) or (near and kind not in kinds):
+            hint = f"; did you mean {' or '.join(near)}?" if near else ""
+            raise InvalidInputError(f"unknown kind {kind!r}{hint}; kinds are {', '.join(kinds)}")
         return [point for point in everything if point.kind == kind]
 
     def point(self, node: int) -> SpecialPoint:
@@ -247,11 +249,3 @@ def _asked(point: SpecialPoint, quantities: Quantities) -> SpecialPoint:
     if kept := point.quantities.record:
         quantities = Quantities(quantities.naming, {**kept, **quantities.record})
     return replace(point, quantities=quantities)
-
-
-def _check_spelling(kind: object, kinds: Sequence[str]) -> None:
-    """Refuse a misspelt kind; any other word may be the kind of a user's own detector."""
-    near = get_close_matches(str(kind), kinds, n=3, cutoff=MISSPELT)
-    if near or not isinstance(kind, str) or not kind:
-        hint = f"; did you mean {' or '.join(near)}?" if near else ""
-        raise InvalidInputError(f"unknown kind {kind!r}{hint}; kinds are {', '.join(kinds)}")

@@ -1,8 +1,6 @@
-"""Further abilities of systems: a class for each ability, and a single way to ask for an ability.
+"""Further abilities of systems: a class for each ability, for which every room asks by isinstance.
 
-A system has an ability if the system derives from the ability's class, and every room asks by
-``isinstance``. If a system without the ability has a natural answer, the function beside the class
-gives the answer for all systems.
+If a system without the ability has a natural answer, a function beside the class gives the answer.
 """
 
 from __future__ import annotations
@@ -94,11 +92,7 @@ class HidesUnknowns(ABC):
         """Return all unknowns, shape (size,), from the shown unknowns, shape (shown,)."""
 
     def told_apart(self) -> Any:
-        """Return the same system without unknowns that stand for several alike parts; default self.
-
-        A law with memory is stated anew at every event, and parts that are alike at first need not
-        stay alike.
-        """
+        """Return the system without unknowns that stand for several alike parts; default self."""
         return self
 
 

@@ -1,11 +1,9 @@
 """Derivatives by differences, with steps in the units of the problem.
 
 Nothing is evaluated beyond the interval of alpha, where a function may be undefined: next to an
-end, differences are one-sided, with the same order of accuracy. x + h is rounded, and the step is
-not h (alpha between 1e6 and 1e6 + 1): values are divided by the difference of the rounded
-arguments, which is exact. A function may change within less than a step, as in a thin cell: a
-caller who sees slow convergence asks for finer steps, and puts the usual steps back where finer
-steps do not help.
+end, differences are one-sided, with the same order of accuracy. x + h is rounded: values are
+divided by the difference of the rounded arguments. A function may change within less than a step,
+as in a thin cell: a caller who sees slow convergence asks for finer steps.
 """
 
 from __future__ import annotations

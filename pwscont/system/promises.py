@@ -1,8 +1,7 @@
 """The promises of a system, and the errors of a run about broken promises.
 
-A function that is promised to be affine is compared with an affine model, an evaluation away from
-the point of the matrix. The difference is measured by the terms, so that units and conditioning
-raise no alarm; where all terms of a row cancel in a cell, other cells show how large the terms are.
+A function that is promised to be affine is compared with an affine model away from the point of the
+matrix. The difference is measured by the terms, so that units and conditioning raise no alarm.
 """
 
 from __future__ import annotations

@@ -105,7 +105,8 @@ class Selection:
 
     def residual_and(self, x: Array, value: float) -> Array:
         """Return H_chi(x) with ``value`` appended, shape (n + 1,): the bordered equations at x."""
-        return joined(self._residual(x), value)
+        found = self._method(x[:-1], float(x[-1]))
+        return joined(checked_array(self.system, "residual", found, (self.system.size,)), value)
 
     def residuals(self, points: Array) -> Array:
         """Return H_chi at points, shape (k, n + 1), each with 0 appended."""
@@ -114,16 +115,9 @@ class Selection:
             self._takes_columns = takes_columns(self.system, self._method, points)
         found = by_columns(self._method, points) if self._takes_columns else None
         if found is None:
-            for value, x in zip(values, points, strict=True):
-                value[:-1] = self._residual(x)
-        else:
-            values[:, :-1] = found
+            return np.array([self.residual_and(x, 0.0) for x in points])
+        values[:, :-1] = found
         return values
-
-    def _residual(self, x: Array) -> Array:
-        """Return H_chi(x), for use before the next value."""
-        found = self.system.residual(x[:-1], float(x[-1]), self.character)
-        return checked_array(self.system, "residual", found, (self.system.size,))
 
     def _method(self, z: Array, alpha: float) -> Array:
         """Return H_chi as the system returns it."""
@@ -150,9 +144,9 @@ class Selection:
         return float(self.side[index] * values[0])
 
     def unsigned_gradients(self, x: Array) -> Matrix:
-        """Return the gradients of the bounding tests themselves, without the factor :attr:`side`.
+        """Return the gradients of the tests themselves, without :attr:`side`: not to be written to.
 
-        Gradients of a straight cell are constant, and a few are kept: not to be written to.
+        Gradients of a straight cell are constant, and a few are kept.
         """
         if self._gradients is not None:
             return self._gradients
