@@ -48,10 +48,8 @@ def mark(
     """Mark what users' detectors see at special points."""
     for edge in discovery.edges if detectors else ():
         curve, points = edge.curve(system, metric), edge.points
-        for number, place, inner in (
-            (edge.start, edge.first, points[1]),
-            (edge.end, edge.last, points[-2]),
-        ):
+        ends = (edge.start, edge.first, points[1]), (edge.end, edge.last, points[-2])
+        for number, place, inner in ends:
             node = discovery.nodes[number]
             for detector in detectors:
                 words = kinds_at(detector, curve, place.x, place.error, inner)
@@ -238,15 +236,9 @@ def _piece(
         det_sign = edge.det_sign
     if is_level and not det_sign:  # a vertical piece, with ends that differ by rounding only
         points[:, -1] = points[0, -1]
-    return Piece(
-        id=number,
-        start=numbers[edge.start],
-        end=numbers[edge.end],
-        character=whole(character) if whole else character,
-        naming=system.label,
-        points=points,
-        det_sign=det_sign,
-    )
+    character = whole(character) if whole else character
+    start, end = numbers[edge.start], numbers[edge.end]
+    return Piece(number, start, end, character, system.label, points, det_sign)
 
 
 # -- special points -------------------------------------------------------------------------------
@@ -272,17 +264,10 @@ def _special_point(
         inside += [_next_to_end(piece, 1) for _, piece in after]
         also += filter(None, [events.names_at(metric, place.x, place.error, inside)])
     passed = (before[0], after[0]) if len(before) == len(after) == 1 else None
-    message, backward = _messages(system, node, passed)
-    return SpecialPoint(
-        id=number,
-        kind=_turning(node, *passed) if passed and node.kind in CROSSED else node.kind,
-        place=place,
-        message=message,
-        backward=backward,
-        digits=significant(place.error, place.x, metric.scale),
-        lost=node.lost,
-        events=", ".join(also),
-    )
+    kind = _turning(node, *passed) if passed and node.kind in CROSSED else node.kind
+    words, said = _messages(system, node, passed), ", ".join(also)
+    digits = significant(place.error, place.x, metric.scale)
+    return SpecialPoint(number, kind, place, *words, None, digits, node.lost, events=said)
 
 
 def _covering(here: Place, others: Iterable[Place], metric: Metric) -> Place:
@@ -324,10 +309,8 @@ def _messages(
     if before == after:
         return node.message, node.message
     note = f"; {node.message}" if node.kind not in CROSSED and node.message else ""
-    forward, backward = (
-        system.describe_transition(*cells) for cells in ((before, after), (after, before))
-    )
-    return forward + note, backward + note
+    words = system.describe_transition
+    return words(before, after) + note, words(after, before) + note
 
 
 # -- the promise of uniqueness ---------------------------------------------------------------------

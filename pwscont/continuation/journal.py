@@ -301,9 +301,7 @@ class Journal:
             for name, now in facts.items()
             if before.get(name, "") != now
         ]
-        agree = len(values) == len(probes) and np.allclose(
-            values, probes, rtol=SAME_PROBES, atol=0.0
-        )
+        agree = len(values) == len(probes) and np.allclose(values, probes, SAME_PROBES, 0.0)
         if not different and not agree:
             different = [OTHER_VALUES]
         if different:

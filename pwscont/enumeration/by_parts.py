@@ -177,7 +177,7 @@ class PartSlice(SlicewiseLinearSystem):
         """Return the rows of a cell: the matrix, the constants and the errors of the constants."""
         modes, rows = self._modes(character), [block.rows for block in self.table.blocks]
         parts = *zip(*self.table.rows, strict=True), self._errors
-        return [_in_modes(part, rows, modes) for part in parts]
+        return [in_modes(part, rows, modes) for part in parts]
 
     def scalar_root(self, character: Character, scale: float) -> _Root | None:
         """Solve a mode for the only unknown; None if the mode leaves the unknown free."""
@@ -300,7 +300,7 @@ def is_regular(table: Table, parts: Sequence[Part], scale: Array) -> bool:
         rows, units = [[place[row] for row in block.rows] for block in blocks], scale[part.unknowns]
         matrices = [J[np.ix_(part.rows, part.unknowns)] * units for J, _ in table.rows]
         for picks in product(*(range(len(block.modes)) for block in blocks)):
-            matrix = _in_modes(matrices, rows, picks)
+            matrix = in_modes(matrices, rows, picks)
             sizes = np.abs(matrix).max(axis=1, keepdims=True)
             unit = matrix / np.where(sizes > 0.0, sizes, 1.0)
             if np.linalg.matrix_rank(unit, tol=GUARD * EPS * len(matrix)) < len(matrix):
@@ -308,9 +308,7 @@ def is_regular(table: Table, parts: Sequence[Part], scale: Array) -> bool:
     return True
 
 
-def _in_modes(
-    wholes: Sequence[Array], rows: Sequence[Sequence[int]], modes: Sequence[int]
-) -> Array:
+def in_modes(wholes: Sequence[Array], rows: Sequence[Sequence[int]], modes: Sequence[int]) -> Array:
     """Return the rows of a cell; the rows of a block in mode k stand in the k-th of ``wholes``."""
     chosen = +wholes[0]
     for block, mode in zip(rows, modes, strict=True):

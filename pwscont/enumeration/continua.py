@@ -71,11 +71,7 @@ LEVEL_DIRECTION = EPS**0.5
 
 
 def is_one_of_many(system: PiecewiseSystem, metric: Metric, x: Array) -> bool:
-    """Tell whether a solution of a curved system belongs to solutions that fill a curve or more.
-
-    ``system``: not one that is affine in z at fixed alpha, which has exact answers.
-    ``x``, shape (n + 1,): a solution and the value of alpha.
-    """
+    """Tell whether a solution of a curved system belongs to solutions that fill a curve or more."""
     if isinstance(system, SlicewiseLinearSystem) or system.size > MOST_UNKNOWNS_OF_SVD:
         return False
     scale, alpha = metric.scale[:-1], float(x[-1])
@@ -91,8 +87,8 @@ def _has_others(
     parts: tuple[float, ...] = DISTANCES_TO_OTHER[:1],
 ) -> bool:
     """Tell whether solutions beside a place fill a curve or more, in any of the cells there."""
-    here, size = equations_in_magnitudes(system, y * scale, alpha, scale), 1.0 + norm(y)
-    most = MORE_RESIDUAL * norm(here[0]) / size + LEFT_OVER if here else 0.0
+    here, size = equations_in_magnitudes(system, y * scale, alpha, scale), 1.0 + float(norm(y))
+    most = MORE_RESIDUAL * float(norm(here[0])) / size + LEFT_OVER if here else 0.0
     for way in (part * size for part in parts):
         for direction in _level_directions(system, scale, y, alpha, way):
             other = solution_near(system, scale, y + way * direction, alpha, most)
@@ -193,11 +189,9 @@ def find_continua(
 ) -> Iterator[Continuum]:
     """Yield the parts of the interval with infinitely many solutions.
 
-    ``system``: nothing is asked of systems that are affine in z at fixed alpha and have many cells.
     ``alphas``: the values of alpha of special points, and both ends of the interval.
-    ``one_of_many``, shape (n + 1,): known solutions of a curved system that belong to infinitely
-    many, see :func:`is_one_of_many`.
-    ``doubtful``, shape (n + 1,): special points at which not all ways on are curves.
+    ``one_of_many``: known solutions of a curved system that belong to infinitely many.
+    ``doubtful``: special points at which not all ways on are curves.
     """
     if not isinstance(system, SlicewiseLinearSystem):
         if system.size <= MOST_UNKNOWNS_OF_SVD:

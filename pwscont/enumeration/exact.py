@@ -28,6 +28,7 @@ from pwscont.basics.character import Character
 from pwscont.basics.rounding import EPS
 from pwscont.curve.error_samples import is_same
 from pwscont.curve.metric import Metric
+from pwscont.enumeration.by_parts import in_modes
 from pwscont.enumeration.echelon import MOST_WORK, Echelon, Row, integers
 from pwscont.enumeration.options import Table
 from pwscont.enumeration.polyhedron import Point, Slice
@@ -80,8 +81,7 @@ class ExactSlice:
     def solutions(self) -> list[tuple[Point, bool]] | None:
         """Return the solutions of regular cells, each with whether no bounding test is negative.
 
-        Solutions far outside of the cell are left out. None for numbers that are not finite, hence
-        not rational, or if the work takes too long.
+        Solutions far outside are left out. None for infinite numbers, or if it takes too long.
         """
         numbers = *self._rows, self._tests
         if self._price() > MOST_WORK or not all(np.isfinite(n).all() for n in numbers):
@@ -110,11 +110,7 @@ class ExactSlice:
         return (common + options) * common * n + number_of_cells(self._blocks) * (n - common)
 
     def _left(self) -> Indices:
-        """Return the choices of modes, shape (N, blocks), that may hold a solution or nearly.
-
-        A regular choice is excluded if the solution is outside of the cell, in doubles, by more
-        than rounding explains.
-        """
+        """Return the choices of modes, shape (N, blocks), whose solution may lie in the cell."""
         units = np.append(self._scale, 1.0)
         modes, tests = np.array(self._rows) * units, self._tests * units
         sizes = np.abs(modes[..., :-1]).max(axis=-1, keepdims=True)
@@ -167,9 +163,7 @@ class ExactSlice:
         worst = self._worst(picks, (*y, D), z) if np.isfinite(z).all() else -np.inf
         if worst <= -FAR_OUTSIDE:
             return None
-        rows = np.array(self._rows[0])
-        for block, pick in zip(self._blocks, picks, strict=True):
-            rows[list(block.rows)] = self._rows[pick][list(block.rows)]
+        rows = in_modes(self._rows, [block.rows for block in self._blocks], picks)
         rounding = EPS * (np.abs(rows) @ np.append(np.abs(z), 1.0))
         error = np.zeros((self._n, self._n + 1))  # a row by the rounding of each equation
         error[:, :-1] = _inverse(rows[:, :-1], self._scale) * rounding[:, np.newaxis]
@@ -238,11 +232,9 @@ def _float(value: Fraction) -> float:
 def solve_exactly(
     system: SlicewiseLinearSystem, metric: Metric, alpha: float, known: Sequence[Point] = ()
 ) -> Slice | None:
-    """Return all isolated solutions by trying every cell in exact arithmetic.
+    """Return all isolated solutions by trying every cell in exact arithmetic, None as above.
 
-    None if exact arithmetic takes too long, or the system's numbers are not finite. Faces are left
-    out; the points ``known`` lie on faces, and rounding in the system may put such points outside
-    of regular cells.
+    The points ``known`` lie on faces: rounding in the system may put them outside of regular cells.
     """
     solutions = ExactSlice(system, metric.scale[:-1], alpha).solutions()
     if solutions is None:

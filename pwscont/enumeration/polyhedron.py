@@ -33,8 +33,7 @@ MOST_CELLS_LISTED = 4**6
 class Cells(Sequence[Character]):
     """All combinations of a cell of each part, each character made when taken: there may be 4^p.
 
-    ``numbers``: how many cells each part has.
-    ``cell``: returns the character of a choice of one of these cells, by number, for each part.
+    ``numbers``: how many cells each part has. ``cell``: makes the character of numbers of cells.
     """
 
     def __init__(self, numbers: Sequence[int], cell: Callable[[Sequence[int]], Character]) -> None:
@@ -136,11 +135,7 @@ def face_of(problem: Problem, one: Choices, alpha: float) -> Face | None:
 
 
 def inside_of(problem: Problem, one: Choices) -> tuple[Polyhedron, Array, Array, float] | None:
-    """Return the closed cell of a choice, by the directions of the choice, and its inside.
-
-    The inside is a point and a basis of the directions there, as :meth:`Polyhedron.inside` returns
-    them; the last number is the rounding. None for a cell without solution.
-    """
+    """Return the closed cell of a choice, its inside as of ``inside``, and the rounding; or None."""
     if not satisfies(problem.chosen(one.picks[:, 0]), one.starts[0]):
         return None
     rounding = min(GUARD * float(one.rounding[0]), SLACK)

@@ -90,8 +90,7 @@ def _distinct(rows: Array) -> tuple[Array, Indices, Flags]:
     """Return unit forms, each once, then the unknowns, with the form of each row.
 
     The last array tells which rows are the negative of their form. The forms stand in the order in
-    which blocks bring them: of equal forms the simplex method takes the first, and a sorted order
-    makes half as many programs again.
+    which blocks bring them: a sorted order makes half as many programs again.
     """
     lengths = np.linalg.norm(rows[:, :-1], axis=1)
     lengths[lengths <= 10.0**-SAME_DECIMALS] = 1.0
@@ -242,9 +241,8 @@ def _is_proved(
 ) -> Flags:
     """Tell whether form = constant + row @ basis, and no term makes up for the constant.
 
-    At a solution within REACH the terms taken for rounding, and the difference of the two sides,
-    are at most the coefficients times REACH, and all other terms help by at most the coefficients
-    times SOLUTION_MARGIN.
+    At a solution within REACH, terms taken for rounding are at most the coefficients times REACH,
+    and all other terms help by at most the coefficients times SOLUTION_MARGIN.
     """
     basis = forms.rows[vertices.basis]
     constant = forms.constants[form] - (row * forms.constants[vertices.basis]).sum(axis=1)

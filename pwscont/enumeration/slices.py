@@ -173,9 +173,7 @@ def _root(curve: Curve, start: Array) -> Root | Failure:
 class Points:
     """The isolated solutions so far, each with the choices of all cells that share the solution.
 
-    ``alpha``: the alpha of all solutions.
-    ``border``: vanishes at all solutions, instead of alpha being given; then alpha is an unknown of
-    the problem, which counts from ``alpha``.
+    ``border``: vanishes at all solutions, whose alpha is then an unknown, counted from ``alpha``.
     """
 
     def __init__(

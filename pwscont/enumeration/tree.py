@@ -56,10 +56,8 @@ def leaves(
 ) -> Iterator[Choices]:
     """Yield all complete choices with a point that nearly satisfies the inequalities.
 
-    The inequalities of singular cells need not have been looked at.
-
-    ``few, per_program``: in place of FEW_CHOICES and CHOICES_PER_PROGRAM, which hold if a choice is
-    done once the point of the choice is found.
+    The inequalities of singular cells need not have been looked at. ``few`` and ``per_program``: in
+    place of FEW_CHOICES and CHOICES_PER_PROGRAM, where more is done than to find a point.
     """
     few, per_program = few or FEW_CHOICES, per_program or CHOICES_PER_PROGRAM
     numbers = [len(options) for options in problem.blocks]
