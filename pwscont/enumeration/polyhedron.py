@@ -135,7 +135,7 @@ def face_of(problem: Problem, one: Choices, alpha: float) -> Face | None:
 
 
 def inside_of(problem: Problem, one: Choices) -> tuple[Polyhedron, Array, Array, float] | None:
-    """Return the closed cell of a choice, its inside as of ``inside``, and the rounding; or None."""
+    """Return the closed cell of a choice, its ``inside`` and the rounding, None for no solution."""
     if not satisfies(problem.chosen(one.picks[:, 0]), one.starts[0]):
         return None
     rounding = min(GUARD * float(one.rounding[0]), SLACK)

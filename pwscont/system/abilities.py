@@ -18,19 +18,8 @@ from pwscont.system.system import PiecewiseSystem
 from pwscont.system.values import broken
 
 
-class Compact(ABC):
-    """A system that knows which components of a solution determine all components.
-
-    pwscont does not ask for essential components any more: graphs hold every point whole.
-    """
-
-    @abstractmethod
-    def essential(self, character: Character) -> Indices | None:
-        """Return the indices of the components of z that determine all components; None for all."""
-
-    @abstractmethod
-    def completed(self, values: Array, alpha: float, character: Character) -> Array:
-        """Return z, shape (n,), from the components that :meth:`essential` names."""
+class Compact:
+    """Kept for old systems: nothing asks any more which components of a solution are essential."""
 
 
 class Ending(ABC):
@@ -314,7 +303,7 @@ class Reduction:
 
 
 #: The abilities that a system of a user may have, for :func:`check_abilities`.
-ABILITIES = (Ending, Reducible, Compact, BringsSearches, HidesUnknowns, DecidesCorners, ExactData)
+ABILITIES = (Ending, Reducible, BringsSearches, HidesUnknowns, DecidesCorners, ExactData)
 
 
 def check_abilities(system: PiecewiseSystem) -> None:
