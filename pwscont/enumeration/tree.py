@@ -80,29 +80,18 @@ class AffineCells:
 
     The solutions of cell i are the points ``starts[i] + directions[i] @ w`` for which no entry of
     ``sides[i] @ w + values[i]`` is negative; rounding may have let cells without solutions pass.
-
-    Attributes
-    ----------
-    starts, directions : ndarray, shapes (N, n) and (N, n, q)
-    sides, values : ndarray, shapes (N, k, q) and (N, k)
-        The inequalities that hold in every cell, then the tests that bound the cell, filled up with
-        1 >= 0; a row has unit length in the unknowns that are left of all common equations.
-    tests : ndarray of int, shape (N, k)
-        The test function of each inequality, -1 for other inequalities.
-    growth, rounding : ndarray, shape (N,)
-        The factor by which rounding may have grown in the starts, and the estimated error of the
-        values.
-
     See the example of :func:`enumerate_cells`, which makes these.
     """
 
-    starts: Array
-    directions: Array
+    starts: Array  #: Shape (N, n).
+    directions: Array  #: Shape (N, n, q).
+    #: Shape (N, k, q): the inequalities that hold in every cell, then the tests that bound the
+    #: cell, filled up with 1 >= 0; a row has unit length in what all common equations leave.
     sides: Array
-    values: Array
-    tests: Indices
-    growth: Array
-    rounding: Array
+    values: Array  #: Shape (N, k).
+    tests: Indices  #: Shape (N, k): the test function of each inequality, -1 for others.
+    growth: Array  #: Shape (N,): the factor by which rounding may have grown in the starts.
+    rounding: Array  #: Shape (N,): the estimated error of the values.
     _problem: Problem
     _choices: Choices
 

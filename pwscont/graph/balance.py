@@ -30,16 +30,7 @@ from pwscont.basics.outcome import (
 )
 from pwscont.basics.printing import apart
 from pwscont.basics.rounding import CONFIDENCE, EPS, GUARD
-from pwscont.graph.queries import (
-    check_inside,
-    index_at,
-    is_beside_infinite,
-    is_infinite,
-    nodes_at,
-    pieces_over,
-    pieces_through,
-    solutions_at,
-)
+from pwscont.graph import queries
 from pwscont.graph.records import Piece, SpecialPoint, are_one
 from pwscont.graph.structure import NOT_SEARCHED, ConnectedPieces, connected
 from pwscont.system.system import SlicewiseLinearSystem
@@ -88,7 +79,7 @@ TO_INFINITY = (FailureReason.UNBOUNDED, FailureReason.ENDLESS, FailureReason.FLA
 def leaves_upright(graph: ConnectedPieces, point: SpecialPoint) -> bool:
     """Tell whether a branch runs to infinity at an alpha with infinitely many solutions."""
     runs = any(reason.value in point.message for reason in TO_INFINITY)
-    return runs and is_beside_infinite(graph, point.alpha)
+    return runs and queries.is_beside_infinite(graph, point.alpha)
 
 
 def balance_at(graph: ConnectedPieces, alpha: float) -> int:
@@ -97,15 +88,15 @@ def balance_at(graph: ConnectedPieces, alpha: float) -> int:
     Where solutions stay bounded the sum is the same at every regular alpha; if not, a
     branch is missing. The converse does not hold: a missed pair cancels.
     """
-    check_inside(graph, alpha)
-    nodes = sum(index_at(graph, node) for node in nodes_at(graph, alpha))
-    return nodes + sum(piece.det_sign for piece in pieces_through(graph, alpha))
+    queries.check_inside(graph, alpha)
+    nodes = sum(queries.index_at(graph, node) for node in queries.nodes_at(graph, alpha))
+    return nodes + sum(piece.det_sign for piece in queries.pieces_through(graph, alpha))
 
 
 def balances(graph: ConnectedPieces) -> list[int]:
     """Return the balance within each interval between successive special points."""
     middles = [0.5 * (a + b) for a, b in pairwise(graph.breaks())]
-    return [sum(piece.det_sign for piece in pieces_over(graph, alpha)) for alpha in middles]
+    return [sum(piece.det_sign for piece in queries.pieces_over(graph, alpha)) for alpha in middles]
 
 
 def balance_values(graph: ConnectedPieces) -> list[int]:
@@ -121,7 +112,7 @@ def _judged(graph: ConnectedPieces) -> list[tuple[int, tuple[float, float]]]:
     """Return balance and ends of stretches that are longer than uncertain, with finite numbers."""
     pairs = zip(balances(graph), pairwise(graph.breaks()), strict=True)
     # where solutions are infinitely many, the signs of the pieces around say nothing
-    everything = [row for row in pairs if not is_infinite(graph, 0.5 * sum(row[1]))]
+    everything = [row for row in pairs if not queries.is_infinite(graph, 0.5 * sum(row[1]))]
     return [row for row in everything if not is_blurred(graph, *row[1])] or everything
 
 
@@ -245,7 +236,7 @@ def listed(gaps: Iterable[Gap]) -> str:
 def _stands_twice(graph: ConnectedPieces, gap: Gap) -> bool:
     """Tell whether two solutions in the middle of a stretch agree within the estimated errors."""
     try:
-        found = solutions_at(graph, 0.5 * (gap[0] + gap[1]))
+        found = queries.solutions_at(graph, 0.5 * (gap[0] + gap[1]))
     except PwscontError:  # the graph was loaded without a system, or the graph is damaged here
         return False
     return any(are_one(a, b) for a, b in combinations(found, 2))
@@ -268,7 +259,7 @@ def doubled(graph: ConnectedPieces) -> list[Gap]:
 
 def _doubts(graph: ConnectedPieces) -> Iterator[str]:
     """Yield what was found at special points and prevents a search from keeping a promise."""
-    of_many = {point for point in graph.nodes if is_beside_infinite(graph, point.alpha)}
+    of_many = {point for point in graph.nodes if queries.is_beside_infinite(graph, point.alpha)}
     lost = [point for point in graph.nodes if point.kind == Kind.STOPPED or point.lost]
     alone = [p for p in lost if not (FILL_CURVES in p.message and p in of_many)]
     yield from _stops(graph, alone)
@@ -323,7 +314,7 @@ def _what_happened(graph: ConnectedPieces, point: SpecialPoint) -> str:
     domain = graph.system.domain if graph.system else ()
     at_an_end = any(abs(point.alpha - end) <= near for end in (*domain, *graph.interval))
     is_arrived = graph.pieces_at(point.id)  # else a start that could not be followed
-    if at_an_end and is_arrived and not is_infinite(graph, point.alpha):
+    if at_an_end and is_arrived and not queries.is_infinite(graph, point.alpha):
         return "the model seems to end"
     return "a piece was stopped"
 

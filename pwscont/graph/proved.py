@@ -42,21 +42,12 @@ class Proof(Protocol):
 @final
 @dataclass(frozen=True, slots=True, eq=False)
 class CountedStretch:
-    """A stretch of alpha between folds, without its ends except for ends of the interval.
-
-    Attributes
-    ----------
-    lo, hi : float
-    alpha : float
-        Where solutions were counted.
-    solutions : list of tuple of ndarray, shape (n,), or None
-        The least and largest unknowns of each solution at alpha; None where the count is not
-        certain.
-    """
+    """A stretch of alpha between folds, without its ends except for ends of the interval."""
 
     lo: float
     hi: float
-    alpha: float
+    alpha: float  #: Where solutions were counted.
+    #: The least and largest unknowns of each solution at alpha; None for an uncertain count.
     solutions: list[Corners] | None
 
     @property

@@ -67,11 +67,6 @@ class HidesUnknowns(ABC):
     The methods of the system know all ``size`` unknowns. A user gives and gets the first ``shown``
     unknowns: starts, solutions, special points, names, events, recorded quantities and files. A
     user's own detectors, steppers and searches see all.
-
-    Attributes
-    ----------
-    shown : int
-        How many unknowns a user knows of.
     """
 
     shown: int
@@ -160,15 +155,8 @@ class DecidesCorners(ABC):
     def has_one_ray(self, z: Array, alpha: float, zero: frozenset[int]) -> bool:
         """Tell whether at most one ray leads to each side of alpha, and none keeps alpha.
 
-        Asked where the cells that meet at the corner are too many to be tried; False where that is
-        not known.
-
-        Parameters
-        ----------
-        z : ndarray, shape (n,)
-        alpha : float
-        zero : frozenset of int
-            The tests that vanish.
+        Asked where the cells that meet at the corner, at which the tests ``zero`` vanish, are too
+        many to be tried; False where that is not known.
         """
 
 
@@ -177,16 +165,11 @@ class DecidesCorners(ABC):
 class ExactMode:
     """The equations and inequalities of one mode of a part of a system, as rows of doubles.
 
-    Attributes
-    ----------
-    equations : ndarray, shape (k, n + 2)
-        Coefficients of z, of alpha, and a constant; each row times (z, alpha, 1) is zero.
-    sides : ndarray, shape (s, n + 2)
-        Each row times (z, alpha, 1) is not negative.
+    A row has n + 2 entries: coefficients of z, of alpha, and a constant.
     """
 
-    equations: Array
-    sides: Array
+    equations: Array  #: Shape (k, n + 2): each row times (z, alpha, 1) is zero.
+    sides: Array  #: Shape (s, n + 2): each row times (z, alpha, 1) is not negative.
 
 
 class ExactData(ABC):
@@ -258,29 +241,14 @@ class Recovery(ABC):
 @final
 @dataclass(frozen=True, slots=True, eq=False)
 class Reduction:
-    """A smaller system, without the parts that provably stay in the same mode.
+    """A smaller system, without the parts that provably stay in the same mode."""
 
-    Attributes
-    ----------
-    system : PiecewiseSystem
-        The smaller system.
-    kept : ndarray of int
-        The places of the smaller system's unknowns in the full system; all other unknowns are zero.
-    tests : ndarray of int
-        The places of the smaller system's test functions in the full system.
-    idle : Character
-        A character of the full system with the signs of the parts left out.
-    reasons : tuple of str
-        For every part left out, the proof in words.
-    recovery : Recovery, optional
-        How unknowns that are left out follow from the kept unknowns; default: zero.
-    """
-
-    system: PiecewiseSystem
-    kept: Indices
-    tests: Indices
-    idle: Character
-    reasons: tuple[str, ...]
+    system: PiecewiseSystem  #: The smaller system.
+    kept: Indices  #: The places of the smaller system's unknowns in the full system.
+    tests: Indices  #: The places of the smaller system's test functions in the full system.
+    idle: Character  #: A character of the full system with the signs of the parts left out.
+    reasons: tuple[str, ...]  #: For every part left out, the proof in words.
+    #: How unknowns that are left out follow from the kept unknowns; default: zero.
     recovery: Recovery | None = None
 
     def points(self, points: Array, size: int, *, are_errors: bool = False) -> Array:

@@ -173,24 +173,12 @@ def checked_magnitudes(magnitudes: Any, size: int) -> Array | None:
 
 
 def residual_at(system: PiecewiseSystem, z: Array, alpha: float, character: Character) -> Array:
-    """Return H_chi(z, alpha), shape (n,), in a new array.
-
-    Raises
-    ------
-    InvalidSystemError
-        If the shape is wrong at this point, even if the shape was right at other points.
-    """
+    """Return H_chi(z, alpha), shape (n,), in a new array, or refuse another shape."""
     return own_array(system, "residual", system.residual(z, alpha, character), (system.size,))
 
 
 def jacobian_at(system: PiecewiseSystem, z: Array, alpha: float, character: Character) -> Matrix:
-    """Return dH_chi / d(z, alpha), shape (n, n + 1), as a dense or sparse copy.
-
-    Raises
-    ------
-    InvalidSystemError
-        If the shape is wrong at this point, even if the shape was right at other points.
-    """
+    """Return dH_chi / d(z, alpha), shape (n, n + 1), as a copy, or refuse another shape."""
     jacobian = system.jacobian(z, alpha, character)
     shape = (system.size, system.size + 1)
     return own_matrix(checked_matrix(system, "jacobian", jacobian, shape))

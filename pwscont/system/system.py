@@ -167,13 +167,7 @@ class PiecewiseSystem(Undefined, ABC):
         """Return the same system for work on an interval of alpha.
 
         The returned system shares all attributes with this system, except that :meth:`differences`
-        fits the interval.
-
-        Parameters
-        ----------
-        lo, hi : float
-        magnitudes : ndarray, shape (n,), optional
-            Typical magnitudes of z, for a system that does not know any; default :meth:`scale`.
+        fits the interval. ``magnitudes``: of z, for a system that does not know any.
         """
         twin: Self = object.__new__(type(self))
         for name in _slots(type(self)):
@@ -402,14 +396,7 @@ class PiecewiseLinearSystem(SlicewiseLinearSystem):
         The product of c and the test's gradient is all that changes from a cell to the next cell. A
         system that knows c saves a run two residuals, or a Jacobian, at every transition; default
         None: a run computes c from residuals or Jacobians. A system that overrides this method
-        knows c at every interface.
-
-        Parameters
-        ----------
-        before, after : Character
-            Neighbouring cells that differ in the sign of kappa_test only.
-        test : int
-            The test, which bounds the two cells.
+        knows c at every interface. The cells are neighbours that differ in the sign of kappa_test.
         """
         return None
 
