@@ -84,13 +84,7 @@ class OutOfBudget(KeyboardInterrupt):
 
 
 def check_budget() -> None:
-    """Go on, or raise if the run that is going on has to end.
-
-    Raises
-    ------
-    KeyboardInterrupt
-        To be caught by the run itself, and by nobody else.
-    """
+    """Go on, or raise the KeyboardInterrupt by which the run that is going on has to end."""
     budget = _current.get()
     if budget is not None:
         budget.check()

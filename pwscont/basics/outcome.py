@@ -117,11 +117,6 @@ class FailureReason(Enum):
 class Failure:
     """A step that could not be taken.
 
-    Attributes
-    ----------
-    trouble : FailureReason or str
-        Advice to the user: a :class:`FailureReason`, or the words of a user's own stepper.
-
     Examples
     --------
     >>> from pwscont.extending import Failure, FailureReason
@@ -129,7 +124,7 @@ class Failure:
     this stepper cannot turn at a fold; use PseudoArclength
     """
 
-    trouble: FailureReason | str
+    trouble: FailureReason | str  #: Advice to the user, or the words of a user's own stepper.
 
     def __str__(self) -> str:
         return self.trouble.value if isinstance(self.trouble, FailureReason) else self.trouble

@@ -101,15 +101,9 @@ def checked_names(names: tuple[str, ...], size: int) -> tuple[str, ...]:
 class Quantities:
     """The names of the unknowns of a system, and the quantities that a user records.
 
-    Parameters
-    ----------
-    naming : callable or sequence of str, optional
-        A name for each unknown, or a function that returns the names, called at first use.
-    record : mapping of str to callable
-        Functions of (z, alpha) that return a finite float.
-    elsewhere : iterable of str
-        Names of quantities that a file has at special points only, without the functions of these
-        quantities.
+    ``naming``: a name for each unknown, or a function that returns the names, called at first use.
+    ``record``: functions of (z, alpha) that return a finite float, by name.
+    ``elsewhere``: names of quantities that a file has at special points only, without functions.
 
     Examples
     --------
@@ -160,16 +154,9 @@ class Quantities:
             return state(UNNAMED, z)
 
     def value(self, name: str, z: Array, alpha: float) -> float:
-        """Return an unknown, or a recorded quantity, at a state.
+        """Return an unknown, or a recorded quantity, at a state, or say why there is none.
 
         Greek letters may be given in words, ``lambda_t`` for ``λ_t``.
-
-        Raises
-        ------
-        UnknownNameError
-            If no unknown or quantity has the name.
-        InvalidInputError
-            If the function of a recorded quantity fails, or returns no finite float.
         """
         if not isinstance(name, str):
             raise UnknownNameError(_unknown(name, [*self.names(len(z)), *self.record]))

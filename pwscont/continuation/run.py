@@ -204,13 +204,7 @@ def checked_detectors(system: PiecewiseSystem, detectors: Any, events: Any) -> W
 
 
 def uninterrupted(graph: BranchGraph) -> BranchGraph:
-    """Return a graph, for callers that cannot use the graph of an interrupted run.
-
-    Raises
-    ------
-    KeyboardInterrupt
-        If Ctrl-C was pressed while the graph was computed.
-    """
+    """Return a graph, or raise the KeyboardInterrupt that ended its run."""
     if graph.searched.spent.startswith(INTERRUPTED):
         raise KeyboardInterrupt
     return graph

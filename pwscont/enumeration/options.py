@@ -140,6 +140,7 @@ def affine_forms(
     Parameters
     ----------
     system : SlicewiseLinearSystem
+        Refused if H or a test is not affine over ``reach``.
     alpha : float
         The forms count from the point z = 0 at ``alpha``.
     reach : ndarray, shape (n + 1,)
@@ -151,11 +152,6 @@ def affine_forms(
     list of (ndarray, ndarray)
         Matrix, shape (n, n + 1), and constant, shape (n,), of H with every block in mode k, or in
         the last mode of the block; then, as the last form, matrix and constant of the m tests.
-
-    Raises
-    ------
-    InvalidSystemError
-        If H or a test is not affine over ``reach``.
 
     Examples
     --------

@@ -2,9 +2,7 @@
 
 A solver lets inequalities be violated by 1e-10 at best, which may be more than the width of a thin
 polyhedron: the value of every inequality at the point found is magnified, and the program is solved
-again for the rest of the way (Gleixner, Steffy and Wolter, INFORMS J. Comput. 28, 2016). In a
-polyhedron without interior, the inequalities that hold with equality only have multipliers, and the
-subspace that these inequalities leave holds a polyhedron with interior.
+again for the rest of the way (Gleixner, Steffy and Wolter, INFORMS J. Comput. 28, 2016).
 """
 
 from __future__ import annotations
@@ -198,11 +196,7 @@ LEAST_LENGTH = float(np.finfo(float).tiny)
 @final
 @dataclass(frozen=True, slots=True, eq=False)
 class Polyhedron:
-    """The points {w : matrix w + vector >= 0}.
-
-    Attributes
-    ----------
-    matrix, vector : ndarray, shapes (k, q) and (k,)
+    """The points {w : matrix w + vector >= 0}, where the matrix has the shape (k, q).
 
     Examples
     --------
@@ -233,8 +227,7 @@ class Polyhedron:
     def farthest(self, way: Array) -> Array | None:
         """Return a point with the largest ``way @ w``, None where ``way @ w`` grows without end.
 
-        Only :meth:`inside` tells whether the polyhedron is empty: the point found here may violate
-        inequalities by 1e-10.
+        The point may violate inequalities by 1e-10, and the polyhedron be empty.
         """
         found = self._largest(way)
         return None if found is None else found[0]
@@ -246,10 +239,8 @@ class Polyhedron:
     def inside(self, rounding: float) -> tuple[Array, Array] | None:
         """Return a point inside and, shape (q, d), an orthonormal basis of the directions there.
 
-        The number d of directions is less than q if inequalities hold with equality only. None if
-        no point satisfies all inequalities.
-
-        ``rounding``: the error of the inequalities.
+        d is less than q if inequalities hold with equality only. None if no point satisfies all
+        inequalities, whose error is ``rounding``.
         """
         if self.matrix.shape[1] == 1:
             return self._inside_line(rounding)

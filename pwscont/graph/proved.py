@@ -59,34 +59,17 @@ class CountedStretch:
 @final
 @dataclass(frozen=True, eq=False, repr=False)
 class BoxProof:
-    """All solutions of a formula in a box of (z, alpha), as far as proved: ``graph.proof``.
+    """All solutions of a formula in a box of (z, alpha), as far as proved: ``graph.proof``."""
 
-    Attributes
-    ----------
-    box : tuple of ndarray, shape (n,)
-        The least and largest unknowns; nothing is said of solutions outside.
-    interval : tuple of float
-        The values of alpha.
-    stretches : list of CountedStretch
-        The stretches of alpha between folds, windows and open boxes.
-    turns : list of tuple of float
-        The narrow ranges (lo, hi, turn) of alpha between stretches. The number of solutions only
-        grows in the range (turn 1), only falls (-1), or stays (0); not a number: not known.
-    open : list of tuple of ndarray, shape (n + 1,)
-        Boxes (least, largest) of (z, alpha) that are not decided.
-    boxes : int
-        How many boxes were looked at.
-    assumed : str
-        What the proof assumes.
-    """
-
-    box: Corners
-    interval: Range
-    stretches: list[CountedStretch]
+    box: Corners  #: The least and largest unknowns; nothing is said of solutions outside.
+    interval: Range  #: The values of alpha.
+    stretches: list[CountedStretch]  #: The stretches between folds, windows and open boxes.
+    #: The narrow ranges (lo, hi, turn) of alpha between stretches. The number of solutions only
+    #: grows in the range (turn 1), only falls (-1), or stays (0); not a number: not known.
     turns: list[tuple[float, float, float]]
-    open: list[Corners]
-    boxes: int
-    assumed: str
+    open: list[Corners]  #: Boxes (least, largest) of (z, alpha) that are not decided.
+    boxes: int  #: How many boxes were looked at.
+    assumed: str  #: What the proof assumes.
 
     @cached_property
     def folds(self) -> list[Range]:
@@ -115,13 +98,7 @@ class BoxProof:
         ]
 
     def count(self, alpha: float) -> int | None:
-        """Return the proved number of solutions in the box; None where undecided, and at folds.
-
-        Raises
-        ------
-        InvalidInputError
-            If alpha lies outside the interval.
-        """
+        """Return the proved number of solutions in the box; None where undecided, and at folds."""
         if not self.interval[0] <= alpha <= self.interval[1]:
             raise InvalidInputError(f"alpha = {alpha} lies outside the interval {self.interval}")
         if any(lo <= alpha <= hi for lo, hi, _ in self.turns):

@@ -120,21 +120,9 @@ def _is_sure(segment: CurvedSegment, border: Border, s: float) -> bool:
 def fine_points(
     system: PiecewiseSystem, piece: Piece, interval: tuple[float, float], parts: int
 ) -> Array:
-    """Return points along a piece, from start to end, with each step cut into ``parts``.
+    """Return points along a piece, shape (k, n + 1), with each step cut into ``parts``.
 
     A step was taken only where the cubic solves the selection to a tolerance (docs/theory, F14).
-
-    Parameters
-    ----------
-    system : PiecewiseSystem
-    piece : Piece
-    interval : tuple of float
-        The interval of the graph.
-    parts : int
-
-    Returns
-    -------
-    ndarray, shape (k, n + 1)
 
     Examples
     --------

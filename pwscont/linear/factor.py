@@ -36,18 +36,10 @@ COLUMNS_AT_ONCE = 64
 
 
 class Factor(ABC):
-    """A factorisation of a square matrix, shape (k, k).
+    """A factorisation of a square matrix, shape (k, k)."""
 
-    Attributes
-    ----------
-    failed : bool
-        Whether a pivot vanished exactly, so that nothing can be solved; default False.
-    is_whole : bool
-        Whether the matrix is no part of a larger matrix that is factorised as well;
-        ``pwscont.bench`` counts these factorisations. Default False.
-    """
-
-    failed: bool = False
+    failed: bool = False  #: Whether a pivot vanished exactly, so that nothing can be solved.
+    #: Whether the matrix is no part of a larger matrix that is factorised as well; for counts.
     is_whole: bool = False
 
     @property

@@ -18,19 +18,11 @@ from pwscont.linear.factor import Factor, ScaledFactor
 
 
 class StructuredJacobian(ABC):
-    """A Jacobian (n, n + 1) that multiplies and factorises itself.
-
-    Attributes
-    ----------
-    shape : tuple of int
-        (n, n + 1).
-    is_at_hand : bool
-        Whether making a Jacobian costs no more than a few residuals do; default False.
-    """
+    """A Jacobian (n, n + 1) that multiplies and factorises itself."""
 
     __array_ufunc__ = None  # ``array @ jacobian`` calls __rmatmul__
-    shape: tuple[int, int]
-    is_at_hand: bool = False
+    shape: tuple[int, int]  #: (n, n + 1)
+    is_at_hand: bool = False  #: Whether making a Jacobian costs no more than a few residuals do.
 
     @abstractmethod
     def __matmul__(self, x: Array) -> Array:

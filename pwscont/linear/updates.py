@@ -110,15 +110,9 @@ class ProductForm(Factor):
 
 
 class RowMatrix(ABC):
-    """A square matrix with entries of about 1 and with a key, a number, for each row.
+    """A square matrix with entries of about 1 and with a key, a number, for each row."""
 
-    Attributes
-    ----------
-    keys : ndarray, shape (m,)
-        Rows of two matrices of the same family are equal if the keys are equal.
-    """
-
-    keys: Array
+    keys: Array  #: Shape (m,): rows of two matrices of a family are equal if the keys are equal.
 
     @abstractmethod
     def rows(self, which: Indices) -> Array:
@@ -157,16 +151,10 @@ def drifted(rhs: Array, solution: Array, product: Array) -> bool:
 
 @final
 class Updating(RowSolver):
-    """A solver that keeps the LU of the last matrix, or the inverse once a change asks for it.
-
-    Attributes
-    ----------
-    updates, factorisations : int
-        Number of times that rows were replaced, and that a matrix was factorised, so far.
-    """
+    """A solver that keeps the LU of the last matrix, or the inverse once a change asks for it."""
 
     def __init__(self) -> None:
-        self.updates = self.factorisations = 0
+        self.updates = self.factorisations = 0  #: How often rows were replaced, or all factorised.
         self._last: RowMatrix | None = None
         self._lu: DenseLU | None = None  # of the last matrix; None if the inverse is kept
         self._inverse: Array = np.empty((0, 0))

@@ -51,16 +51,8 @@ from pwscont.transitions.rays import Corner
 class Solutions(list[Solution]):
     """Solutions at an alpha, with a guarantee that says whether solutions may be missing.
 
-    Parameters
-    ----------
-    solutions : iterable of Solution
-    guarantee : str
-        "complete", also with a remark in brackets; or words that begin with "not" and say what is
-        uncertain.
-    system : PiecewiseSystem, optional
-    alpha : float, optional
-    is_finite : bool, optional
-        Whether no segment or more of solutions was found, of which only some are listed.
+    ``guarantee``: "complete", also with a remark in brackets; or words that begin with "not".
+    ``is_finite``: whether no segment or more of solutions was found, of which some are listed.
     """
 
     def __init__(
