@@ -29,13 +29,8 @@ from pwscont.continuation.run import (
     silent,
 )
 from pwscont.curve.error_samples import Found, is_inside
-from pwscont.curve.magnitudes import (
-    are_alike,
-    magnitudes_of,
-    rough_magnitudes,
-    rounded_to_one,
-)
-from pwscont.curve.metric import Gauge, MisjudgedError
+from pwscont.curve.magnitudes import are_alike, magnitudes_of, rough_magnitudes, rounded_to_one
+from pwscont.curve.metric import Gauge, MisjudgedError, Range
 from pwscont.curve.semismooth import semismooth_newton
 from pwscont.curve.stepper import Stepper
 from pwscont.graph import BranchGraph
@@ -55,9 +50,7 @@ from pwscont.transitions.user_event import Stop
 Start = tuple[Array, float]
 
 
-def checked_start(
-    system: PiecewiseSystem, start: Any, interval: tuple[float, float], name: str
-) -> Start:
+def checked_start(system: PiecewiseSystem, start: Any, interval: Range, name: str) -> Start:
     """Return z, with hidden unknowns, and alpha of a start, or say what is wrong with it."""
     try:
         z, alpha, pair = start[0], float(start[1]), len(start) == 2
@@ -99,7 +92,7 @@ REVISIONS = 6
 
 def checked_plan(
     system: PiecewiseSystem,
-    interval: tuple[float, float],
+    interval: Range,
     start: Start,
     budget: Budget,
     watched: Watched,
@@ -115,10 +108,7 @@ def checked_plan(
 
 
 def follow_measured(
-    plan: Plan,
-    guess: Array,
-    starts_of: Callable[[Plan], Iterator[Found]],
-    searched: SearchScope,
+    plan: Plan, guess: Array, starts_of: Callable[[Plan], Iterator[Found]], searched: SearchScope
 ) -> tuple[BranchGraph, Plan]:
     """Return the graph from all starts, and its plan, which begins again with other magnitudes.
 
