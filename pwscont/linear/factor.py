@@ -207,6 +207,8 @@ class DenseLU(Factor):
         return sum_of_logs(self.lu.diagonal())
 
     def solve(self, rhs: Array) -> Array:
+        if rhs.ndim == 1:
+            return lapack.dgetrs(self.lu, self.pivots, rhs)[0]
         return _solved(self.lu, self.pivots, rhs.T).T
 
     solve_all = solve

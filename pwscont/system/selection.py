@@ -105,8 +105,7 @@ class Selection:
 
     def residual_and(self, x: Array, value: float) -> Array:
         """Return H_chi(x) with ``value`` appended, shape (n + 1,): the bordered equations at x."""
-        found = self._method(x[:-1], float(x[-1]))
-        return joined(checked_array(self.system, "residual", found, (self.system.size,)), value)
+        return joined(self._residual(x), value)
 
     def residuals(self, points: Array) -> Array:
         """Return H_chi at points, shape (k, n + 1), each with 0 appended."""
@@ -115,9 +114,16 @@ class Selection:
             self._takes_columns = takes_columns(self.system, self._method, points)
         found = by_columns(self._method, points) if self._takes_columns else None
         if found is None:
-            return np.array([self.residual_and(x, 0.0) for x in points])
-        values[:, :-1] = found
+            for value, x in zip(values, points, strict=True):
+                value[:-1] = self._residual(x)
+        else:
+            values[:, :-1] = found
         return values
+
+    def _residual(self, x: Array) -> Array:
+        """Return H_chi(x), for use before the next value."""
+        found = self.system.residual(x[:-1], float(x[-1]), self.character)
+        return checked_array(self.system, "residual", found, (self.system.size,))
 
     def _method(self, z: Array, alpha: float) -> Array:
         """Return H_chi as the system returns it."""
