@@ -309,8 +309,8 @@ def _messages(
     if before == after:
         return node.message, node.message
     note = f"; {node.message}" if node.kind not in CROSSED and node.message else ""
-    words = system.describe_transition
-    return words(before, after) + note, words(after, before) + note
+    describe = system.describe_transition
+    return describe(before, after) + note, describe(after, before) + note
 
 
 # -- the promise of uniqueness ---------------------------------------------------------------------

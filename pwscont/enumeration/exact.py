@@ -232,7 +232,7 @@ def _float(value: Fraction) -> float:
 def solve_exactly(
     system: SlicewiseLinearSystem, metric: Metric, alpha: float, known: Sequence[Point] = ()
 ) -> Slice | None:
-    """Return all isolated solutions by trying every cell in exact arithmetic, None as above.
+    """Return all isolated solutions, from every cell in exact arithmetic; None for too much work.
 
     The points ``known`` lie on faces: rounding in the system may put them outside of regular cells.
     """
