@@ -64,7 +64,7 @@ BUDGET = {
     "enumeration": (11, 2559),
     "transitions": (13, 4074),
     "graph": (10, 2568),
-    "search": (7, 1652),
+    "search": (7, 1662),
     "continuation": (8, 2660),
     "kit": (4, 955),
     "proof": (9, 2151),

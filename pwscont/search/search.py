@@ -101,11 +101,17 @@ class Search(ABC):
     """
 
     @abstractmethod
-    def starts(self, system: PiecewiseSystem, metric: Metric, interval: Range) -> Iterator[Found]:
+    def starts(
+        self, system: PiecewiseSystem, metric: Metric, interval: tuple[float, float]
+    ) -> Iterator[Found]:
         """Yield solutions (z, alpha) with errors; a component may be hit repeatedly."""
 
     def starts_beside(
-        self, system: PiecewiseSystem, metric: Metric, interval: Range, known: KnownBranches
+        self,
+        system: PiecewiseSystem,
+        metric: Metric,
+        interval: tuple[float, float],
+        known: KnownBranches,
     ) -> Iterator[Found]:
         """Yield starts as :meth:`starts` does; starts on known branches may be left out.
 
@@ -121,12 +127,16 @@ class Search(ABC):
         """
         return SearchScope(type(self).__name__, Guarantee.NOTHING)
 
-    def proved(self, system: PiecewiseSystem, interval: Range) -> Proof | None:
+    def proved(self, system: PiecewiseSystem, interval: tuple[float, float]) -> Proof | None:
         """Return what the last run of the search proved of a system; default nothing."""
         return None
 
     def prove_again(
-        self, system: PiecewiseSystem, metric: Metric, interval: Range, known: KnownBranches
+        self,
+        system: PiecewiseSystem,
+        metric: Metric,
+        interval: tuple[float, float],
+        known: KnownBranches,
     ) -> Proof | None:
         """Return what a run proves that did not ask for starts, as with a journal; default none."""
         return None
