@@ -307,10 +307,6 @@ class Journal:
         if different:
             raise self._refusal(f"{OTHER_RUN}: {'; '.join(different)}; {ADVICE}")
 
-    def revise(self, magnitudes: Array) -> None:
-        """Record the typical magnitudes with which the run begins again."""
-        self.record("magnitudes", rows=np.asarray(magnitudes, dtype=float).tobytes())
-
     def starts(self, searched: Iterable[Found]) -> Iterator[Found]:
         """Yield the starts that are recorded, then further starts, each recorded first.
 

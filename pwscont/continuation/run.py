@@ -284,7 +284,7 @@ def follow_starts(plan: Plan, starts: Iterable[Found], searched: SearchScope) ->
             budget.end(why)
         except MisjudgedError as wrong:
             if journal is not None:
-                journal.revise(wrong.magnitudes)
+                journal.record("magnitudes", rows=np.array(wrong.magnitudes, float).tobytes())
             raise
         discovery.close(budget.spent)
         if journal is not None and not budget.spent:

@@ -63,8 +63,7 @@ def stray_alpha(
 ) -> float | None:
     """Return the alpha of a point of a piece if a system does not have this solution, else None.
 
-    The point is next to the alpha ``near``, and inside of the piece: at the ends, where a test
-    vanishes, a change of the equations may not be seen.
+    The point is next to ``near``, and inside: at the ends a change of H may not be seen.
     """
     inside = piece.points[1:-1] if len(piece.points) > 2 else piece.points.mean(axis=0)[np.newaxis]
     x = completed_point(system, inside[np.abs(inside[:, -1] - near).argmin()])

@@ -122,8 +122,7 @@ class BorderedFactor(Factor):
     def is_singular(self) -> bool:
         """Tell whether the matrix is singular to rounding, from solutions for two generic vectors.
 
-        The scaled entries are about 1 and the vectors have the length sqrt((n + 1) / 2), so a
-        solution is about as long as the vectors divided by the smallest singular value.
+        A solution is about as long as the vectors divided by the smallest singular value.
         """
         if self.failed:
             return True

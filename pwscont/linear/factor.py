@@ -61,18 +61,12 @@ class Factor(ABC):
         return np.stack([self.solve(f) for f in rhs])
 
     def solve_transposed(self, rhs: Array) -> Array:
-        """Return the solution with the transposed matrix, shape (k,).
-
-        :class:`~pwscont.linear.bordered.BorderedFactor` solves with the transpose of B.
-        """
+        """Return the solution with the transposed matrix, for which a border around B asks."""
         name = type(self).__name__
         raise NotImplementedError(f"{name} does not solve with the transposed matrix: define it")
 
     def is_singular(self) -> bool:
-        """Tell whether the matrix is singular to rounding; default whether a pivot vanished.
-
-        The factorisation of a bordered matrix must define this method.
-        """
+        """Tell whether the matrix is singular to rounding; to be defined for a bordered matrix."""
         return self.failed
 
 

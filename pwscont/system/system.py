@@ -153,10 +153,9 @@ class PiecewiseSystem(Undefined, ABC):
     def differences(self, alpha: float) -> Differences:
         """Return the object that differentiates functions of (z, alpha), in steps that fit.
 
-        In a run the steps fit the run's interval, and stay in the interval; where Newton converges
-        slowly however short the steps along the curve, the differences become finer. Outside a run
-        the steps fit :meth:`scale` at this alpha, stay in :attr:`domain`, and take max(1,
-        abs(alpha)) for a typical change of alpha.
+        In a run the steps fit the run's interval, and become finer where Newton converges slowly.
+        Outside a run the steps fit :meth:`scale` at this alpha, stay in :attr:`domain`, and take
+        max(1, abs(alpha)) for a typical change of alpha.
         """
         if self._is_fitted:
             return self._differences_of_run
@@ -210,9 +209,8 @@ class PiecewiseSystem(Undefined, ABC):
     def some_tests(self, z: Array, alpha: float, which: Indices) -> Array:
         """Return only some of the test functions, shape (len(which),).
 
-        Along a piece the run asks only for the tests that bound the piece's cell. Default: evaluate
-        all tests, and take some; override this method, and :meth:`some_test_gradients`, if every
-        test costs time.
+        Along a piece the run asks only for the tests that bound the piece's cell. Default: take
+        some of all; override this method, and :meth:`some_test_gradients`, if tests cost time.
         """
         return _some_of(self, self.test_functions(z, alpha), alpha, which)
 
