@@ -54,10 +54,7 @@ def place_of_arrival(arrival: SpecialPointFound) -> Place:
 
 
 def _sharing(arrival: SpecialPointFound, ray: Ray) -> SpecialPointFound:
-    """Return an arrival whose ray back shares the interface and the index of the piece's ray.
-
-    Beyond an event the ray that goes on along the interface gets both, too.
-    """
+    """Return an arrival whose rays along an interface share cells and index of the piece's ray."""
     if not ray.interface_cells:
         return arrival
     along = len(arrival.rays) if arrival.kind == Kind.EVENT else 1
@@ -111,9 +108,8 @@ CROSSED = (Kind.TRANSITION, Kind.NONSMOOTH_FOLD)
 class Discovery:
     """All nodes and pieces that can be reached from the starts given so far.
 
-    ``report`` is called with the number of pieces and the alpha reached after each piece. Where the
-    budget is spent, some rays are not followed, see :meth:`close`. ``follow`` is in place of the
-    follower's own, as where a journal has pieces.
+    ``report`` is called with the number of pieces and the alpha reached after each piece.
+    ``follow`` is in place of the follower's own, as where a journal has pieces.
     """
 
     def __init__(
@@ -170,11 +166,7 @@ class Discovery:
         self._follow_all()
 
     def is_beyond(self, x: Array) -> bool:
-        """Tell whether a start lies farther out than an endless path was followed.
-
-        From there the same path would be followed again, to infinity or to where the path repeats
-        itself.
-        """
+        """Tell whether a start lies farther out, on an endless path that has been followed."""
         if any(_is_past(x, back) for back in self._endless):
             return True
         if not self._repeats:
@@ -282,8 +274,8 @@ class Discovery:
     def _inside(self, arrival: SpecialPointFound, back: int) -> SpecialPointFound:
         """Return a special point without the rays that leave interval or bounds at once.
 
-        The first ``back`` rays stay. Words say which bounds are left. A transition that only
-        rounding tells from an end may be met before the end.
+        The first ``back`` rays stay. A transition that only rounding tells from an end may be met
+        before the end.
         """
         (lo, hi), bounds, whys = self._follower.interval, self._follower.bounds, []
         rays = arrival.rays[:back]
@@ -332,8 +324,7 @@ class Discovery:
     ) -> int | None:
         """Return the node that a special point is, if one of its rays is known.
 
-        Curves that the system or an event ends at one place share a node, although the rays of
-        these curves do not match.
+        Curves that the system or an event ends at one place share a node, although no rays match.
         """
         for ray in rays:
             if found := match(self._known_rays, ray, left):
@@ -357,8 +348,7 @@ class Discovery:
     ) -> None:
         """Add to a node the rays that only this arrival shows.
 
-        Transitions apart by no more than rounding may look like one corner from one side and like
-        two special points from the other; the rays found from both sides are joined.
+        Transitions apart by rounding may look like one corner, or from the other side like two.
         """
         news = [ray for ray in rays if not match(self._known_rays, ray, left)]
         if not news:
@@ -394,9 +384,8 @@ class Discovery:
     def _keep_shorter(self, edge: Edge, left: KnownRay, ray: Ray) -> None:
         """Keep the shorter of two pieces that overlap: the longer piece passed over an end.
 
-        A step may pass over two branch points, or over a thin cell. The rest of the longer piece is
-        followed from the end that was passed over. A longer piece that comes second is forgotten:
-        another piece will arrive on its ray.
+        The rest of the longer piece is followed from that end. A longer piece that comes second is
+        forgotten: another piece will arrive on its ray.
         """
         beside = [e for e in self.edges if edge.end in (e.start, e.end) and e is not edge]
         for other in beside:
@@ -426,11 +415,7 @@ class Discovery:
         self._starts += [] if edge.begun_at is None else [edge.begun_at]
 
     def _stands_on_pieces(self, arrival: SpecialPointFound, interior: bool) -> bool:
-        """Tell whether a start is a point of known pieces.
-
-        A start that rounding alone puts on an interface is a point of the pieces on both sides; one
-        where a path along interfaces passes through is a point of that path.
-        """
+        """Tell whether a start is a point of known pieces, also where rounding alone adds rays."""
         rays = arrival.rays
         crossed = arrival.kind in (*CROSSED, Kind.EVENT) and len(rays) == 2
         passed = not interior and len(rays) == 2 and opposite(*rays)

@@ -1,13 +1,8 @@
 """One piece, from a ray to the special point where it ends.
 
-Failure modes and answers
--------------------------
-- Shorter steps of differences amplify rounding and the noise of the user's function. Finer steps
-  are taken only if the next finer steps change derivatives more than the finest steps do.
-- Beside an end of the model derivatives change by rounding, which is no reason for finer steps.
-- The step of the differences leads beyond an end of the model, although the point does not: finer
-  steps are taken if only finer steps are finite. So a piece reaches the end of the model as closely
-  as the finest steps allow, whatever the magnitudes are.
+Shorter steps of differences amplify rounding and noise: finer steps are taken only if the next
+finer steps change derivatives more than the finest steps do, or if only finer steps are finite, as
+beside the end of a model.
 """
 
 from __future__ import annotations
@@ -97,8 +92,7 @@ ENDLESS_FROM, PARTS, ENDLESS_RATIO = 20.0, (0.7, 0.85), 0.8
 #: from the limit is a power of 1 / z of at least 1/2, are at most this part of the interval,
 ENDLESS_REST, ENDLESS_CHANGE = 13.0, 1e-3
 #: or the piece has more steps than these. Such a piece may run to infinity nearer by, too, where
-#: alpha approaches a limit evenly, and all changes to come, which then shrink as the changes before
-#: did, are at most this part of the interval; the changes next to a fold are uneven.
+#: alpha approaches a limit evenly, and all changes to come are at most this part of the interval.
 ENDLESS_STEPS, LONG_CHANGE = 600, 1e-2
 #: Between three successive parts of the way of such a piece, z grows by the same factor, at most by
 #: the inverse of LONG_PART, at least by the inverse of MOST_PART, and by EXCESS more than from the
@@ -139,9 +133,8 @@ def is_cut(arrival: SpecialPointFound, budget: Budget) -> bool:
 class PieceFollower:
     """Follows rays, one after the other, to the ends of their pieces; the steps are the stepper's.
 
-    Pieces stay within an interval of alpha and within bounds of z. Where nothing is watched except
-    straight pieces and the ends of the interval, ``straight`` leads from cell to cell by itself. A
-    ``gauge`` sees every step. ``events`` are the events that a user gave.
+    Where nothing is watched except straight pieces and the ends of the interval, ``straight`` leads
+    from cell to cell by itself. A ``gauge`` sees every step.
     """
 
     def __init__(
@@ -219,10 +212,7 @@ class PieceFollower:
     def _first_event(
         self, step: Segment, reading: Reading, aimed: Event | None = None
     ) -> tuple[Event | Failure | None, Reading]:
-        """Return the first event on a step, and the reading at the end of the step.
-
-        ``aimed``: the event at the end of a step that the stepper aimed at.
-        """
+        """Return the first event on a step, perhaps ``aimed`` at, and the reading at the end."""
         watch = self._watch
         if not isinstance(step, CurvedSegment):
             return first_on_ray(watch, step, reading), reading
@@ -328,10 +318,7 @@ class PieceFollower:
         return points, events.stopped(self._curve, marks[0])
 
     def _points_to(self, step: Segment, position: float, end: State) -> list[Array]:
-        """Return the points of a piece that ends on a step.
-
-        A curved piece of two points would look straight, and gets a third point.
-        """
+        """Return the points of a piece that ends on a step; a curved piece has at least three."""
         if isinstance(step, CurvedSegment) and len(self._points) == 1:
             middle = step.point(0.5 * position, end.located_by)
             if middle is not None:
@@ -348,9 +335,8 @@ class PieceFollower:
     def _is_endless(self) -> bool:
         """Tell whether a long piece leads to infinity while alpha stays inside the interval.
 
-        Parts of the way to the farthest point are compared. Changes of alpha shrink where alpha
-        approaches a limit like a power of 1 / z, not like a logarithm. All changes that are still
-        to come are next to nothing together, or the piece is very long.
+        Between parts of the way to the farthest point, changes of alpha shrink where alpha
+        approaches a limit like a power of 1 / z, not like a logarithm.
         """
         points = np.array(self._points) / self._curve.metric.scale
         sizes, alpha = np.linalg.norm(points[:, :-1], axis=1), points[:, -1]
@@ -382,7 +368,7 @@ class PieceFollower:
     def _up_to_crossing(self) -> Followed | None:
         """Return the piece up to a crossing of curves on an end of the interval, None without one.
 
-        So close to a crossing Newton may find points of either curve: such points are left out.
+        Points so close to the crossing may lie on either curve, and are left out.
         """
         if len(self._points) == 1 or not (point := crossing_on_end(self._curve, self._state.x)):
             return None  # a start at a crossing is recognised as one
@@ -396,8 +382,7 @@ class PieceFollower:
     def _end_inside(self, part: float) -> None:
         """End at the last point at which H is finite; the end of the model is a few steps farther.
 
-        The last correction may have led beyond the end, where H was not asked for. Differences took
-        this part of the usual steps, and H is not finite at the ends of these.
+        ``part``: of the usual steps, which differences took, and at whose ends H is not finite.
         """
         last, residual = self._state, self._curve.selection.residual
         while len(self._points) > 2 and not are_finite(residual(self._points[-1])):
@@ -413,11 +398,7 @@ class PieceFollower:
 
 
 def _changes(sizes: Array, alpha: Array, parts: Sequence[float], ratio: float) -> list[float]:
-    """Return the changes of alpha, in intervals, between parts of the way to the farthest point.
-
-    Empty where a change does not shrink by a ratio, and where the last point is not far out, or the
-    first point is.
-    """
+    """Return the changes of alpha between parts of the way out, empty if no ratio bounds them."""
     farthest, largest = int(np.argmax(sizes)), sizes.max()
     if sizes[-1] < parts[-1] * largest or parts[0] * largest < sizes[0]:
         return []

@@ -1,15 +1,12 @@
 """A run: its plan, and the starts that are followed until no ray is left.
 
-A path may leave the interval at one of its ends, turn beyond, and come back. Inside the interval
-such a path is several components, which only the way outside joins. Where the search promises
-nothing, each path that leaves is followed a little further, and where the path comes back is
-another start. Beyond the interval H may not make sense: only straight pieces, which make sense
-everywhere, are followed there, within the domain of the system, and whatever goes wrong says
-nothing about the interval.
+A path may leave the interval, turn beyond, and come back. Where the search promises nothing, each
+path that leaves is followed a little further, and where the path comes back is another start. Only
+straight pieces, which make sense everywhere, are followed there, within the domain of the system,
+and whatever goes wrong says nothing about the interval.
 
 Solutions may fill more than curves. Signs of such sets are: a corner at which solutions fill a
-cone, a piece that could not be followed, starts without a digit (as from cells that have no
-corner), or an empty graph (as if solutions fill whole lines). A run without a sign has only curves.
+cone, a piece that could not be followed, starts without a digit, or an empty graph.
 """
 
 from __future__ import annotations
@@ -94,9 +91,7 @@ def checked_interval(system: PiecewiseSystem, interval: tuple[float, float]) -> 
     >>> checked_interval(LCP([[1.0]], q=[0.0], d=[1.0]), (0, 1))
     (0.0, 1.0)
     """
-    if system is None:
-        raise InvalidInputError("system must be a PiecewiseSystem, got None")
-    checked_kind("system", system, PiecewiseSystem)
+    checked_kind("system", system, PiecewiseSystem, is_needed=True)
     check_attributes(system)
     try:
         lo, hi = (float(end) for end in interval)
@@ -217,13 +212,7 @@ def checked_detectors(system: PiecewiseSystem, detectors: Any, events: Any) -> W
 
 
 def uninterrupted(graph: BranchGraph) -> BranchGraph:
-    """Return a graph, for callers that cannot use the graph of an interrupted run.
-
-    Raises
-    ------
-    KeyboardInterrupt
-        If Ctrl-C was pressed while the graph was computed.
-    """
+    """Return a graph, or raise the KeyboardInterrupt that ended its run."""
     if graph.searched.spent.startswith(INTERRUPTED):
         raise KeyboardInterrupt
     return graph
@@ -262,10 +251,7 @@ def plan_in_words(
 
 
 def default_search_of(plan: Plan, around: Sequence[Array] = ()) -> Search:
-    """Return the default search; of a formula, with proofs where proofs are quick.
-
-    ``around``: states from which starts are tried.
-    """
+    """Return the default search, also around states; of a formula, with proofs that are quick."""
     search = default_search(plan.reduced_system, plan.interval, list(around))
     if formula_of(plan.reduced_system) is None:
         return search
@@ -281,10 +267,7 @@ FEW_PIECES, MOST_PATHS = 20, 100
 
 
 def follow_starts(plan: Plan, starts: Iterable[Found], searched: SearchScope) -> BranchGraph:
-    """Return the graph of everything that is reached from starts of the reduced system.
-
-    Where the budget is spent, the graph has what was found until then.
-    """
+    """Return the graph of all that the budget lets the run reach from starts."""
     gauge, budget, journal = plan.gauge, plan.budget, plan.journal
     watched = (*plan.detectors, *filter(None, [plan.bounds]))
     # from cell to cell where only straight pieces are watched
@@ -309,7 +292,7 @@ def follow_starts(plan: Plan, starts: Iterable[Found], searched: SearchScope) ->
             budget.end(why)
         except MisjudgedError as wrong:
             if journal is not None:
-                journal.revise(wrong.magnitudes)
+                journal.record("magnitudes", rows=np.array(wrong.magnitudes, float).tobytes())
             raise
         discovery.close(budget.spent)
         if journal is not None and not budget.spent:
@@ -418,10 +401,7 @@ def _graph(
 
 
 def _reentries(discovery: Discovery, plan: Plan) -> Iterator[Found]:
-    """Yield the solutions at which paths come back that leave the interval.
-
-    The discovery grows while solutions are taken.
-    """
+    """Yield the solutions at which paths come back that leave the interval."""
     (lo, hi), (low, high) = plan.interval, plan.reduced_system.domain
     same, further = SAME_ALPHA * (hi - lo), PART_BEYOND * (hi - lo)
     beyond = {lo: (max(lo - further, low), lo), hi: (hi, min(hi + further, high))}

@@ -1,9 +1,7 @@
 """The contract of a system, checked before any work: shapes of all values, and derivatives.
 
-Derivatives that a user gives are compared with differences of the user's functions, beside the
-point, because wrong terms may vanish at special points, such as z = 0. A Jacobian with a single
-wrong number sends every step astray, or turns the wrong way at a fold, without a word. A generic
-direction shows the row of a wrong number, at the cost of two values.
+Derivatives that a user gives are compared with differences of the user's functions along a generic
+direction, beside the point, because wrong terms may vanish at special points, such as z = 0.
 """
 
 from __future__ import annotations
@@ -165,13 +163,7 @@ def checked_scale(system: PiecewiseSystem, magnitudes: Any) -> Array:
 
 
 def checked_magnitudes(magnitudes: Any, size: int) -> Array | None:
-    """Return typical magnitudes that a caller gives, shape (size,), None where there are none.
-
-    Raises
-    ------
-    InvalidInputError
-        If the numbers are not positive or cannot be broadcast to that shape.
-    """
+    """Return typical magnitudes that a caller gives, shape (size,), or refuse other numbers."""
     if magnitudes is None:
         return None
     scale = finite_array("scale", magnitudes)
@@ -181,24 +173,12 @@ def checked_magnitudes(magnitudes: Any, size: int) -> Array | None:
 
 
 def residual_at(system: PiecewiseSystem, z: Array, alpha: float, character: Character) -> Array:
-    """Return H_chi(z, alpha), shape (n,), in a new array.
-
-    Raises
-    ------
-    InvalidSystemError
-        If the shape is wrong at this point, even if the shape was right at other points.
-    """
+    """Return H_chi(z, alpha), shape (n,), in a new array, or refuse another shape."""
     return own_array(system, "residual", system.residual(z, alpha, character), (system.size,))
 
 
 def jacobian_at(system: PiecewiseSystem, z: Array, alpha: float, character: Character) -> Matrix:
-    """Return dH_chi / d(z, alpha), shape (n, n + 1), as a dense or sparse copy.
-
-    Raises
-    ------
-    InvalidSystemError
-        If the shape is wrong at this point, even if the shape was right at other points.
-    """
+    """Return dH_chi / d(z, alpha), shape (n, n + 1), as a copy, or refuse another shape."""
     jacobian = system.jacobian(z, alpha, character)
     shape = (system.size, system.size + 1)
     return own_matrix(checked_matrix(system, "jacobian", jacobian, shape))
@@ -248,9 +228,8 @@ def _refuse_wrong_derivative(
 ) -> None:
     """Refuse a derivative with a row that is not the function's, along a direction by a point.
 
-    Quotients by steps of several lengths that differ among themselves say nothing: the function
-    changes within less than a step, or the quotients are rounding or noise. Nor do values that are
-    not finite, or steps that are lost in the rounding of the point.
+    Quotients by steps of several lengths that differ among themselves say nothing, nor do values
+    that are not finite, or steps that are lost in the rounding of the point.
     """
     differences = system.differences(float(at_point[-1]))
     direction = differences.scale * generic(len(at_point))
