@@ -60,7 +60,7 @@ BUDGET = {
     "system": (10, 2102),
     "linear": (11, 1334),
     "notation": (13, 2910),
-    "curve": (14, 3266),
+    "curve": (13, 3269),
     "enumeration": (11, 2559),
     "transitions": (13, 4071),
     "graph": (10, 2575),

@@ -35,7 +35,7 @@ from pwscont.curve.crossing import (
     loses_rank,
 )
 from pwscont.curve.curve import Curve, State
-from pwscont.curve.hidden import hidden_in
+from pwscont.curve.looks import hidden_in
 from pwscont.curve.stepper import CurvedSegment, Segment
 from pwscont.linear.factorise import bordered
 from pwscont.system.selection import Selection
