@@ -22,6 +22,7 @@ from pwscont.basics.outcome import Guarantee, SearchScope
 from pwscont.basics.printing import counted
 from pwscont.curve.error_samples import Found
 from pwscont.curve.metric import Metric, Range
+from pwscont.search.bounds import on_bounds
 from pwscont.search.enumeration import starts_at
 from pwscont.search.pursuit import MOST_FOUND, Pursuit, is_new, solution_from
 from pwscont.search.search import KnownBranches, Search
@@ -181,6 +182,8 @@ class Throughout(Search):
             yield from pursuit.at(alpha, rough)
         if known.are_all():
             return
+        if Box.of(system).is_bounded:
+            yield from on_bounds(system, metric, interval, known, self.slices * self.count)
         if not known.extremes():  # only undamped steps cross kinks where H grows at first
             yield from MultiStart(count=1, around=self.around).starts(system, metric, interval)
         count = 0
@@ -211,6 +214,7 @@ class Throughout(Search):
         what += f"Newton from {self.at_ends} starts at both ends (seed 0)"
         what += f" and {self.count} at {self.slices} values of alpha between, deflated"
         what += ", and where one equation changes its sign" if shown_size(system) == 1 else ""
+        what += "; on bounds of unknowns" if Box.of(system).is_bounded else ""
         what += "; again while more is found"
         return SearchScope(what, Guarantee.NOTHING)
 
