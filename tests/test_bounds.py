@@ -119,3 +119,22 @@ def test_short_branches_from_bound_to_bound(unit, top):
     flanks = [turn + (-1.0) ** k * np.arcsin([0.0, top]) for k, turn in enumerate(turns, start=-9)]
     ends = sorted(x / 9.0 for x in np.ravel(flanks) if interval[0] < x / 9.0 < interval[1])
     assert sorted(p.alpha for p in graph.special_points("end")) == pytest.approx(ends, abs=1e-9)
+
+
+def test_a_curve_that_touches_a_bound_from_outside_is_no_solution():
+    class Below(PiecewiseSystem):
+        size = 2
+
+        def test_functions(self, z, alpha):
+            return z[:1] - 0.2
+
+        def residual(self, z, alpha, character):
+            kink = (z[0] - 0.2) * (1.0 if character.signs[0] else -1.0)
+            return np.array([z[0] + (alpha - 0.3) ** 2, z[1] - kink])
+
+        def bounds(self):
+            return np.array([0.0, -np.inf]), np.inf
+
+    graph = explore(Below(), (-1.0, 1.0))
+    assert not graph.special_points()
+    assert graph.guarantee.startswith("nothing found")

@@ -6,7 +6,7 @@ may be short. On a bound, the unknown is given and alpha is not.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import Any, final
 
 import numpy as np
@@ -15,7 +15,7 @@ from pwscont.basics.arrays import Array, dense
 from pwscont.basics.character import Character
 from pwscont.curve.error_samples import Found
 from pwscont.curve.metric import Metric, Range
-from pwscont.search.pursuit import FARTHEST_START, SAME_SOLUTION, Pursuit
+from pwscont.search.pursuit import ALMOST, FARTHEST_START, SAME_SOLUTION, Pursuit
 from pwscont.search.search import KnownBranches
 from pwscont.system.box import Box
 from pwscont.system.contract import jacobian_at, residual_at
@@ -31,7 +31,8 @@ class Exchanged(PiecewiseSystem):
 
     def __init__(self, system: PiecewiseSystem, place: int, metric: Metric, interval: Range):
         self.size, self._system, self._place = system.size, system, place
-        self._metric, self._box, self._interval = metric, Box.of(system), interval
+        self._box, self._interval = Box.of(system), interval
+        self.magnitudes = self.exchanged(metric.scale)  # of the unknowns and of the parameter
 
     def exchanged(self, x: Array) -> Array:
         """Return points, shape (..., n + 1), with the unknown and alpha exchanged."""
@@ -61,7 +62,7 @@ class Exchanged(PiecewiseSystem):
 
     def scale(self, lo: float, hi: float) -> Array:
         """Return the magnitudes, that of alpha in the place of the unknown."""
-        return self.exchanged(self._metric.scale)[:-1]
+        return self.magnitudes[:-1]
 
     def bounds(self) -> tuple[Any, Any]:
         """Return the bounds, the interval in the place of the unknown."""
@@ -75,20 +76,27 @@ class Exchanged(PiecewiseSystem):
 
 
 def on_bounds(
-    system: PiecewiseSystem, metric: Metric, interval: Range, known: KnownBranches, count: int
+    system: PiecewiseSystem,
+    metric: Metric,
+    interval: Range,
+    known: KnownBranches,
+    count: int,
+    turn: int,
 ) -> Iterator[Found]:
-    """Yield solutions on bounds of unknowns from so many starts, at least one for each bound.
+    """Yield solutions on bounds of unknowns from so many starts, others in each turn.
 
     If there are more bounds than starts, the first bounds have one start each.
     """
     box, scale = Box.of(system), metric.scale[:-1]
     ends = np.array([box.lower, box.upper])
     near = np.argwhere(np.abs(ends) <= FARTHEST_START * scale)[:count]
+    each = count // max(len(near), 1)
+    numbers = range(turn * each, (turn + 1) * each)
     for side, place in near.tolist():
         bound, slack = float(ends[side, place]), SAME_SOLUTION * scale[place]
         if any((np.abs(x[:, place] - bound) <= slack).sum() > 1 for x in known.pieces()):
             continue  # a branch lies on the bound
-        yield from _on_bound(system, metric, interval, known, place, bound, count // len(near))
+        yield from _on_bound(system, metric, interval, known, place, bound, numbers)
 
 
 def _on_bound(
@@ -98,7 +106,7 @@ def _on_bound(
     known: KnownBranches,
     place: int,
     bound: float,
-    count: int,
+    numbers: Iterable[int],
 ) -> Iterator[Found]:
     """Yield solutions on a bound of the unknown at a place."""
     other, box = Exchanged(system, place, metric, interval), Box.of(system)
@@ -107,7 +115,17 @@ def _on_bound(
     seen = KnownBranches()
     seen.followed = lambda: ((cell, other.exchanged(x)) for cell, x in known.followed())
     periods = Box.of(other).period
-    pursuit = Pursuit(other, Metric(other.exchanged(metric.scale), inside, periods), inside, seen)
-    for found in pursuit.at(bound, map(pursuit.guess, range(max(count, 1)))):
-        x, error = map(other.exchanged, found)
-        yield x, error
+    pursuit = Pursuit(other, Metric(other.magnitudes, inside, periods), inside, seen)
+    for found in pursuit.at(bound, map(pursuit.guess, numbers)):
+        if _is_crossed(other, found[0]):
+            x, error = map(other.exchanged, found)
+            yield x, error
+
+
+def _is_crossed(other: Exchanged, y: Array) -> bool:
+    """Tell whether a curve crosses a bound at a point; a curve outside may touch the bound."""
+    z, bound = y[:-1], float(y[-1])
+    rows = other.jacobian(z, bound, other.character(z, bound)) * other.magnitudes
+    sizes = np.abs(rows).max(axis=1, keepdims=True)
+    tangent = np.linalg.svd(rows / np.where(sizes > 0.0, sizes, 1.0))[2][-1]
+    return bool(abs(tangent[-1]) > ALMOST)

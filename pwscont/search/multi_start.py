@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import chain
 from numbers import Integral
 from typing import TypeAlias, final
 
@@ -182,14 +183,16 @@ class Throughout(Search):
             yield from pursuit.at(alpha, rough)
         if known.are_all():
             return
-        if Box.of(system).is_bounded:
-            yield from on_bounds(system, metric, interval, known, self.slices * self.count)
         if not known.extremes():  # only undamped steps cross kinks where H grows at first
             yield from MultiStart(count=1, around=self.around).starts(system, metric, interval)
         count = 0
         for turn in range(MOST_ROUNDS):
-            before = count
-            for count, found in enumerate(self._between(pursuit, interval, turn), before + 1):
+            before, all_found = count, self._between(pursuit, interval, turn)
+            if Box.of(system).is_bounded:
+                starts = self.slices * self.count
+                on = on_bounds(system, metric, interval, known, starts, turn)
+                all_found = chain(all_found, on)
+            for count, found in enumerate(all_found, before + 1):
                 yield found
                 if count > MOST_FOUND:
                     known.leave_off()
