@@ -385,7 +385,7 @@ class Discovery:
         """
         rays = arrival.rays
         crossed = arrival.kind in (*CROSSED, Kind.EVENT) and len(rays) == 2
-        passed = len(rays) == 2 and opposite(*rays)
+        passed = not interior and len(rays) == 2 and opposite(*rays)
         asked = rays if crossed or passed else rays[:1] if interior else ()
         return bool(asked) and all(map(self._is_known, asked))
 
