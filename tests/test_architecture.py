@@ -64,7 +64,7 @@ BUDGET = {
     "enumeration": (11, 2671),
     "transitions": (13, 4074),
     "graph": (10, 2711),
-    "search": (8, 1824),
+    "search": (8, 1827),
     "continuation": (8, 2779),
     "kit": (4, 955),
     "proof": (9, 2151),

@@ -98,6 +98,7 @@ def test_a_path_that_repeats_itself_is_followed_to_its_bounds():
 @pytest.mark.sweep(6)
 def test_short_branches_from_bound_to_bound(unit, top):
     """A wave y = sin(9 alpha), of which bounds leave a short piece on each flank."""
+    interval = (-1.4, 1.3)
 
     class Wave(PiecewiseSystem):
         size = 2
@@ -106,6 +107,7 @@ def test_short_branches_from_bound_to_bound(unit, top):
             return z[:1] / unit - 0.05
 
         def residual(self, z, alpha, character):
+            assert interval[0] <= alpha <= interval[1]
             y, other = z / unit
             more = 0.5 * (y - 0.05) * character.signs[0]
             return np.array([y - np.sin(9.0 * alpha), other - y - more])
@@ -113,7 +115,6 @@ def test_short_branches_from_bound_to_bound(unit, top):
         def bounds(self):
             return np.array([0.0, -np.inf]), unit * np.array([top, 9.0])
 
-    interval = (-1.4, 1.3)
     graph = explore(Wave(), interval)
     turns = np.arange(-9, 10) * np.pi
     flanks = [turn + (-1.0) ** k * np.arcsin([0.0, top]) for k, turn in enumerate(turns, start=-9)]

@@ -41,16 +41,19 @@ class Exchanged(PiecewiseSystem):
         return y
 
     def _at(self, z: Array, alpha: float) -> tuple[Array, float]:
+        """Return the point of the system, the nearest in the interval: H is asked nowhere else."""
         x = self.exchanged(np.append(z, alpha))
-        return x[:-1], float(x[-1])
+        return x[:-1], float(np.clip(x[-1], *self._interval))
 
     def test_functions(self, z: Array, alpha: float) -> Array:
         """Return the tests of the system."""
         return np.asarray(self._system.test_functions(*self._at(z, alpha)), dtype=float)
 
     def residual(self, z: Array, alpha: float, character: Character) -> Array:
-        """Return H."""
-        return residual_at(self._system, *self._at(z, alpha), character)
+        """Return H, nan outside of the interval."""
+        own, at = self._at(z, alpha)
+        rows = residual_at(self._system, own, at, character)
+        return rows if at == z[self._place] else np.full_like(rows, np.nan)
 
     def jacobian(self, z: Array, alpha: float, character: Character) -> Array:
         """Return the derivatives of H, with two columns exchanged."""
