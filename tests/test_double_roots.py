@@ -1,8 +1,9 @@
 """Curves on which H vanishes twice, and curves of equations that nearly agree."""
 
+import numpy as np
 import pytest
 
-from pwscont import Switched, explore, trace
+from pwscont import PiecewiseSystem, Switched, explore, trace
 
 #: Equations that vanish twice on a curve, and the numbers of solutions at three alphas.
 DOUBLE = {
@@ -60,3 +61,46 @@ def test_a_parabola_of_double_roots_is_followed_or_named():
     right = [graph.count(alpha) for alpha in (-0.5, 0.7, 1.6)] == [0, 2, 2]
     assert right or graph.guarantee.startswith("not balanced")
     assert sum(len(piece.points) for piece in graph.pieces) < 3000
+
+
+class DoubleCurves(PiecewiseSystem):
+    """The product of squares, which vanish on curves, and of other factors."""
+
+    size = 1
+
+    def __init__(self, *squares, others=()):
+        self.squares, self.others = squares, others
+
+    def test_functions(self, z, alpha):
+        return z - 0.3
+
+    def residual(self, z, alpha, character):
+        factors = [*(z - f(alpha) for f in self.squares for _ in range(2))]
+        return np.prod([*factors, *(z - f(alpha) for f in self.others)], axis=0)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "squares",
+    [
+        (np.sin,),
+        (np.sin, lambda a: 2.0 + np.cos(a), lambda a: -3.0 - a),
+        (np.exp, lambda a: -np.exp(a)),
+    ],
+)
+def test_paths_along_curves_of_double_roots_are_given_up_soon(squares):
+    """Rounding makes folds without end, and every start leads to the same curves."""
+    graph = explore(DoubleCurves(*squares), (-2.0, 2.0))
+    right = [graph.count(alpha) for alpha in (-1.3, 0.2, 1.7)] == [len(squares)] * 3
+    assert right or "not followed, for the Jacobian loses rank" in graph.guarantee
+    assert sum(len(piece.points) for piece in graph.pieces) < 3000
+
+
+@pytest.mark.slow
+def test_other_branches_beside_a_curve_of_double_roots_are_found():
+    lines = (lambda a: -3.0 - 0.5 * a, lambda a: 5.0 - a**2)
+    graph = explore(DoubleCurves(np.sin, others=lines), (-2.0, 2.0))
+    for alpha in (-1.6, -0.4, 0.8, 1.9):
+        found = [solution.z[0] for solution in graph.solutions(alpha)]
+        for line in lines:
+            assert np.min(np.abs(np.array(found) - line(alpha))) < 1e-9

@@ -169,6 +169,29 @@ def test_the_end_of_a_model_by_differences_is_within_the_error(name):
         assert min(abs(point.alpha - end) for end in ends) <= 8.0 * point.error[-1]
 
 
+class Numbers:
+    """The switches of numbers."""
+
+    abs = staticmethod(abs)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "equation",
+    [
+        lambda z, a, sw: sw.abs(z) ** a - 2.0 - z,
+        lambda z, a, sw: z * sw.abs(z) ** a - 2.0 * a + 1.0,
+    ],
+)
+def test_powers_whose_exponent_changes_its_sign_raise_nothing(equation):
+    """At z = 0 the power is infinite, or nan, and Newton's steps grow beyond all numbers."""
+    graph = explore(Switched(1, equation), (-1.0, 2.0))
+    assert graph.count(1.7) > 0
+    for solution in graph.solutions(1.7):
+        z = solution.z[0]
+        assert abs(equation(z, 1.7, Numbers)) < 1e-7 * (1.0 + abs(z) ** 2.7)
+
+
 # -- endless repetition ----------------------------------------------------------------------------
 
 
@@ -179,6 +202,46 @@ def test_a_periodic_equation_without_periods_ends_in_words():
     for solution in graph.solutions(0.3):
         assert np.sin(solution.z[0]) == pytest.approx(0.3, abs=1e-9)
     assert graph.count(1.5) == 0
+
+
+#: Unbounded periodic equations of two unknowns, whose solutions are infinitely many.
+PERIODIC = {
+    "paths that branch": lambda z, a, sw: [
+        np.sin(z[0]) + 0.5 * sw.abs(np.cos(z[1])) - a,
+        np.cos(z[0]) - np.sin(2.0 * z[1]),
+    ],
+    "many loops": lambda z, a, sw: [
+        np.sin(3.0 * z[0]) + np.cos(2.0 * z[1]) - 0.3 * a,
+        np.cos(2.0 * z[0]) - np.sin(z[1]),
+    ],
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", PERIODIC)
+def test_periodic_equations_of_two_unknowns_end_in_words(name):
+    graph = explore(Switched(2, PERIODIC[name]), (-1.0, 2.0))
+    assert "many solutions were found" in graph.guarantee
+    assert sum(len(piece.points) for piece in graph.pieces) < 12_000
+    for alpha in (0.9, 1.2):
+        for solution in graph.solutions(alpha):
+            off = PERIODIC[name](solution.z, alpha, Numbers)
+            assert np.abs(off).max() < 1e-7 * (1.0 + np.abs(solution.z).max())
+
+
+def test_the_magnitude_of_an_unknown_in_an_oscillating_function_is_no_chance():
+    """A sign change far out, where bisection goes astray, would give magnitudes of 1e9."""
+
+    def equations(z, a, sw):
+        first = z[0] - np.exp(np.sin(2.0 * z[1])) + sw.abs(z[0]) - a
+        return [first, z[1] - np.exp(np.sin(2.0 * z[0]))]
+
+    graph = explore(Switched(2, equations), (1.0, 1.5))
+    # z1 = exp(sin(2 z0)), 2 z0 - exp(sin(2 z1)) = alpha for z0 > 0, and none for z0 < 0
+    z0 = np.linspace(0.0, 5.0, 400_001)
+    for alpha in (1.1, 1.4):
+        values = 2.0 * z0 - np.exp(np.sin(2.0 * np.exp(np.sin(2.0 * z0)))) - alpha
+        assert graph.count(alpha) == (values[1:] * values[:-1] < 0.0).sum()
 
 
 def test_limits_end_an_equation_with_infinitely_many_branches():

@@ -2,12 +2,8 @@
 
 import numpy as np
 import pytest
-import scipy.sparse as sp
 
 from pwscont import Switched, trace
-from pwscont.linear.banded import BandedJacobian
-from pwscont.linear.factorise import bordered
-from pwscont.linear.sparse import SparseJacobian
 
 END = 0.95
 
@@ -112,20 +108,3 @@ def test_nothing_is_seen_where_the_determinant_is_small_but_does_not_vanish():
     graph = trace(Switched(1, residual), ([0.0], -1.0), (-1.0, 1.0))
     assert [str(point.kind) for point in graph.special_points()] == ["start", "end"]
     assert str(graph.guarantee) == "balanced"
-
-
-@pytest.mark.parametrize("store", ["dense", "sparse", "banded"])
-def test_logarithms_of_determinants_in_every_storage_and_unit(store):
-    rng = np.random.default_rng(5)
-    for n in (1, 4, 40):
-        bands = rng.normal(size=(3, n)) * 10.0 ** rng.integers(-9, 9, size=n)
-        bands[1] += 3.0 * np.abs(bands).max(axis=0)
-        banded = BandedJacobian(bands, 1, 1, rng.normal(size=n))
-        dense = banded.tocsc().toarray()
-        stored = {"dense": dense, "sparse": SparseJacobian(sp.csc_matrix(dense)), "banded": banded}
-        row = rng.normal(size=n + 1)
-        scale = np.append(2.0 ** -np.round(np.log2(np.abs(bands).max(axis=0))), 1.0)
-        _, wanted = np.linalg.slogdet(np.vstack([dense, row]) * scale)
-        wanted -= np.log(scale).sum()
-        found = bordered(stored[store], row, scale).log_determinant
-        assert found == pytest.approx(wanted, abs=1e-9 * n)

@@ -149,3 +149,31 @@ def test_wrong_gradients_of_tests_are_named():
 
     with pytest.raises(InvalidSystemError, match="test_jacobian is wrong in row 0"):
         trace(Gradients(1), (np.zeros(3), 0.0), (-0.4, 0.6))
+
+
+class Oscillating(PiecewiseSystem):
+    """z0 + sin(z1), z1 = alpha, with a magnitude of z that is far too large."""
+
+    size = 2
+
+    def __init__(self, slope):
+        self.slope = slope
+
+    def scale(self, lo, hi):
+        return np.array([1e11, 1e11])
+
+    def test_functions(self, z, alpha):
+        return z[:1] - 1e14
+
+    def residual(self, z, alpha, character):
+        return np.array([z[0] + np.sin(z[1]), z[1] - alpha])
+
+    def jacobian(self, z, alpha, character):
+        return np.array([[1.0, self.slope * np.cos(z[1]), 0.0], [0.0, 1.0, -1.0]])
+
+
+def test_a_jacobian_is_right_although_h_oscillates_within_the_steps_of_the_check():
+    graph = trace(Oscillating(1.0), ([0.0, 0.0], 0.0), (0.0, 1.0))
+    assert graph.solutions(0.7)[0].z[0] == pytest.approx(-np.sin(0.7), abs=1e-9)
+    with pytest.raises(InvalidSystemError, match="is wrong in row 0"):
+        trace(Oscillating(1.5), ([0.0, 0.0], 0.0), (0.0, 1.0))

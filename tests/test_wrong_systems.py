@@ -82,8 +82,6 @@ def test_static_methods_and_private_names_are_free():
         ("names", (1,), r"names\(\) must return texts"),
         ("end", "beyond", r"Wrong\.end would never be called, .* derive from .*\.Ending: let it"),
         ("reduction", None, r"Wrong\.reduction would never .*\.Reducible"),
-        ("essential", None, r"Wrong\.essential would never .*\.Compact"),
-        ("completed", None, r"Wrong\.completed would never .*\.Compact"),
         ("searches", (), r"Wrong\.searches would never .*\.BringsSearches"),
     ],
 )

@@ -304,7 +304,7 @@ class PowerFlow(PiecewiseSystem, BringsSearches):
 
     def _words(self, character: Character) -> list[str]:
         at_low, at_high = self._modes(character)
-        return np.where(at_high, "at Q max", np.where(at_low, "at Q min", HELD)).tolist()  # type: ignore[no-any-return]
+        return np.where(at_high, "at Q max", np.where(at_low, "at Q min", HELD)).tolist()
 
     def describe(self, character: Character) -> str:
         """Return the mode of every generator, such as ``G2 at Q max, G3 voltage held``."""

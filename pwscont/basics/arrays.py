@@ -32,7 +32,8 @@ def finite_array(name: str, values: Any, shape: tuple[int, ...] | None = None) -
     """
     try:
         given = np.asarray(values)
-        if (what := NO_REALS.get(_kind(given))) is not None:
+        is_text = given.dtype == object and any(isinstance(v, str | bytes) for v in given.flat)
+        if (what := NO_REALS.get("U" if is_text else given.dtype.kind)) is not None:
             raise TypeError(f"got {what}")
         array = np.array(given, dtype=float)
     except (TypeError, ValueError, OverflowError) as error:
@@ -44,13 +45,6 @@ def finite_array(name: str, values: Any, shape: tuple[int, ...] | None = None) -
         entry = name + (str(list(where)) if where else "")
         raise InvalidInputError(f"{name} must be finite, but {entry} is {array[where]}")
     return array
-
-
-def _kind(values: npt.NDArray[Any]) -> str:
-    """Return the letter for the kind of an array; of Python's objects, texts are found."""
-    if values.dtype.kind == "O" and any(isinstance(value, str | bytes) for value in values.flat):
-        return "U"
-    return values.dtype.kind
 
 
 def largest(values: Array) -> float:
@@ -88,8 +82,7 @@ def joined(vector: Array, value: float) -> Array:
 
 def product(matrix: Matrix, x: Array) -> Array:
     """Return ``matrix @ x``; of few dense entries numpy's ``dot`` takes a third of the time."""
-    result: Array = matrix.dot(x) if type(matrix) is np.ndarray else matrix @ x
-    return result
+    return matrix.dot(x) if type(matrix) is np.ndarray else matrix @ x
 
 
 def indices(numbers: Sequence[int] | Indices) -> Indices:
@@ -101,8 +94,7 @@ def indices(numbers: Sequence[int] | Indices) -> Indices:
 
 def dense(matrix: Matrix) -> Array:
     """Return any matrix, sparse, banded or dense, as an array."""
-    whole: Array = matrix.toarray() if hasattr(matrix, "toarray") else np.asarray(matrix)
-    return whole
+    return matrix.toarray() if hasattr(matrix, "toarray") else np.asarray(matrix)
 
 
 def by_rows(matrix: Matrix) -> Matrix:
@@ -133,5 +125,4 @@ def generic(size: int, shift: float = 0.0) -> Array:
 
 def generic_angles(size: int, shift: float = 0.0) -> Array:
     """Return the angles whose cosines and sines are generic: multiples of the root of two."""
-    angles: Array = 1.0 + shift + np.sqrt(2.0) * np.arange(size)
-    return angles
+    return 1.0 + shift + np.sqrt(2.0) * np.arange(size)

@@ -1,12 +1,8 @@
 """Limits of a run, and how much of each limit is left.
 
-Long work calls :func:`check_budget` now and then: searches, enumeration, Newton's method, the loop
-over steps. The caller does not need to know which run is going on.
-
-Ctrl-C while the graph is being changed would leave the graph in pieces: during a run the first
-Ctrl-C only sets a flag, which the next check sees. A second Ctrl-C, for a residual that hangs,
-raises at once. An interrupt of a run within a run ends the outer run, too. Other threads than the
-main thread get no Ctrl-C, and a handler that the program has installed itself is left alone.
+Long work calls :func:`check_budget` now and then. During a run the first Ctrl-C only sets a flag,
+which the next check sees, so that no graph is left half changed. A second Ctrl-C, for a residual
+that hangs, raises at once. A handler that the program has installed itself is left alone.
 """
 
 from __future__ import annotations
@@ -88,13 +84,7 @@ class OutOfBudget(KeyboardInterrupt):
 
 
 def check_budget() -> None:
-    """Go on, or raise if the run that is going on has to end.
-
-    Raises
-    ------
-    KeyboardInterrupt
-        To be caught by the run itself, and by nobody else.
-    """
+    """Go on, or raise the KeyboardInterrupt by which the run that is going on has to end."""
     budget = _current.get()
     if budget is not None:
         budget.check()

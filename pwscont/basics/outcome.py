@@ -46,6 +46,8 @@ ON_BOUND = "a branch ends on its bound"
 
 #: What is said of a search that ends because there are so many solutions.
 GIVEN_UP = "given up because many solutions were found: there may be more"
+#: What is said of starts that a run leaves out.
+IN_VAIN = "not followed, for the Jacobian loses rank there, as along paths that led nowhere"
 #: What is said of a graph without a solution; the searches follow.
 NOTHING_FOUND = "nothing found"
 
@@ -117,11 +119,6 @@ class FailureReason(Enum):
 class Failure:
     """A step that could not be taken.
 
-    Attributes
-    ----------
-    trouble : FailureReason or str
-        Advice to the user: a :class:`FailureReason`, or the words of a user's own stepper.
-
     Examples
     --------
     >>> from pwscont.extending import Failure, FailureReason
@@ -129,7 +126,7 @@ class Failure:
     this stepper cannot turn at a fold; use PseudoArclength
     """
 
-    trouble: FailureReason | str
+    trouble: FailureReason | str  #: Advice to the user, or the words of a user's own stepper.
 
     def __str__(self) -> str:
         return self.trouble.value if isinstance(self.trouble, FailureReason) else self.trouble
@@ -151,24 +148,13 @@ class Guarantee(IntEnum):
 @final
 @dataclass(frozen=True, slots=True)
 class SearchScope:
-    """The searches of a run, and the promise of these searches.
+    """The searches of a run, and the promise of these searches."""
 
-    Attributes
-    ----------
-    what : str
-        The searches, in words.
-    promise : Guarantee
-    spent : str
-        Why the run ended early, in words; empty if the run was finished.
-    gap : float
-        Distance along a curve within which two smooth folds may be passed over, where alpha is
-        measured by the interval and each unknown by the typical magnitude; zero if no fold is
-        passed over.
-    """
-
-    what: str
+    what: str  #: The searches, in words.
     promise: Guarantee
-    spent: str = ""
+    spent: str = ""  #: Why the run ended early, in words; empty if the run was finished.
+    #: Distance along a curve, in intervals of alpha and typical magnitudes, within which two smooth
+    #: folds may be passed over; zero if no fold is passed over.
     gap: float = 0.0
 
     @property

@@ -101,15 +101,9 @@ def checked_names(names: tuple[str, ...], size: int) -> tuple[str, ...]:
 class Quantities:
     """The names of the unknowns of a system, and the quantities that a user records.
 
-    Parameters
-    ----------
-    naming : callable or sequence of str, optional
-        A name for each unknown, or a function that returns the names, called at first use.
-    record : mapping of str to callable
-        Functions of (z, alpha) that return a finite float.
-    elsewhere : iterable of str
-        Names of quantities that a file has at special points only, without the functions of these
-        quantities.
+    ``naming``: a name for each unknown, or a function that returns the names, called at first use.
+    ``record``: functions of (z, alpha) that return a finite float, by name.
+    ``elsewhere``: names of quantities that a file has at special points only, without functions.
 
     Examples
     --------
@@ -160,16 +154,9 @@ class Quantities:
             return state(UNNAMED, z)
 
     def value(self, name: str, z: Array, alpha: float) -> float:
-        """Return an unknown, or a recorded quantity, at a state.
+        """Return an unknown, or a recorded quantity, at a state, or say why there is none.
 
         Greek letters may be given in words, ``lambda_t`` for ``λ_t``.
-
-        Raises
-        ------
-        UnknownNameError
-            If no unknown or quantity has the name.
-        InvalidInputError
-            If the function of a recorded quantity fails, or returns no finite float.
         """
         if not isinstance(name, str):
             raise UnknownNameError(_unknown(name, [*self.names(len(z)), *self.record]))
@@ -177,7 +164,10 @@ class Quantities:
         if name not in (*self.record, *names, *self._elsewhere):
             name = as_written(name, (*names, *self.record))
         if name in self.record:
-            return _recorded(name, self.record[name], z, alpha)
+            function = self.record[name]
+            if isinstance(function, Kept):
+                return function(z, alpha)
+            return evaluated(f"record {name!r}", function, z, alpha)
         if name in names:
             return float(z[names.index(name)])
         if name in self._elsewhere:
@@ -211,12 +201,6 @@ class Kept:
         if isinstance(self._value, str):
             raise InvalidInputError(self._value)
         return self._value
-
-
-def _recorded(name: str, function: Function, z: Array, alpha: float) -> float:
-    if isinstance(function, Kept):
-        return function(z, alpha)
-    return evaluated(f"record {name!r}", function, z, alpha)
 
 
 def evaluated(what: str, function: Callable[..., Any], z: Array, alpha: float) -> float:

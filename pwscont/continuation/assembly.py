@@ -1,14 +1,7 @@
 """From discovered nodes and pieces to the records of the branch graph.
 
-Events are marked after everything has been found. No event changes a step or a piece: the graph is
-the graph without events, plus the events.
-
-Failure modes and answers
--------------------------
-- A piece with two points is taken as straight: a part of a curved piece has a third point.
-- At an end of a piece, as at a branch point, the tangent may not be known: of several cubics the
-  one closest to the curve is taken.
-- An event where tracing began: the point is the event.
+Events are marked after everything has been found, and change no step: the graph is the graph
+without events, plus the events.
 """
 
 from __future__ import annotations
@@ -55,10 +48,8 @@ def mark(
     """Mark what users' detectors see at special points."""
     for edge in discovery.edges if detectors else ():
         curve, points = edge.curve(system, metric), edge.points
-        for number, place, inner in (
-            (edge.start, edge.first, points[1]),
-            (edge.end, edge.last, points[-2]),
-        ):
+        ends = (edge.start, edge.first, points[1]), (edge.end, edge.last, points[-2])
+        for number, place, inner in ends:
             node = discovery.nodes[number]
             for detector in detectors:
                 words = kinds_at(detector, curve, place.x, place.error, inner)
@@ -152,9 +143,8 @@ def assemble(
 ) -> tuple[list[SpecialPoint], list[Piece], list[SpecialPoint]]:
     """Return special points, pieces, and starts inside pieces, in the unknowns that a user sees.
 
-    Pieces are directed and numbered along the positive orientation of the component. Unknowns
-    and signs that a reduction left out are put back, and unknowns that the system hides are left
-    out. Special points get the names of the events there. The metric is that of the system.
+    Pieces are directed and numbered along the positive orientation of the component. What a
+    reduction left out is put back, and unknowns that the system hides are left out.
     """
 
     def show(points: Array, errors: bool = False) -> Array:
@@ -246,15 +236,9 @@ def _piece(
         det_sign = edge.det_sign
     if is_level and not det_sign:  # a vertical piece, with ends that differ by rounding only
         points[:, -1] = points[0, -1]
-    return Piece(
-        id=number,
-        start=numbers[edge.start],
-        end=numbers[edge.end],
-        character=whole(character) if whole else character,
-        naming=system.label,
-        points=points,
-        det_sign=det_sign,
-    )
+    character = whole(character) if whole else character
+    start, end = numbers[edge.start], numbers[edge.end]
+    return Piece(number, start, end, character, system.label, points, det_sign)
 
 
 # -- special points -------------------------------------------------------------------------------
@@ -270,10 +254,7 @@ def _special_point(
     metric: Metric,
     events: Events | None,
 ) -> SpecialPoint:
-    """Return the special point of a node at which some edges end and others begin.
-
-    The metric is that of the user's unknowns.
-    """
+    """Return the special point of a node at which some edges end and others begin."""
     ends = [edge.last for edge, _ in before] + [edge.first for edge, _ in after]
     here, *others = (places.get(at, at) for at in [node.place, *(ray.place for ray in node.rays)])
     place = _covering(here, [*ends, *others], metric)
@@ -283,17 +264,10 @@ def _special_point(
         inside += [_next_to_end(piece, 1) for _, piece in after]
         also += filter(None, [events.names_at(metric, place.x, place.error, inside)])
     passed = (before[0], after[0]) if len(before) == len(after) == 1 else None
-    message, backward = _messages(system, node, passed)
-    return SpecialPoint(
-        id=number,
-        kind=_turning(node, *passed) if passed and node.kind in CROSSED else node.kind,
-        place=place,
-        message=message,
-        backward=backward,
-        digits=significant(place.error, place.x, metric.scale),
-        lost=node.lost,
-        events=", ".join(also),
-    )
+    kind = _turning(node, *passed) if passed and node.kind in CROSSED else node.kind
+    words, said = _messages(system, node, passed), ", ".join(also)
+    digits = significant(place.error, place.x, metric.scale)
+    return SpecialPoint(number, kind, place, *words, None, digits, node.lost, events=said)
 
 
 def _covering(here: Place, others: Iterable[Place], metric: Metric) -> Place:
@@ -335,10 +309,8 @@ def _messages(
     if before == after:
         return node.message, node.message
     note = f"; {node.message}" if node.kind not in CROSSED and node.message else ""
-    forward, backward = (
-        system.describe_transition(*cells) for cells in ((before, after), (after, before))
-    )
-    return forward + note, backward + note
+    describe = system.describe_transition
+    return describe(before, after) + note, describe(after, before) + note
 
 
 # -- the promise of uniqueness ---------------------------------------------------------------------

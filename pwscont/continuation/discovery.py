@@ -16,7 +16,7 @@ import numpy as np
 
 from pwscont.basics.arrays import Array
 from pwscont.basics.budget import Budget
-from pwscont.basics.outcome import ON_BOUND, Kind
+from pwscont.basics.outcome import ON_BOUND, FailureReason, Kind
 from pwscont.basics.rounding import SAME_ALPHA
 from pwscont.continuation.follow import ENDLESS, LONG_CHANGE, Followed, PieceFollower, is_cut
 from pwscont.continuation.known import (
@@ -31,7 +31,9 @@ from pwscont.continuation.known import (
     accumulating,
     match,
     repeated_shift,
+    shift_along_row,
 )
+from pwscont.curve.crossing import loses_rank
 from pwscont.curve.error_samples import magnitude
 from pwscont.graph.records import Place
 from pwscont.system.abilities import Ending
@@ -52,10 +54,7 @@ def place_of_arrival(arrival: SpecialPointFound) -> Place:
 
 
 def _sharing(arrival: SpecialPointFound, ray: Ray) -> SpecialPointFound:
-    """Return an arrival whose ray back shares the interface and the index of the piece's ray.
-
-    Beyond an event the ray that goes on along the interface gets both, too.
-    """
+    """Return an arrival whose rays along an interface share cells and index of the piece's ray."""
     if not ray.interface_cells:
         return arrival
     along = len(arrival.rays) if arrival.kind == Kind.EVENT else 1
@@ -76,6 +75,15 @@ def _is_past(x: Array, back: Ray) -> bool:
     return bool(0.0 <= ahead <= rest and end @ point >= NEARLY_AS_FAR * (end @ end))
 
 
+def _leads_nowhere(points: Sequence[Array], arrival: SpecialPointFound, ray: Ray) -> bool:
+    """Tell whether a curved piece is hardly longer than a point, or one of a double root."""
+    if ray.curve.selection.is_straight:
+        return False
+    why, metric = worded(arrival.said), ray.curve.metric
+    gone = metric.norm(metric.difference(points[-1], points[0])) if len(points) > 1 else 0.0
+    return gone < NOWHERE or TWICE in why
+
+
 def _is_a_point(left: KnownRay, points: Sequence[Array], ray: Ray) -> bool:
     metric, size = ray.curve.metric, ray.state.size
     return all(left.is_at(metric, x, size) for x in points[::-1])
@@ -87,6 +95,9 @@ BESIDE_AN_END = 1e-3
 #: Largest distance in the metric between two roundings of one solution, and the part of the way
 #: between both at which H must be rounding.
 FARTHEST_TWIN, BETWEEN = 1e-3, 0.381966
+TWICE = FailureReason.TWICE.value
+#: Most steps along curves on which H seems to vanish twice, or which are no longer than this.
+MOST_IN_VAIN, NOWHERE = 300, 1e-5
 #: A path that repeats itself is followed to a bound that is at most this many periods away.
 MOST_SHIFTS = 1000
 #: Kinds of special points at which a curve leaves one cell for another: the change says all.
@@ -97,9 +108,8 @@ CROSSED = (Kind.TRANSITION, Kind.NONSMOOTH_FOLD)
 class Discovery:
     """All nodes and pieces that can be reached from the starts given so far.
 
-    ``report`` is called with the number of pieces and the alpha reached after each piece. Where the
-    budget is spent, some rays are not followed, see :meth:`close`. ``follow`` is in place of the
-    follower's own, as where a journal has pieces.
+    ``report`` is called with the number of pieces and the alpha reached after each piece.
+    ``follow`` is in place of the follower's own, as where a journal has pieces.
     """
 
     def __init__(
@@ -120,7 +130,13 @@ class Discovery:
         self.leaving: list[Ray] = []
         self._starts: list[Place] = []  # where tracing began on pieces that were forgotten
         self._repeats = False
+        self._first = 0  # number of the first node of the component that is followed
         self._endless: list[Ray] = []  # back from where paths to infinity were left
+        self._in_vain = 0  # number of steps that led next to nowhere
+        #: Whether paths that branch repeat themselves in several directions.
+        self.is_net = False
+        #: Number of starts that were not followed, because as many paths led next to nowhere.
+        self.left_out = 0
 
     def add(self, arrival: SpecialPointFound, start: Corner | None = None) -> None:
         """Start from a special point, and follow everything that can be reached from it."""
@@ -134,9 +150,12 @@ class Discovery:
             return
         if self._stands_on_pieces(inside, interior) or (start and self._is_twin(start)):
             return
+        if arrival.rays and self._is_in_vain(arrival.rays[0]):
+            self.left_out += 1
+            return
         if not self._budget.allows(len(self.edges)):
             return
-        first = self._new(inside, place, rays)
+        first = self._first = self._new(inside, place, rays)
         self.leaving += outside
         if interior:  # both rays come first and are joined
             self._follow(self._queue.popleft())
@@ -147,11 +166,7 @@ class Discovery:
         self._follow_all()
 
     def is_beyond(self, x: Array) -> bool:
-        """Tell whether a start lies farther out than an endless path was followed.
-
-        From there the same path would be followed again, to infinity or to where the path repeats
-        itself.
-        """
+        """Tell whether a start lies farther out, on an endless path that has been followed."""
         if any(_is_past(x, back) for back in self._endless):
             return True
         if not self._repeats:
@@ -191,12 +206,11 @@ class Discovery:
         here, ray = self.nodes[left.node], left.ray
         if ray is None:
             return
-        is_due = (len(self.edges) + 1) % EVERY == 0 and not self._budget.is_limited
-        if is_due and self._is_endless(left.node, ray.curve.metric.scale):
-            left.ray, self._repeats = None, True
-            here.stop(REPEATS)
+        if why := self._is_useless(left.node, ray):
+            self._leave(left, why)
             return
         points, arrival = self._piece_from(ray)
+        self._in_vain += len(points) if _leads_nowhere(points, arrival, ray) else 0
         arrival = self._inside(_sharing(arrival, ray), back=1)
         if len(points) == 1 and is_cut(arrival, self._budget):
             return
@@ -224,9 +238,35 @@ class Discovery:
             self._keep_shorter(self.edges[-1], left, ray)
         self._report(len(self.edges), float(points[-1][-1]))
 
+    def _is_useless(self, number: int, ray: Ray) -> str:
+        """Return why a ray of a node is not followed, empty if the ray is."""
+        is_due = (len(self.edges) + 1) % EVERY == 0 and not self._budget.is_limited
+        if is_due and self._is_endless(number, ray.curve.metric.scale):
+            self._repeats = True
+            return REPEATS
+        return TWICE if self._is_in_vain(ray) else ""
+
+    def _leave(self, left: KnownRay, why: str) -> None:
+        """Say at the node of a ray why the ray is not followed; in a net, nor are all others."""
+        for known in (left, *self._queue) if why == REPEATS and self.is_net else (left,):
+            if known.ray is not None:
+                self.nodes[known.node].stop(why)
+                known.ray = None
+
+    def _is_in_vain(self, ray: Ray) -> bool:
+        """Tell whether a ray would lead next to nowhere, as rays before from such points did.
+
+        Along a double root the Jacobian loses rank, and rounding makes folds without end.
+        """
+        return self._in_vain > MOST_IN_VAIN and loses_rank(ray.curve, ray.state.x)
+
     def _is_endless(self, number: int, scale: Array) -> bool:
         """Tell whether the path to a node repeats itself, and no bound is near."""
         shift, bounds = repeated_shift(self.nodes, number, scale), self._follower.bounds
+        if shift is None:
+            near = {key: node for key, node in self.nodes.items() if key >= self._first}
+            shift = shift_along_row(near, number, scale)
+            self.is_net |= shift is not None and bounds is None
         if shift is None or bounds is None:
             return shift is not None
         return bounds.shifts_within(self.nodes[number].place.x, shift) > MOST_SHIFTS
@@ -234,8 +274,8 @@ class Discovery:
     def _inside(self, arrival: SpecialPointFound, back: int) -> SpecialPointFound:
         """Return a special point without the rays that leave interval or bounds at once.
 
-        The first ``back`` rays stay. Words say which bounds are left. A transition that only
-        rounding tells from an end may be met before the end.
+        The first ``back`` rays stay. A transition that only rounding tells from an end may be met
+        before the end.
         """
         (lo, hi), bounds, whys = self._follower.interval, self._follower.bounds, []
         rays = arrival.rays[:back]
@@ -284,8 +324,7 @@ class Discovery:
     ) -> int | None:
         """Return the node that a special point is, if one of its rays is known.
 
-        Curves that the system or an event ends at one place share a node, although the rays of
-        these curves do not match.
+        Curves that the system or an event ends at one place share a node, although no rays match.
         """
         for ray in rays:
             if found := match(self._known_rays, ray, left):
@@ -309,8 +348,7 @@ class Discovery:
     ) -> None:
         """Add to a node the rays that only this arrival shows.
 
-        Transitions apart by no more than rounding may look like one corner from one side and like
-        two special points from the other; the rays found from both sides are joined.
+        Transitions apart by rounding may look like one corner, or from the other side like two.
         """
         news = [ray for ray in rays if not match(self._known_rays, ray, left)]
         if not news:
@@ -346,9 +384,8 @@ class Discovery:
     def _keep_shorter(self, edge: Edge, left: KnownRay, ray: Ray) -> None:
         """Keep the shorter of two pieces that overlap: the longer piece passed over an end.
 
-        A step may pass over two branch points, or over a thin cell. The rest of the longer piece is
-        followed from the end that was passed over. A longer piece that comes second is forgotten:
-        another piece will arrive on its ray.
+        The rest of the longer piece is followed from that end. A longer piece that comes second is
+        forgotten: another piece will arrive on its ray.
         """
         beside = [e for e in self.edges if edge.end in (e.start, e.end) and e is not edge]
         for other in beside:
@@ -378,11 +415,7 @@ class Discovery:
         self._starts += [] if edge.begun_at is None else [edge.begun_at]
 
     def _stands_on_pieces(self, arrival: SpecialPointFound, interior: bool) -> bool:
-        """Tell whether a start is a point of known pieces.
-
-        A start that rounding alone puts on an interface is a point of the pieces on both sides; one
-        where a path along interfaces passes through is a point of that path.
-        """
+        """Tell whether a start is a point of known pieces, also where rounding alone adds rays."""
         rays = arrival.rays
         crossed = arrival.kind in (*CROSSED, Kind.EVENT) and len(rays) == 2
         passed = not interior and len(rays) == 2 and opposite(*rays)

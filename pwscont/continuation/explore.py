@@ -29,13 +29,8 @@ from pwscont.continuation.run import (
     silent,
 )
 from pwscont.curve.error_samples import Found, is_inside
-from pwscont.curve.magnitudes import (
-    are_alike,
-    magnitudes_of,
-    rough_magnitudes,
-    rounded_to_one,
-)
-from pwscont.curve.metric import Gauge, MisjudgedError
+from pwscont.curve.magnitudes import are_alike, magnitudes_of, rough_magnitudes, rounded_to_one
+from pwscont.curve.metric import Gauge, MisjudgedError, Range
 from pwscont.curve.semismooth import semismooth_newton
 from pwscont.curve.stepper import Stepper
 from pwscont.graph import BranchGraph
@@ -55,9 +50,7 @@ from pwscont.transitions.user_event import Stop
 Start = tuple[Array, float]
 
 
-def checked_start(
-    system: PiecewiseSystem, start: Any, interval: tuple[float, float], name: str
-) -> Start:
+def checked_start(system: PiecewiseSystem, start: Any, interval: Range, name: str) -> Start:
     """Return z, with hidden unknowns, and alpha of a start, or say what is wrong with it."""
     try:
         z, alpha, pair = start[0], float(start[1]), len(start) == 2
@@ -72,10 +65,7 @@ def checked_start(
 
 
 def corrected(plan: Plan, start: Start, name: str) -> Found:
-    """Return the solution near a start of the full system, by semismooth Newton at its alpha.
-
-    Refused is a start without a solution nearby, or with a solution outside the bounds.
-    """
+    """Return the solution near a start of the full system, or refuse the start, named ``name``."""
     z, alpha = start
     found = semismooth_newton(plan.reduced_system, plan.metric, plan.reduced(z), alpha)
     if isinstance(found, Failure):
@@ -102,7 +92,7 @@ REVISIONS = 6
 
 def checked_plan(
     system: PiecewiseSystem,
-    interval: tuple[float, float],
+    interval: Range,
     start: Start,
     budget: Budget,
     watched: Watched,
@@ -118,15 +108,11 @@ def checked_plan(
 
 
 def follow_measured(
-    plan: Plan,
-    guess: Array,
-    starts_of: Callable[[Plan], Iterator[Found]],
-    searched: SearchScope,
+    plan: Plan, guess: Array, starts_of: Callable[[Plan], Iterator[Found]], searched: SearchScope
 ) -> tuple[BranchGraph, Plan]:
     """Return the graph from all starts, and its plan, which begins again with other magnitudes.
 
-    ``guess`` is the state around which magnitudes are measured if the system gives no typical
-    magnitudes. ``starts_of`` returns the starts of a plan; a start is computed when it is taken.
+    ``guess`` is the state around which magnitudes are measured if the system gives none.
     """
     if plan.system.gives_scale or plan.reduction:
         return follow_starts(plan, starts_of(plan), searched), plan
@@ -379,8 +365,8 @@ def explore(
 def _proof(search: Search, plan: Plan, before: Proof | None) -> Proof | None:
     """Return what a search proved in this run; ``before`` is what the search had proved earlier.
 
-    A search that the run did not ask still has the earlier proof, perhaps of a formula that has
-    changed since; and a journal repeats no finished search. Therefore the search is asked again.
+    A search that the run did not ask, as with a journal, is asked again: the formula of an earlier
+    proof may have changed since.
     """
     proof = search.proved(plan.reduced_system, plan.interval)
     is_new = proof is not None and proof is not before

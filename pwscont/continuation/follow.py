@@ -1,13 +1,8 @@
 """One piece, from a ray to the special point where it ends.
 
-Failure modes and answers
--------------------------
-- Shorter steps of differences amplify rounding and the noise of the user's function. Finer steps
-  are taken only if the next finer steps change derivatives more than the finest steps do.
-- Beside an end of the model derivatives change by rounding, which is no reason for finer steps.
-- The step of the differences leads beyond an end of the model, although the point does not: finer
-  steps are taken if only finer steps are finite. So a piece reaches the end of the model as closely
-  as the finest steps allow, whatever the magnitudes are.
+Shorter steps of differences amplify rounding and noise: finer steps are taken only if the next
+finer steps change derivatives more than the finest steps do, or if only finer steps are finite, as
+beside the end of a model.
 """
 
 from __future__ import annotations
@@ -97,8 +92,7 @@ ENDLESS_FROM, PARTS, ENDLESS_RATIO = 20.0, (0.7, 0.85), 0.8
 #: from the limit is a power of 1 / z of at least 1/2, are at most this part of the interval,
 ENDLESS_REST, ENDLESS_CHANGE = 13.0, 1e-3
 #: or the piece has more steps than these. Such a piece may run to infinity nearer by, too, where
-#: alpha approaches a limit evenly, and all changes to come, which then shrink as the changes before
-#: did, are at most this part of the interval; the changes next to a fold are uneven.
+#: alpha approaches a limit evenly, and all changes to come are at most this part of the interval.
 ENDLESS_STEPS, LONG_CHANGE = 600, 1e-2
 #: Between three successive parts of the way of such a piece, z grows by the same factor, at most by
 #: the inverse of LONG_PART, at least by the inverse of MOST_PART, and by EXCESS more than from the
@@ -108,6 +102,9 @@ LONG_PART, MOST_PART, EXCESS, LONG_POWER, GEOMETRIC = 0.7, 0.9, 1.001, 0.45, 0.9
 ENDLESS = FailureReason.ENDLESS.value
 #: A piece creeps after this many tiny steps in turn: steps below this part of the longest step.
 MOST_TINY, TINY_PART = 300, 1e-5
+#: After every such number of steps it is asked whether a piece crawls along a double root: steps
+#: are shorter than this on average, and the determinant changes its sign more often than this.
+CRAWL_CHECK_EVERY, CRAWLING, MOST_FLIPS = 100, 1e-5, 10
 #: A piece is singular after this many steps too long to tell which event comes first.
 MOST_BLOCKED = 200
 #: Derivatives by differences are wrong if this many more steps were shortened than were not: with
@@ -136,9 +133,8 @@ def is_cut(arrival: SpecialPointFound, budget: Budget) -> bool:
 class PieceFollower:
     """Follows rays, one after the other, to the ends of their pieces; the steps are the stepper's.
 
-    Pieces stay within an interval of alpha and within bounds of z. Where nothing is watched except
-    straight pieces and the ends of the interval, ``straight`` leads from cell to cell by itself. A
-    ``gauge`` sees every step. ``events`` are the events that a user gave.
+    Where nothing is watched except straight pieces and the ends of the interval, ``straight`` leads
+    from cell to cell by itself. A ``gauge`` sees every step.
     """
 
     def __init__(
@@ -171,12 +167,12 @@ class PieceFollower:
     def _begin(self, ray: Ray) -> None:
         """Forget the last piece, and begin a piece with a ray."""
         self._curve, self._state, self._points = ray.curve, ray.state, [ray.state.x]
-        self._behind: tuple[State, ...] = ()  # the first state, and the state before
+        self._before: State | None = None
         self._step_before: CurvedSegment | None = None
         self._blocked = self._tiny = self._shortened = 0
         self._part = part_of(ray.curve)
         self._stops: EventsAlong | None = None
-        self._is_twofold = False
+        self._flips = 0  # changes of sign that no detector took for a special point
 
     def _to_the_end(self) -> Followed:
         """Return the piece, step after step."""
@@ -216,14 +212,11 @@ class PieceFollower:
     def _first_event(
         self, step: Segment, reading: Reading, aimed: Event | None = None
     ) -> tuple[Event | Failure | None, Reading]:
-        """Return the first event on a step, and the reading at the end of the step.
-
-        ``aimed``: the event at the end of a step that the stepper aimed at.
-        """
+        """Return the first event on a step, perhaps ``aimed`` at, and the reading at the end."""
         watch = self._watch
         if not isinstance(step, CurvedSegment):
             return first_on_ray(watch, step, reading), reading
-        step.behind, after = self._behind, watch.read(self._curve, step.end)
+        step.behind, after = self._before, watch.read(self._curve, step.end)
         return first_on_curve(watch, step, reading, after, aimed), after
 
     def _step(self, longest: float) -> Segment | Failure:
@@ -233,6 +226,8 @@ class PieceFollower:
             return Failure(FailureReason.ENDLESS)
         if self._tiny > MOST_TINY:
             return Failure(FailureReason.CREEPING)
+        if number % CRAWL_CHECK_EVERY == 0 and self._crawls():
+            return Failure(FailureReason.TWICE)
         if number > MANY_STEPS:
             factor = self._curve.metric.norm(self._state.x - self._points[0]) / STRETCHED_FROM
             stepper = stepper.stretched(factor) if factor > 1.0 else stepper
@@ -281,9 +276,8 @@ class PieceFollower:
         before, self._step_before = self._step_before, step
         self._state = step.end
         self._points.append(step.end.x)
-        self._behind = (*self._behind[:1], step.start)
-        # no detector took the change of sign for a special point
-        self._is_twofold |= step.start.orientation != step.end.orientation
+        self._before = step.start
+        self._flips += step.start.orientation != step.end.orientation
         if before and step.length < SHORTENED * before.suggestion:
             self._shortened += 1
         elif before and before.suggestion > before.length:  # else kept short for another reason
@@ -307,7 +301,7 @@ class PieceFollower:
         watch, events = self._watch, self._events
         arrival = watch.ended(event.arrive(self._curve))
         arrival = events.ended(arrival) if events else arrival
-        arrival = arrival.adding(TWOFOLD) if self._is_twofold else arrival
+        arrival = arrival.adding(TWOFOLD) if self._flips else arrival
         final = ended_by_system(arrival)
         arrival = arrival if final is arrival else final.leading(final.rays[:1])
         return self._points_to(step, event.position, event.state), arrival
@@ -324,10 +318,7 @@ class PieceFollower:
         return points, events.stopped(self._curve, marks[0])
 
     def _points_to(self, step: Segment, position: float, end: State) -> list[Array]:
-        """Return the points of a piece that ends on a step.
-
-        A curved piece of two points would look straight, and gets a third point.
-        """
+        """Return the points of a piece that ends on a step; a curved piece has at least three."""
         if isinstance(step, CurvedSegment) and len(self._points) == 1:
             middle = step.point(0.5 * position, end.located_by)
             if middle is not None:
@@ -336,12 +327,16 @@ class PieceFollower:
                 return [*self._points, middle, end.x]
         return [*self._points, end.x]
 
+    def _crawls(self) -> bool:
+        """Tell whether a piece has hardly moved, and where H has no rank but by rounding."""
+        gone = self._curve.metric.norm(self._state.x - self._points[0])
+        return self._flips > MOST_FLIPS and gone < CRAWLING * len(self._points)
+
     def _is_endless(self) -> bool:
         """Tell whether a long piece leads to infinity while alpha stays inside the interval.
 
-        Parts of the way to the farthest point are compared. Changes of alpha shrink where alpha
-        approaches a limit like a power of 1 / z, not like a logarithm. All changes that are still
-        to come are next to nothing together, or the piece is very long.
+        Between parts of the way to the farthest point, changes of alpha shrink where alpha
+        approaches a limit like a power of 1 / z, not like a logarithm.
         """
         points = np.array(self._points) / self._curve.metric.scale
         sizes, alpha = np.linalg.norm(points[:, :-1], axis=1), points[:, -1]
@@ -373,7 +368,7 @@ class PieceFollower:
     def _up_to_crossing(self) -> Followed | None:
         """Return the piece up to a crossing of curves on an end of the interval, None without one.
 
-        So close to a crossing Newton may find points of either curve: such points are left out.
+        Points so close to the crossing may lie on either curve, and are left out.
         """
         if len(self._points) == 1 or not (point := crossing_on_end(self._curve, self._state.x)):
             return None  # a start at a crossing is recognised as one
@@ -387,12 +382,11 @@ class PieceFollower:
     def _end_inside(self, part: float) -> None:
         """End at the last point at which H is finite; the end of the model is a few steps farther.
 
-        The last correction may have led beyond the end, where H was not asked for. Differences took
-        this part of the usual steps, and H is not finite at the ends of these.
+        ``part``: of the usual steps, which differences took, and at whose ends H is not finite.
         """
         last, residual = self._state, self._curve.selection.residual
         while len(self._points) > 2 and not are_finite(residual(self._points[-1])):
-            last = self._behind[-1]
+            last = self._before or last
             self._points.pop()
         steps = [self._points[-1] - self._points[-2]]
         if not self._curve.selection.system.knows_jacobian:
@@ -404,11 +398,7 @@ class PieceFollower:
 
 
 def _changes(sizes: Array, alpha: Array, parts: Sequence[float], ratio: float) -> list[float]:
-    """Return the changes of alpha, in intervals, between parts of the way to the farthest point.
-
-    Empty where a change does not shrink by a ratio, and where the last point is not far out, or the
-    first point is.
-    """
+    """Return the changes of alpha between parts of the way out, empty if no ratio bounds them."""
     farthest, largest = int(np.argmax(sizes)), sizes.max()
     if sizes[-1] < parts[-1] * largest or parts[0] * largest < sizes[0]:
         return []

@@ -5,17 +5,14 @@ the journal supplies the recorded pieces, the starts of the search, and the magn
 the run had begun again.
 
 The file is an SQLite database of numbered records, each written in a transaction of its own, with a
-checksum over its number and content. A journal without the last records (after a power failure, or
-without the log of SQLite, ``NAME-wal``) is the journal of a run that was stopped earlier, and leads
-to the same graph, to rounding. Every other change is refused, and so is the journal of another
-problem: names, interval, stepper, and the values of H and of the tests at generic points are
-compared before any work, and each piece with the ray that begins the piece.
+checksum. A journal without the last records is the journal of a run that was stopped earlier. Every
+other change is refused, and so is the journal of another problem: names, interval, stepper, and
+values at generic points are compared before any work, and each piece with the ray that begins it.
 """
 
 from __future__ import annotations
 
 import json
-import math
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from hashlib import blake2b
@@ -65,7 +62,7 @@ def written(piece: Followed) -> tuple[str, bytes]:
             "state": add(np.stack([state.x, state.tangent])),
             "error": add(state.error),
             "orientation": int(state.orientation),
-            "log_determinant": state.log_determinant,
+            "is_singular": state.is_singular,
         }
 
     points, arrival = piece
@@ -90,7 +87,7 @@ def piece_of(record: tuple[str, bytes], ray: Ray) -> Followed:
         curve = Curve(Selection(system, Character.read(data["signs"]), beside), metric)
         x, tangent = rows[data["state"]]
         state = State(x, tangent, rows[data["error"]], data["orientation"])
-        state.log_determinant = data.get("log_determinant", math.nan)
+        state.is_singular = data.get("is_singular", False)
         return Ray(curve, state, tuple(map(Character.read, data["shared"])), data["index"])
 
     rays, x = tuple(map(read, header["rays"])), rows[header["x"][0]]
@@ -303,23 +300,16 @@ class Journal:
             for name, now in facts.items()
             if before.get(name, "") != now
         ]
-        agree = len(values) == len(probes) and np.allclose(
-            values, probes, rtol=SAME_PROBES, atol=0.0
-        )
+        agree = len(values) == len(probes) and np.allclose(values, probes, SAME_PROBES, 0.0)
         if not different and not agree:
             different = [OTHER_VALUES]
         if different:
             raise self._refusal(f"{OTHER_RUN}: {'; '.join(different)}; {ADVICE}")
 
-    def revise(self, magnitudes: Array) -> None:
-        """Record the typical magnitudes with which the run begins again."""
-        self.record("magnitudes", rows=np.asarray(magnitudes, dtype=float).tobytes())
-
     def starts(self, searched: Iterable[Found]) -> Iterator[Found]:
         """Yield the starts that are recorded, then further starts, each recorded first.
 
-        The search begins again. A search that leaves out what is known yields no recorded start,
-        and any other search yields all: recorded starts are told by their bytes.
+        The search begins again, and may yield recorded starts again, which their bytes tell.
         """
         known: set[bytes] = set()
         for number in count():

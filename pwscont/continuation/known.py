@@ -1,8 +1,6 @@
 """What a run knows: the special points, the rays on which pieces arrive, the pieces followed.
 
-A ray is recognised by cells, place and direction. Special points may be closer than places are told
-apart by digits, or than a short piece is long: only errors then tell which of several points is at
-a place.
+A ray is recognised by cells, place and direction, and next to other special points by errors.
 """
 
 from __future__ import annotations
@@ -65,19 +63,16 @@ class KnownRay:
 @final
 @dataclass(slots=True)
 class Node:
-    """A special point under discovery.
-
-    ``also`` are the words of users' detectors that would have marked the point, which is of another
-    kind. ``before`` is the node from which a piece first arrived, with the names of its cells.
-    """
+    """A special point under discovery."""
 
     kind: Kind | str
     place: Place
     said: Said
     rays: list[KnownRay] = field(default_factory=list)
+    #: The node from which a piece first arrived, with the names of the piece's cells.
     before: tuple[int, tuple[bytes, ...]] | None = None
     lost: int = 0
-    also: list[str] = field(default_factory=list)
+    also: list[str] = field(default_factory=list)  # words of users' detectors, of another kind
 
     def stop(self, message: str, rays: int = 1) -> None:
         """Note that rays could not be followed; a degenerate point keeps its kind."""
@@ -99,8 +94,7 @@ def match(
     """Return which of the known rays, listed by cell, a ray is, None for a new ray.
 
     Of several rays in one cell, as at a branch point, the best aligned is taken. ``left`` is the
-    ray on which a piece left, if the piece was never clearly away from the node: never the answer,
-    and digits tell nothing then.
+    ray on which a piece left that was never clearly away from the node: never the answer.
     """
     assert new.ray is not None
     metric, state = new.ray.curve.metric, new.ray.state
@@ -131,10 +125,7 @@ SAME_CROSSING = 2.0 * EPS ** (1.0 / 3.0)
 
 @final
 class Edge(NamedTuple):
-    """A piece under discovery, from the node where the piece begins to the node it reached.
-
-    The two end places are shared with rays of these nodes.
-    """
+    """A piece under discovery, from the node where the piece begins to the node it reached."""
 
     start: int
     end: int
@@ -187,10 +178,9 @@ class Edge(NamedTuple):
         return not set(self.names).isdisjoint(names)
 
     def passes(self, here: Curve, x: Array, size: Array, same: float = SAME) -> bool:
-        """Tell whether a solution x with an error of this size lies on the piece.
+        """Tell whether a solution x in a cell of the piece, with an error of this size, lies on it.
 
-        The solution is in a cell of the piece, and ``here`` is any curve of the same system and
-        metric. Points closer than ``same``, relative to the size of either, are the same.
+        ``here``: any curve of the same system and metric.
         """
         metric, alpha, points = here.metric, float(x[-1]), self.points
         if not points[:, -1].min() <= alpha <= points[:, -1].max():
@@ -210,8 +200,8 @@ class Edge(NamedTuple):
     def passes_fold(self, here: Curve, x: Array) -> bool:
         """Tell whether a smooth fold x in a cell of the piece lies on the piece.
 
-        The curve is met next to x at a right angle to the piece: at the alpha of a fold the Newton
-        iteration may lead to another solution.
+        At the alpha of a fold Newton may lead to another solution: the curve is met at a right
+        angle.
         """
         metric, curve = here.metric, self.curve(here.selection.system, here.metric)
         part, nearest, chord = nearest_on_chords(self.points, x, metric)
@@ -238,6 +228,8 @@ STRAY = 0.25
 STEEPEST_LINE = 0.8
 #: Periods after which a path is taken to repeat itself, and their longest length in pieces.
 PERIODS, LONGEST = 8, 8
+#: Special points in a row, each shifted as the last, after which a net of paths repeats itself.
+IN_A_ROW = 6
 #: Two shifts are one up to this part of their length.
 SAME_SHIFT = 1e-5
 
@@ -255,8 +247,7 @@ def repeated_shift(nodes: Mapping[int, Node], number: int, scale: Array) -> Arra
     """Return the shift of (z, alpha) after which the path to a node repeats itself, None if never.
 
     After each period the path is in the same cells again, shifted by the same vector, at the same
-    alpha. Such a path may end all the same: a user who sets limits decides. The scale is that of
-    (z, alpha).
+    alpha. Such a path may end all the same: a user who sets limits decides.
     """
     way = _way_to(nodes, number, PERIODS * LONGEST + 1)
     cells = [names for _, names in way[1:]]
@@ -273,11 +264,34 @@ def repeated_shift(nodes: Mapping[int, Node], number: int, scale: Array) -> Arra
     return None
 
 
-def accumulating(nodes: Mapping[int, Node], number: int) -> str:
-    """Return at which alpha the special points up to a node accumulate, in words.
+def shift_along_row(nodes: Mapping[int, Node], number: int, scale: Array) -> Array | None:
+    """Return the shift of a row of special points of one kind and alpha that ends at a node.
 
-    No path is stopped for that: special points may come closer and closer only for a while.
+    Where paths branch, their net may repeat itself in several directions, although none of the
+    paths does. None where no row has :data:`IN_A_ROW` points.
     """
+    here, same = nodes[number], SAME_SHIFT * scale[-1]
+    cells = here.before and here.before[1]
+    alike = [
+        node.place.x
+        for node in nodes.values()
+        if node.kind == here.kind
+        and abs(node.place.alpha - here.place.alpha) <= same
+        and (node.before and node.before[1]) == cells
+    ]
+    if len(alike) < IN_A_ROW:
+        return None  # nearly always
+    apart = (np.array(alike) - here.place.x) / scale
+    for shift in apart[np.linalg.norm(apart, axis=1) > SAME_SHIFT]:
+        row = np.arange(2, IN_A_ROW)[:, np.newaxis, np.newaxis] * shift
+        off = np.linalg.norm(apart - row, axis=2).min(axis=1).max()
+        if off <= SAME_SHIFT * float(np.linalg.norm(shift)):
+            return np.asarray(-shift * scale)
+    return None
+
+
+def accumulating(nodes: Mapping[int, Node], number: int) -> str:
+    """Return at which alpha the special points up to a node accumulate, in words."""
     way = _way_to(nodes, number, TERMS * MOST_TURNS + 2)
     alphas = [place.alpha for place, _ in way]
     limit = accumulation(alphas if nodes[number].lost else alphas[:-1])
@@ -285,10 +299,9 @@ def accumulating(nodes: Mapping[int, Node], number: int) -> str:
 
 
 def accumulation(alphas: Sequence[float]) -> float | None:
-    """Return the alpha at which special points accumulate, None where nothing looks like it.
+    """Return the alpha at which successive special points of a path accumulate, None for none.
 
-    The alphas are those of successive special points of a path. Several kinds of special points may
-    take turns: the sequences of every second, third and fourth point are tested, too.
+    Kinds of points may take turns: every second, third and fourth point is tested, too.
     """
     for turns in range(1, MOST_TURNS + 1):
         terms = np.array(alphas[::-1][::turns][: TERMS + 1][::-1])

@@ -1,15 +1,12 @@
 """A run: its plan, and the starts that are followed until no ray is left.
 
-A path may leave the interval at one of its ends, turn beyond, and come back. Inside the interval
-such a path is several components, which only the way outside joins. Where the search promises
-nothing, each path that leaves is followed a little further, and where the path comes back is
-another start. Beyond the interval H may not make sense: only straight pieces, which make sense
-everywhere, are followed there, within the domain of the system, and whatever goes wrong says
-nothing about the interval.
+A path may leave the interval, turn beyond, and come back. Where the search promises nothing, each
+path that leaves is followed a little further, and where the path comes back is another start. Only
+straight pieces, which make sense everywhere, are followed there, within the domain of the system,
+and whatever goes wrong says nothing about the interval.
 
 Solutions may fill more than curves. Signs of such sets are: a corner at which solutions fill a
-cone, a piece that could not be followed, starts without a digit (as from cells that have no
-corner), or an empty graph (as if solutions fill whole lines). A run without a sign has only curves.
+cone, a piece that could not be followed, starts without a digit, or an empty graph.
 """
 
 from __future__ import annotations
@@ -29,7 +26,15 @@ from pwscont.basics.arrays import Array, generic
 from pwscont.basics.budget import INTERRUPTED, Budget, Limits
 from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidInputError
-from pwscont.basics.outcome import FILL, FILL_CURVES, GIVEN_UP, Guarantee, Kind, SearchScope
+from pwscont.basics.outcome import (
+    FILL,
+    FILL_CURVES,
+    GIVEN_UP,
+    IN_VAIN,
+    Guarantee,
+    Kind,
+    SearchScope,
+)
 from pwscont.basics.printing import counted, short
 from pwscont.basics.quantities import Function
 from pwscont.basics.rounding import SAME_ALPHA
@@ -86,9 +91,7 @@ def checked_interval(system: PiecewiseSystem, interval: tuple[float, float]) -> 
     >>> checked_interval(LCP([[1.0]], q=[0.0], d=[1.0]), (0, 1))
     (0.0, 1.0)
     """
-    if system is None:
-        raise InvalidInputError("system must be a PiecewiseSystem, got None")
-    checked_kind("system", system, PiecewiseSystem)
+    checked_kind("system", system, PiecewiseSystem, is_needed=True)
     check_attributes(system)
     try:
         lo, hi = (float(end) for end in interval)
@@ -209,13 +212,7 @@ def checked_detectors(system: PiecewiseSystem, detectors: Any, events: Any) -> W
 
 
 def uninterrupted(graph: BranchGraph) -> BranchGraph:
-    """Return a graph, for callers that cannot use the graph of an interrupted run.
-
-    Raises
-    ------
-    KeyboardInterrupt
-        If Ctrl-C was pressed while the graph was computed.
-    """
+    """Return a graph, or raise the KeyboardInterrupt that ended its run."""
     if graph.searched.spent.startswith(INTERRUPTED):
         raise KeyboardInterrupt
     return graph
@@ -254,10 +251,7 @@ def plan_in_words(
 
 
 def default_search_of(plan: Plan, around: Sequence[Array] = ()) -> Search:
-    """Return the default search; of a formula, with proofs where proofs are quick.
-
-    ``around``: states from which starts are tried.
-    """
+    """Return the default search, also around states; of a formula, with proofs that are quick."""
     search = default_search(plan.reduced_system, plan.interval, list(around))
     if formula_of(plan.reduced_system) is None:
         return search
@@ -273,10 +267,7 @@ FEW_PIECES, MOST_PATHS = 20, 100
 
 
 def follow_starts(plan: Plan, starts: Iterable[Found], searched: SearchScope) -> BranchGraph:
-    """Return the graph of everything that is reached from starts of the reduced system.
-
-    Where the budget is spent, the graph has what was found until then.
-    """
+    """Return the graph of all that the budget lets the run reach from starts."""
     gauge, budget, journal = plan.gauge, plan.budget, plan.journal
     watched = (*plan.detectors, *filter(None, [plan.bounds]))
     # from cell to cell where only straight pieces are watched
@@ -301,7 +292,7 @@ def follow_starts(plan: Plan, starts: Iterable[Found], searched: SearchScope) ->
             budget.end(why)
         except MisjudgedError as wrong:
             if journal is not None:
-                journal.revise(wrong.magnitudes)
+                journal.record("magnitudes", rows=np.array(wrong.magnitudes, float).tobytes())
             raise
         discovery.close(budget.spent)
         if journal is not None and not budget.spent:
@@ -311,7 +302,7 @@ def follow_starts(plan: Plan, starts: Iterable[Found], searched: SearchScope) ->
         unmarked = divide(discovery, system, metric, plan.events, budget) if plan.events else 0
     is_part = bool(without_digits)
     infinite: tuple[Stretch, ...] = budget.spend(lambda: _infinite(plan, discovery, is_part), ())
-    scope = _scope(plan, searched, len(without_digits), unmarked)
+    scope = _scope(plan, searched, len(without_digits), discovery.left_out, unmarked)
     return _graph(plan, discovery, scope, infinite)
 
 
@@ -335,6 +326,9 @@ def _follow_from(
             arrival = each.begun(arrival)
         arrival = plan.events.begun(arrival) if plan.events else arrival
         discovery.add(ended_by_system(arrival), corner)
+        if discovery.is_net:  # every start would lead to another part of it
+            plan.branches.leave_off()
+            return
         if plan.budget.spent or (plan.system.unique and discovery.spans(*plan.interval)):
             return
 
@@ -357,14 +351,20 @@ def _infinite(plan: Plan, discovery: Discovery, is_part: bool) -> tuple[Stretch,
     return joined(find_continua(system, metric, alphas, one_of_many, doubtful), alphas)
 
 
-def _scope(plan: Plan, searched: SearchScope, lost: int, unmarked: int) -> SearchScope:
+def _scope(
+    plan: Plan, searched: SearchScope, lost: int, left_out: int, unmarked: int
+) -> SearchScope:
     """Return what was searched and what that promises.
 
-    ``lost``: the number of starts without a digit; ``unmarked``: of pieces without marked events.
+    ``lost``: the number of starts without a digit; ``left_out``: of starts at which the Jacobian
+    loses rank; ``unmarked``: of pieces without marked events.
     """
     what, promise = searched.what, searched.promise
     if lost:
         what += f"; {lost} of the points found not followed, for no digit of them is certain"
+        promise = Guarantee.NOTHING
+    if left_out:
+        what += f"; {left_out} of the points found {IN_VAIN}"
         promise = Guarantee.NOTHING
     if plan.branches.is_left_off:
         what += f"; {GIVEN_UP}"
@@ -401,10 +401,7 @@ def _graph(
 
 
 def _reentries(discovery: Discovery, plan: Plan) -> Iterator[Found]:
-    """Yield the solutions at which paths come back that leave the interval.
-
-    The discovery grows while solutions are taken.
-    """
+    """Yield the solutions at which paths come back that leave the interval."""
     (lo, hi), (low, high) = plan.interval, plan.reduced_system.domain
     same, further = SAME_ALPHA * (hi - lo), PART_BEYOND * (hi - lo)
     beyond = {lo: (max(lo - further, low), lo), hi: (hi, min(hi + further, high))}

@@ -8,14 +8,13 @@ correction ever is, the last correction counts as an error.
 
 from __future__ import annotations
 
-import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, product
+from pwscont.basics.arrays import Array
 from pwscont.basics.outcome import Failure, FailureReason
 from pwscont.basics.printing import counted, named
 from pwscont.basics.rounding import CONVERGED, EPS, GUARD
@@ -35,7 +34,6 @@ from pwscont.curve.newton import (
 )
 from pwscont.linear.factor import Factor
 from pwscont.linear.factorise import bordered, last_unit
-from pwscont.linear.vectors import dot
 
 
 @final
@@ -99,18 +97,8 @@ class BorderedNewton(Corrector):
         if factor.failed:
             return Failure(FailureReason.SINGULAR)
         state = State(root.x, along, root.error[np.newaxis], factor.sign)
-        state.log_determinant = log_determinant(curve, factor, dot(border[1], along))
+        state.jacobian = root.jacobian
         return Corrected(state, root.iterations, factor, root.contraction)
-
-
-def log_determinant(curve: Curve, factor: Factor, along: float = 1.0) -> float:
-    """Return log |det[J; t^T]| for a unit tangent t, from a factorisation of [J; row].
-
-    J t vanishes, so that the determinants differ by the factor ``along``, which is row . t. Of a
-    straight curve nobody asks: nan.
-    """
-    is_known = along and not curve.selection.is_straight
-    return factor.log_determinant - math.log(abs(along)) if is_known else math.nan
 
 
 @final
@@ -155,7 +143,6 @@ class MoorePenrose(Corrector):
             sizes.append(size)
             if size <= CONVERGED and metric.admits(x):
                 state = State(x, t, np.abs(dx)[np.newaxis], factor.sign)
-                state.log_determinant = log_determinant(curve, factor)
                 return Corrected(state, iteration, factor, first_quotient(sizes))
         return Failure(FailureReason.NOT_CONVERGED)
 
@@ -185,7 +172,6 @@ def zero(curve: Curve, border: Border, x: Array) -> Corrected | Failure:
     if factor.failed:
         return Failure(FailureReason.SINGULAR)
     state = State(root.x, -rising, error, -factor.sign, located_by=factor)
-    state.log_determinant = log_determinant(curve, factor, product(root.row, rising).item())
     return Corrected(state, root.iterations, factor, root.contraction)
 
 

@@ -13,7 +13,7 @@ from typing import final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, joined
+from pwscont.basics.arrays import Array, Matrix, joined
 from pwscont.basics.printing import at, named
 from pwscont.basics.rounding import CONFIDENCE, CONVERGED, EPS, GUARD
 from pwscont.curve.error_samples import magnitude, samples
@@ -118,8 +118,11 @@ class State:
     located_by : Factor, optional
         A factorisation of [J; gradient of the function], for a state at which a function vanishes;
         corrects points of the curve close by. A reversed state has none.
-    log_determinant : float
-        Logarithm of the magnitude of det[J; tangent^T], nan where not known.
+    jacobian : Matrix, optional
+        The Jacobian from before the last correction, for a state on the way.
+    is_singular : bool
+        Whether det[J; tangent^T] is known to vanish here, as at a branch point; the orientation is
+        that of the way ahead, or of the way that led here.
     """
 
     x: Array
@@ -128,7 +131,8 @@ class State:
     orientation: int
     _size: Array | None = field(default=None, repr=False)
     located_by: Factor | None = field(default=None, repr=False)
-    log_determinant: float = field(default=np.nan, repr=False)
+    jacobian: Matrix | None = field(default=None, repr=False)
+    is_singular: bool = field(default=False, repr=False)
 
     @property
     def size(self) -> Array:
@@ -142,14 +146,11 @@ class State:
         """The parameter value."""
         return float(self.x[-1])
 
-    @property
-    def is_singular(self) -> bool:
-        """Whether the determinant is known to vanish here, as at a branch point."""
-        return self.log_determinant == -np.inf
-
     def reversed(self) -> State:
         """Return the same place with the opposite direction."""
-        return State(self.x, -self.tangent, self.error, -self.orientation, self._size)
+        back = State(self.x, -self.tangent, self.error, -self.orientation, self._size)
+        back.is_singular = self.is_singular
+        return back
 
     def __repr__(self) -> str:
         return named(self, at(self.x), f"orientation {self.orientation:+d}")

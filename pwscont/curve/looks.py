@@ -11,43 +11,18 @@ and next to the ends are looked at, ever closer, as long as the distances bend m
 beside a pole. The shorter steps after a refused step are looked into more closely. Where alpha
 hardly changes the cubic may be close and alpha turn back all the same: the points of the curve next
 to the places must be in order.
-
-Branch points within a step
----------------------------
-The sign of det[J; t^T] flips twice at two branch points, and not at all where an even number of
-eigenvalues vanishes together, as at a branch point of a symmetric structure. The magnitude tells: a
-parabola through the determinants at the ends of the step and at the state before says where the
-determinant may be least. The curve is looked at there, the next parabola leads through nearer
-places, and so on.
-
-- The determinant of many unknowns changes by orders of magnitude within a step: logarithms are
-  carried along. A parabola that is wrong costs a few looks; of more than 8 unknowns a determinant
-  that falls evenly is left alone.
-- A branch point that is known, at the beginning of a piece or where a step ends, is a zero, next to
-  which a parabola sees no other zeros: known zeros are divided out.
-- An odd number of branch points lies before the branch point that was located in a step: the sign
-  next to that branch point tells.
-- Along a curve on which H vanishes twice the determinant is rounding: where the Jacobian loses
-  rank, nothing is told unless the determinant is far smaller than at both ends.
-- The first step of a piece that begins elsewhere has no state before, and is not looked into. Three
-  or more branch points within a hundredth of a step may look like one place to a parabola.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import lru_cache
-from math import ceil, exp, inf, isfinite, isnan, log, nan, sqrt
-from operator import itemgetter
-from typing import TypeAlias
+from math import ceil, inf, nan, sqrt
 
 import numpy as np
 
 from pwscont.basics.arrays import Array, largest, smallest
-from pwscont.basics.outcome import Failure, FailureReason
-from pwscont.basics.rounding import CONVERGED, EPS
-from pwscont.curve.crossing import loses_rank
-from pwscont.curve.curve import State
+from pwscont.basics.rounding import CONVERGED
 from pwscont.curve.step_size import StepSize
 from pwscont.curve.stepper import INSIDE, CurvedSegment
 from pwscont.linear.factor import Factor
@@ -216,169 +191,3 @@ def _alphas_turn(segment: CurvedSegment, alphas: Array) -> bool:
     signs = np.concatenate([[leaving], signs, [arriving]])
     signs = signs[signs != 0.0]
     return int((signs[1:] * signs[:-1] < 0.0).sum()) > 1
-
-
-# -- branch points within a step -------------------------------------------------------------------
-
-#: A look is taken if the parabola comes down to this part of the least determinant that is known.
-LOW = 0.9
-#: Where the determinant at an end of a step is this part of the determinants beside, zeros may lie
-#: next to that end, and a look is taken at this part of the step from the other end.
-DEEP, NEXT_TO_END = 0.03, 0.9
-#: The determinant of many unknowns may fall evenly, and no look is taken: by more than this factor
-#: within a step, if the rates of the logarithm in two steps agree up to this part. Zeros bend the
-#: rates.
-DECAY, EVENLY = 0.1, 0.2
-#: Further looks are taken while the determinant beside the least is this many times larger: the
-#: determinant may be flat and have several zeros between.
-FAR_HIGHER = 10.0
-#: Most looks into a step, and the shortest step that is refused where that many tell nothing.
-MOST_LOOKS, SHORTEST = 24, 1e-4
-#: Where the Jacobian loses rank, the determinant vanishes if it is below this part of the largest
-#: determinant that is known. On a curve of double roots every determinant is rounding.
-VANISHES = 1e-6
-#: Distance from a place at which the Jacobian is exactly singular, as a part of the step.
-BESIDE_LOOK = EPS**0.5
-#: Where looks are taken, as parts of the step, if a known branch point leaves fewer than three
-#: determinants. The first look is for a step that ends at a branch point: next to the end the sign
-#: must still be that of the start.
-PARTS = (0.99, 0.5, 0.25)
-#: Distance of places, as a part of the room between three, below which a look tells nothing new.
-SAME_PLACE = 1e-6
-#: Logarithm of the largest ratio of determinants: the power of a larger one overflows.
-LARGEST_LOG = 700.0
-
-#: A place on a segment, and the magnitude of the determinant there, up to a constant.
-Place: TypeAlias = tuple[float, float]
-_value = itemgetter(1)
-
-
-def hidden_in(segment: CurvedSegment) -> State | Failure | None:
-    """Return a state within a segment at which the determinant vanishes and keeps its sign.
-
-    A Failure if the sign flips twice within the segment: a shorter step is needed. None if the
-    determinant does not vanish within the segment, and where the signs at both ends differ.
-    """
-    states = [*segment.behind, segment.start, segment.end]
-    known = [state for state in states if not state.is_singular]
-    if len(known) == len(states) and not _may_vanish(segment, known):
-        return None  # nearly always
-    known, sign = known[-3:], segment.start.orientation
-    if any(state.orientation != sign for state in (*known, segment.end)):
-        return None
-    parts = PARTS if segment.end.is_singular else PARTS[1:]
-    for part in parts[: max(3 - len(known), len(parts) - 2)]:
-        look = _look(segment, part * segment.length)
-        if look is None:
-            return None
-        if look.orientation != sign:
-            return Failure(FailureReason.SINGULAR)
-        known.append(look)
-    zeros = tuple(segment.position(state.x) for state in states if state.is_singular)
-    return _least(segment, known[-3:], zeros)
-
-
-def _may_vanish(segment: CurvedSegment, known: list[State]) -> bool:
-    """Tell whether the parabola through the last three determinants is low within a segment."""
-    if len(known) < 3 or not known[-2].log_determinant < known[-3].log_determinant:
-        return False  # the determinant grows
-    earlier, here, end = known[-3:]
-    first, last = (
-        exp(min(each.log_determinant - here.log_determinant, LARGEST_LOG))
-        for each in (earlier, end)
-    )
-    before = segment.curve.metric.norm(here.x - earlier.x)
-    return _first_look([(-before, first), (0.0, 1.0), (segment.length, last)], segment) is not None
-
-
-def _least(
-    segment: CurvedSegment, known: list[State], zeros: tuple[float, ...]
-) -> State | Failure | None:
-    """Return what looks at the least determinant tell, as :func:`hidden_in` does."""
-    places = sorted(_placed(state, segment, zeros) for state in known)
-    at, largest = _first_look(places, segment), max(map(_value, places))
-    for _ in range(MOST_LOOKS):
-        if at is None or not 0.0 < at < segment.length:
-            return None  # nearly always
-        state = _look(segment, at)
-        if state is None:
-            break
-        here = _placed(state, segment, zeros)
-        if loses_rank(segment.curve, state.x):
-            vanishes = here[1] <= VANISHES * largest
-            return state if vanishes and not loses_rank(segment.curve, segment.end.x) else None
-        if state.orientation != segment.end.orientation:
-            return Failure(FailureReason.SINGULAR)
-        places = _around_lowest([*places, here])
-        at = _least_at(places) or _nearer(places)  # no place of a look is zero
-    return Failure(FailureReason.SINGULAR) if segment.length > SHORTEST else None
-
-
-def _look(segment: CurvedSegment, at: float) -> State | None:
-    """Return the state at a place, or right beside where Newton's method finds none."""
-    for place in (at, at + BESIDE_LOOK * segment.length):
-        state = segment.at(place)
-        if isinstance(state, State) and not isnan(state.log_determinant):
-            return state
-    return None
-
-
-def _placed(state: State, segment: CurvedSegment, zeros: tuple[float, ...]) -> Place:
-    """Return the place of a state, and the determinant there, from which zeros are divided out."""
-    logs = (segment.start.log_determinant, segment.end.log_determinant)
-    at = segment.position(state.x)
-    above = state.log_determinant - max(filter(isfinite, logs), default=0.0)
-    above -= sum(log(abs(at - zero) / segment.length) for zero in zeros if at != zero)
-    return at, exp(min(above, LARGEST_LOG))
-
-
-def _first_look(places: list[Place], segment: CurvedSegment) -> float | None:
-    """Return where to look first: where the parabola is low, or next to an end that is low."""
-    if segment.curve.selection.system.size > CHEAP_UNKNOWNS and _follow_trend(places):
-        return None
-    at = _least_at(places)
-    if at is not None and 0.0 < at < segment.length:
-        return at
-    values = [value for _, value in places]
-    if values[-1] < DEEP * values[-2]:
-        return NEXT_TO_END * segment.length
-    is_low = places[-2][0] == 0.0 and values[-2] < DEEP * min(values[0], values[-1])
-    return (1.0 - NEXT_TO_END) * segment.length if is_low else None
-
-
-def _follow_trend(places: list[Place]) -> bool:
-    """Tell whether three determinants fall like the terms of a geometric sequence, and fast."""
-    (a, first), (b, middle), (c, last) = places
-    if not 0.0 < middle < DECAY * first or not last > 0.0:
-        return False
-    before, after = log(middle / first) / (b - a), log(last / middle) / (c - b)
-    return abs(after - before) < EVENLY * abs(before)
-
-
-def _least_at(places: list[Place]) -> float | None:
-    """Return where the parabola through three places is least, None if that is not low enough."""
-    (a, first), (b, middle), (c, last) = places
-    falls, rises = (middle - first) / (b - a), (last - middle) / (c - b)
-    bend = (rises - falls) / (c - a)
-    if not bend > 0.0:
-        return None
-    slope = falls + bend * (b - a)  # at the middle
-    at, least = b - 0.5 * slope / bend, middle - 0.25 * slope * slope / bend
-    is_new = min(abs(at - a), abs(at - b), abs(at - c)) > SAME_PLACE * (c - a)
-    return at if is_new and least <= LOW * min(first, middle, last) else None
-
-
-def _nearer(places: list[Place]) -> float | None:
-    """Return a place between the lowest of three and a place beside that is far higher, if any."""
-    first, (at, least), last = places
-    if min(first[1], last[1]) < least:
-        return None  # the determinant falls towards an end
-    far, value = max(first, last, key=_value)
-    return 0.5 * (at + far) if value > FAR_HIGHER * least else None
-
-
-def _around_lowest(places: list[Place]) -> list[Place]:
-    """Return the lowest of four places and the two places beside it, in order."""
-    places = sorted(places)
-    middle = min(max(places.index(min(places, key=_value)), 1), 2)
-    return places[middle - 1 : middle + 2]

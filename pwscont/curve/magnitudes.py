@@ -59,6 +59,8 @@ ALIKE = 4.0
 BASE, POWERS, MORE_POWERS = 2.0**0.25, 512, (768, 1024, 1536)
 #: What part of its terms a row is seen to change by: by all of them sin(z) would hardly ever do.
 PART = 0.5
+#: Parts that are looked for near LITTLE, where H oscillates or levels off.
+PARTS = (PART, 0.5 * PART, 0.25 * PART)
 #: What part of the change of a row two changes in proportion may differ by.
 BENT = 0.25
 #: A change that is rounding vanishes at this part of the step. Bends that are followed by straight
@@ -207,11 +209,11 @@ def _reach(
         high = _first(is_enough, POWERS, most)
     elif high == 1 - POWERS:
         high = _first(is_enough, -MORE_POWERS[-1], high)
-    if is_enough(high - FAR_BELOW, LEVEL):
-        high = _first(lambda power: is_enough(power, 0.5 * PART), -POWERS, high)
-    elif is_enough(high - FAR_BELOW, LITTLE):
+    if is_enough(high - FAR_BELOW, LITTLE):
         small = _first(lambda power: is_enough(power, LITTLE), -POWERS, high)
-        high = next(filter(is_enough, range(small, min(small + FAR_BELOW, high), 2)), high)
+        near = range(small, min(small + FAR_BELOW, high), 2)
+        parts = PARTS[1:] if is_enough(high - FAR_BELOW, LEVEL) else PARTS
+        high = next((power for part in parts for power in near if is_enough(power, part)), high)
     return float(BASE**high / PART)
 
 

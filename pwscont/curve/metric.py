@@ -45,6 +45,8 @@ LEAST_SQUARE = 1e-300
 _NONE = np.zeros(0, dtype=np.intp)
 #: A magnitude that is wrong by more than this factor, too small or too large.
 TOO_SMALL, TOO_LARGE = 16.0, 64.0
+#: A magnitude too small by more than this factor is revised together with wrong magnitudes.
+NEARLY_TOO_SMALL = 4.0
 #: Number of steps after which the path is looked at first, then whenever the number has doubled.
 FIRST_LOOK = 128
 #: Before the first look, an unknown this many magnitudes away is larger, by a factor at most.
@@ -282,9 +284,10 @@ class Gauge:
             ahead = self._width * self._farthest / max(self._alpha, SHORTEST)
             typical = np.minimum(ahead, AHEAD_OF_FARTHEST * self._farthest)
             wrong = self._farthest > FAR * self._scale
-        wrong &= (typical > STEADY * self._size) & (self._size > EPS * self._scale)
-        if wrong.any():
-            raise MisjudgedError(np.where(wrong, typical, self._scale))
+        moves = (typical > STEADY * self._size) & (self._size > EPS * self._scale)
+        if (wrong & moves).any():
+            wrong |= typical > NEARLY_TOO_SMALL * self._scale  # wrong on the next path
+            raise MisjudgedError(np.where(wrong & moves, typical, self._scale))
 
 
 def deflation(metric: Metric, known: Sequence[Array], x: Array) -> float:

@@ -102,7 +102,7 @@ def newton(curve: Curve, border: Border, x: Array, most_iterations: int) -> Root
         sizes.append(size)
         # quadratic: d -> c d^2, so that a ratio q is followed by q^2; at first c is taken for 1
         ratio, stale = size / before * (size / before) if before > 0.0 else size, False
-        if size > CONVERGED >= size * ratio**MOST_CHORDS:
+        if size > CONVERGED >= size * min(ratio, 1.0) ** MOST_CHORDS:  # a power may overflow
             stale = before == 0.0 or ratio > TURNED
             for _ in range(MOST_CHORDS):
                 if size > CONVERGED and metric.admits(x):

@@ -97,8 +97,10 @@ class CurvedSegment(Segment):
         Length that the stepper would try next.
     gap : float
         Distance between the places at which was looked into the step; zero for no look.
-    behind : tuple of State
-        The first state of the piece, and the state before ``start``; fewer on the first two steps.
+    factor : Factor, optional
+        A factorisation of [J; border] from right beside the end.
+    behind : State, optional
+        The state before ``start`` on the same piece.
     """
 
     curve: Curve
@@ -110,7 +112,8 @@ class CurvedSegment(Segment):
     length: float
     suggestion: float
     gap: float = 0.0
-    behind: tuple[State, ...] = ()
+    factor: Factor | None = None
+    behind: State | None = None
 
     def __repr__(self) -> str:
         ends = f"alpha {self.start.alpha:.10g} → {self.end.alpha:.10g}"
@@ -127,12 +130,6 @@ class CurvedSegment(Segment):
         leaving = _along(start.tangent, chord, share * dot(row, start.tangent))
         arriving = _along(end.tangent, chord, share * dot(row, end.tangent))
         return cls(curve, start, end, chord, leaving, arriving, length, suggestion)
-
-    def until(self, end: State) -> CurvedSegment:
-        """Return the part of the segment before a state."""
-        part = CurvedSegment.between(self.curve, self.start, end, self.suggestion)
-        part.behind = self.behind
-        return part
 
     def near(self, s: float) -> Array:
         """Return the point at ``s`` of the cubic through the two ends and along the tangents."""

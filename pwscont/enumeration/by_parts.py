@@ -2,15 +2,11 @@
 
 The strongly connected components of this graph, in topological order, are the parts: each part
 depends on earlier parts only, and a search over all modes is exponential in the largest part only.
-The rows and tests of a block belong to a single part, except tests that depend on earlier parts
-alone. Where rows and unknowns cannot be paired, or blocks have no rows, the whole system is a
-single part.
-
 For each solution of the parts before, a part is a small slice, whose constants have the error of
 that solution. A part with a single unknown is solved mode by mode, by a division: in a chain of
 such parts magnitudes may fall until no typical magnitude can be told. If a part cannot be decided,
 the whole slice is solved at once. A solution found part by part is refined in the whole system, and
-must lie in the closed cell. Its cells, all combinations of the parts' cells, are made when needed.
+must lie in the closed cell.
 """
 
 from __future__ import annotations
@@ -152,8 +148,7 @@ class PartSlice(SlicewiseLinearSystem):
 
     def test_functions(self, z: Array, alpha: float) -> Array:
         """Return the tests of the blocks of the part."""
-        values: Array = self.table.tests[0] @ z + self.table.tests[1]
-        return values
+        return self.table.tests[0] @ z + self.table.tests[1]
 
     def test_jacobian(self, z: Array, alpha: float) -> Matrix:
         """Return the gradients of these tests, with a column of zeros for the idle parameter."""
@@ -162,8 +157,7 @@ class PartSlice(SlicewiseLinearSystem):
     def residual(self, z: Array, alpha: float, character: Character) -> Array:
         """Return the rows of the part."""
         matrix, constants, _ = self._in_cell(character)
-        value: Array = matrix @ z + constants
-        return value
+        return matrix @ z + constants
 
     def jacobian(self, z: Array, alpha: float, character: Character) -> Matrix:
         """Return the constant Jacobian, with a column of zeros for the idle parameter."""
@@ -179,13 +173,11 @@ class PartSlice(SlicewiseLinearSystem):
         signs, blocks = character.signs, self.table.blocks
         return [block.modes.index(tuple(signs[i] for i in block.tests)) for block in blocks]
 
-    def _in_cell(self, character: Character) -> tuple[Array, Array, Array]:
+    def _in_cell(self, character: Character) -> list[Array]:
         """Return the rows of a cell: the matrix, the constants and the errors of the constants."""
         modes, rows = self._modes(character), [block.rows for block in self.table.blocks]
-        matrices, constants = zip(*self.table.rows, strict=True)
-        parts = matrices, constants, self._errors
-        matrix, values, errors = (_in_modes(part, rows, modes) for part in parts)
-        return matrix, values, errors
+        parts = *zip(*self.table.rows, strict=True), self._errors
+        return [in_modes(part, rows, modes) for part in parts]
 
     def scalar_root(self, character: Character, scale: float) -> _Root | None:
         """Solve a mode for the only unknown; None if the mode leaves the unknown free."""
@@ -308,7 +300,7 @@ def is_regular(table: Table, parts: Sequence[Part], scale: Array) -> bool:
         rows, units = [[place[row] for row in block.rows] for block in blocks], scale[part.unknowns]
         matrices = [J[np.ix_(part.rows, part.unknowns)] * units for J, _ in table.rows]
         for picks in product(*(range(len(block.modes)) for block in blocks)):
-            matrix = _in_modes(matrices, rows, picks)
+            matrix = in_modes(matrices, rows, picks)
             sizes = np.abs(matrix).max(axis=1, keepdims=True)
             unit = matrix / np.where(sizes > 0.0, sizes, 1.0)
             if np.linalg.matrix_rank(unit, tol=GUARD * EPS * len(matrix)) < len(matrix):
@@ -316,9 +308,7 @@ def is_regular(table: Table, parts: Sequence[Part], scale: Array) -> bool:
     return True
 
 
-def _in_modes(
-    wholes: Sequence[Array], rows: Sequence[Sequence[int]], modes: Sequence[int]
-) -> Array:
+def in_modes(wholes: Sequence[Array], rows: Sequence[Sequence[int]], modes: Sequence[int]) -> Array:
     """Return the rows of a cell; the rows of a block in mode k stand in the k-th of ``wholes``."""
     chosen = +wholes[0]
     for block, mode in zip(rows, modes, strict=True):

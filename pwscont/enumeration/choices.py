@@ -1,14 +1,11 @@
 """Choices of options, and what their equations leave: decisions in batches.
 
 Blocks are decided in batches, block after block: each block has a batch of small factorisations,
-which all choices of later blocks share. Batches serve if the cells are few, and if no choice can be
-cut off because a point lies in the cells of all choices.
-
-Equations of a block may depend on equations decided before: the choice leaves the batch then, and a
-cell without a unique point is handed on with the directions that are left. Exact elimination
-decides about pivots that may be rounding. Inequalities that cut off choices are relaxed by SLACK,
-far above rounding, and by more where ill-conditioned equations make rounding grow: the caller
-decides exactly, from a refined solution.
+which all choices of later blocks share. Equations of a block may depend on equations decided
+before: the choice leaves the batch then, and a cell without a unique point is handed on with the
+directions that are left. Exact elimination decides about pivots that may be rounding. Inequalities
+that cut off choices are relaxed by SLACK, far above rounding, and by more where ill-conditioned
+equations make rounding grow: the caller decides exactly, from a refined solution.
 """
 
 from __future__ import annotations
@@ -61,19 +58,16 @@ class Choices:
     @property
     def rounding(self) -> Array:
         """Estimate of the rounding error of the starts, shape (N,)."""
-        rounding: Array = EPS * self.growth * self._sizes
-        return rounding
+        return EPS * self.growth * self._sizes
 
     @property
     def slack(self) -> Array:
         """How far below zero an inequality of unit length may be and still hold, shape (N,)."""
-        slack: Array = SLACK * self._sizes + GUARD * self.rounding
-        return slack
+        return SLACK * self._sizes + GUARD * self.rounding
 
     @property
     def _sizes(self) -> Array:
-        sizes: Array = 1.0 + np.abs(self.starts).max(axis=1, initial=0.0)
-        return sizes
+        return 1.0 + np.abs(self.starts).max(axis=1, initial=0.0)
 
     def __getitem__(self, index: Indices | slice) -> Choices:
         """Return some of the choices."""

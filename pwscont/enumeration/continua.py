@@ -1,14 +1,10 @@
 """Sets of infinitely many solutions at one alpha, as two equal equations have.
 
-For piecewise-linear systems such sets are found exactly. With alpha as a further unknown, the
-solutions in a closed cell are a polyhedron, which fills all values of alpha between two ends, or a
-single value. The face at an end is looked at alone, for a polyhedron may end in a point.
-
-For curved systems, a solution belongs to such a set if dH/dz is singular there and at another
-solution nearby, found from aside in the null direction of dH/dz: from a branch point or a double
-root Newton's method does not converge there, or comes back. The shortest Newton step is taken,
-because dH/dz is singular at all solutions of a set. A singular value below the error of Jacobians
-by differences counts as zero.
+For piecewise-linear systems such sets are found exactly: with alpha as a further unknown, the
+solutions in a closed cell are a polyhedron. For curved systems, a solution belongs to such a set if
+dH/dz is singular there and at another solution nearby, found from aside in the null direction of
+dH/dz: from a branch point or a double root Newton's method does not converge there, or comes back.
+The shortest Newton step is taken, because dH/dz is singular at all solutions of a set.
 """
 
 from __future__ import annotations
@@ -21,6 +17,7 @@ from math import sqrt
 from typing import final
 
 import numpy as np
+from numpy.linalg import norm
 from scipy.linalg import lstsq, null_space, svd
 
 from pwscont.basics.arrays import Array, are_finite, dense, generic
@@ -74,11 +71,7 @@ LEVEL_DIRECTION = EPS**0.5
 
 
 def is_one_of_many(system: PiecewiseSystem, metric: Metric, x: Array) -> bool:
-    """Tell whether a solution of a curved system belongs to solutions that fill a curve or more.
-
-    ``system``: not one that is affine in z at fixed alpha, which has exact answers.
-    ``x``, shape (n + 1,): a solution and the value of alpha.
-    """
+    """Tell whether a solution of a curved system belongs to solutions that fill a curve or more."""
     if isinstance(system, SlicewiseLinearSystem) or system.size > MOST_UNKNOWNS_OF_SVD:
         return False
     scale, alpha = metric.scale[:-1], float(x[-1])
@@ -94,20 +87,16 @@ def _has_others(
     parts: tuple[float, ...] = DISTANCES_TO_OTHER[:1],
 ) -> bool:
     """Tell whether solutions beside a place fill a curve or more, in any of the cells there."""
-    here, size = equations_in_magnitudes(system, y * scale, alpha, scale), 1.0 + _length(y)
-    most = MORE_RESIDUAL * _length(here[0]) / size + LEFT_OVER if here else 0.0
+    here, size = equations_in_magnitudes(system, y * scale, alpha, scale), 1.0 + float(norm(y))
+    most = MORE_RESIDUAL * float(norm(here[0])) / size + LEFT_OVER if here else 0.0
     for way in (part * size for part in parts):
         for direction in _level_directions(system, scale, y, alpha, way):
             other = solution_near(system, scale, y + way * direction, alpha, most)
-            if other is None or not 0.5 * way <= _length(other - y) <= 2.0 * way:
+            if other is None or not 0.5 * way <= norm(other - y) <= 2.0 * way:
                 continue
             if _is_singular(system, scale, other, alpha):
                 return True
     return False
-
-
-def _length(y: Array) -> float:
-    return float(np.linalg.norm(y))
 
 
 def _level_directions(
@@ -133,7 +122,7 @@ def _level_directions(
         cone = Polyhedron.of(np.vstack([sides, box]), values, SINGULAR_VALUE)
         inside, along = (cone and cone.inside(SINGULAR_VALUE)) or (np.zeros(0), np.zeros((0, 0)))
         for end in (inside + w for v in along.T for w in (v, -v)):
-            yield null @ end / _length(end)
+            yield null @ end / norm(end)
 
 
 def underflows(system: PiecewiseSystem, metric: Metric, x: Array) -> bool:
@@ -171,11 +160,11 @@ def solution_near(
         residual, jacobian, _ = linear
         step = lstsq(jacobian, -residual, cond=SINGULAR_VALUE)[0]
         y = y + step
-        size = 1.0 + np.linalg.norm(y)
-        if np.linalg.norm(step) <= LONGEST_LAST_STEP * size:
+        size = 1.0 + norm(y)
+        if norm(step) <= LONGEST_LAST_STEP * size:
             arrived = equations_in_magnitudes(system, y * scale, alpha, scale)
             # a cut off direction may have hidden the residual
-            return y if arrived and np.linalg.norm(arrived[0]) <= most * size else None
+            return y if arrived and norm(arrived[0]) <= most * size else None
     return None
 
 
@@ -200,14 +189,9 @@ def find_continua(
 ) -> Iterator[Continuum]:
     """Yield the parts of the interval with infinitely many solutions.
 
-    Exact for piecewise-linear systems. Otherwise the special points and the middles between special
-    points are asked for.
-
-    ``system``: nothing is asked of systems that are affine in z at fixed alpha and have many cells.
     ``alphas``: the values of alpha of special points, and both ends of the interval.
-    ``one_of_many``, shape (n + 1,): known solutions of a curved system that belong to infinitely
-    many, see :func:`is_one_of_many`.
-    ``doubtful``, shape (n + 1,): special points at which not all ways on are curves.
+    ``one_of_many``: known solutions of a curved system that belong to infinitely many.
+    ``doubtful``: special points at which not all ways on are curves.
     """
     if not isinstance(system, SlicewiseLinearSystem):
         if system.size <= MOST_UNKNOWNS_OF_SVD:
@@ -297,8 +281,7 @@ def _is_singular(system: PiecewiseSystem, scale: Array, y: Array, alpha: float) 
 def _null_space(matrix: Array) -> Array:
     """Return unit columns that span what the matrix sends to zero, shape (n, d)."""
     _, sizes, directions = svd(matrix)
-    null: Array = directions[sizes <= SINGULAR_VALUE * sizes[0]].T
-    return null
+    return directions[sizes <= SINGULAR_VALUE * sizes[0]].T
 
 
 def _in_linear_pieces(system: PiecewiseLinearSystem, metric: Metric) -> Iterator[Continuum]:

@@ -21,15 +21,12 @@ MOST_WORK = 5_000_000
 @final
 @dataclass(frozen=True, slots=True, eq=False)
 class Echelon:
-    """Eliminated rows, each row with the column of the pivot; the first n columns are unknowns'.
-
-    The attribute ``level`` is the determinant of the rows eliminated before the first row.
-    """
+    """Eliminated rows, each row with the column of the pivot; the first n columns are unknowns'."""
 
     n: int
     rows: tuple[Row, ...] = ()
     columns: tuple[int, ...] = ()
-    level: int = 1
+    level: int = 1  # the determinant of the rows eliminated before the first row
 
     def extended(self, rows: Sequence[Row]) -> Echelon | None:
         """Return the echelon with more rows, None for rows that depend on each other."""
@@ -44,10 +41,7 @@ class Echelon:
         return echelon
 
     def reduced(self, row: Row) -> Row:
-        """Return the determinant times a row, less multiples of the eliminated rows.
-
-        Zero factors, frequent in sparse rows, are passed over until the end.
-        """
+        """Return the determinant times a row, less multiples of the eliminated rows."""
         level = before = self.level
         for known, column in zip(self.rows, self.columns, strict=True):
             pivot, factor = known[column], row[column]
@@ -65,7 +59,6 @@ class Echelon:
     def solved(self, side: int, D: int | None = None, y: Row | None = None) -> Row:
         """Return y, integers with A y + D b = 0, for the right side b in a given column.
 
-        ``side``: the column of b.
         ``D``: a multiple of the determinant that makes y integers; default the determinant.
         ``y``: the unknowns without a pivot, among n; default zeros.
         """

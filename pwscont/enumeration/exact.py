@@ -1,16 +1,14 @@
 """Enumeration of all cells in exact arithmetic.
 
 At fixed alpha selections and tests are affine in z with coefficients that are doubles, hence
-rational. Each row is made a row of integers, and Bareiss's fraction-free elimination (1968) leaves
-integers whose quotients are the solution. Nothing is rounded, whatever the condition, and the sign
-of the determinant is exact as well. Choices of modes share the elimination of the blocks decided
-before. Cells are excluded in doubles, in batches, where floating point is certain. The integers
+rational: elimination in integers (:mod:`pwscont.enumeration.echelon`) rounds nothing, whatever the
+condition. Cells are excluded in doubles, in batches, where floating point is certain. The integers
 grow by 53 bits and more for each row: beyond MOST_WORK nothing is done, and the caller says so.
 
 The system's own numbers are rounded, so that selections agree on an interface to rounding only. A
-solution that close to an interface may lie in two cells: the two points found are merged if the
-errors cover the distance. Or the solution lies in no cell: a cell that misses the cell's solution
-by no more than the error counts as undecided, unless the solution was found in another cell.
+solution that close to an interface may lie in two cells: the two points are merged if the errors
+cover the distance. Or the solution lies in no cell: a cell that misses its solution by no more than
+the error counts as undecided, unless the solution was found in another cell.
 """
 
 from __future__ import annotations
@@ -30,6 +28,7 @@ from pwscont.basics.character import Character
 from pwscont.basics.rounding import EPS
 from pwscont.curve.error_samples import is_same
 from pwscont.curve.metric import Metric
+from pwscont.enumeration.by_parts import in_modes
 from pwscont.enumeration.echelon import MOST_WORK, Echelon, Row, integers
 from pwscont.enumeration.options import Table
 from pwscont.enumeration.polyhedron import Point, Slice
@@ -82,8 +81,7 @@ class ExactSlice:
     def solutions(self) -> list[tuple[Point, bool]] | None:
         """Return the solutions of regular cells, each with whether no bounding test is negative.
 
-        Solutions far outside of the cell are left out. None for numbers that are not finite, hence
-        not rational, or if the work takes too long.
+        Solutions far outside are left out. None for infinite numbers, or if it takes too long.
         """
         numbers = *self._rows, self._tests
         if self._price() > MOST_WORK or not all(np.isfinite(n).all() for n in numbers):
@@ -109,15 +107,10 @@ class ExactSlice:
         """Return the work before the first cell is solved exactly."""
         n, common = self._n, len(self._common)
         options = sum(len(block.rows) * len(block.modes) for block in self._blocks)
-        cells = number_of_cells(self._blocks)
-        return (common + options) * common * n + cells * (n - common)
+        return (common + options) * common * n + number_of_cells(self._blocks) * (n - common)
 
     def _left(self) -> Indices:
-        """Return the choices of modes, shape (N, blocks), that may hold a solution or nearly.
-
-        A regular choice is excluded if the solution is outside of the cell, in doubles, by more
-        than rounding explains.
-        """
+        """Return the choices of modes, shape (N, blocks), whose solution may lie in the cell."""
         units = np.append(self._scale, 1.0)
         modes, tests = np.array(self._rows) * units, self._tests * units
         sizes = np.abs(modes[..., :-1]).max(axis=-1, keepdims=True)
@@ -134,8 +127,7 @@ class ExactSlice:
             slack = (CERTAINLY_OUTSIDE * (np.abs(x) + 1.0) + off[:, np.newaxis]) @ np.abs(tests).T
             side = sum(signs[k] for signs, k in zip(sides, picks.T, strict=True))
             outside = side * (x @ tests.T) < -slack
-            is_outside: Signs = outside.any(axis=1) & (condition <= WORST_IN_DOUBLES)
-            return is_outside
+            return outside.any(axis=1) & (condition <= WORST_IN_DOUBLES)
 
         left, most = [], 1 + ENTRIES_AT_ONCE // self._n**2
         for picks in _batches([len(block.modes) for block in self._blocks], most):
@@ -171,9 +163,7 @@ class ExactSlice:
         worst = self._worst(picks, (*y, D), z) if np.isfinite(z).all() else -np.inf
         if worst <= -FAR_OUTSIDE:
             return None
-        rows = np.array(self._rows[0])
-        for block, pick in zip(self._blocks, picks, strict=True):
-            rows[list(block.rows)] = self._rows[pick][list(block.rows)]
+        rows = in_modes(self._rows, [block.rows for block in self._blocks], picks)
         rounding = EPS * (np.abs(rows) @ np.append(np.abs(z), 1.0))
         error = np.zeros((self._n, self._n + 1))  # a row by the rounding of each equation
         error[:, :-1] = _inverse(rows[:, :-1], self._scale) * rounding[:, np.newaxis]
@@ -213,8 +203,7 @@ def _inverse(matrix: Array, scale: Array) -> Array:
     with suppress(np.linalg.LinAlgError):
         inverse = np.linalg.inv(scaled / largest)
         if np.abs(inverse).sum(axis=1).max() * len(matrix) <= WELL_CONDITIONED:
-            rounded: Array = (inverse * scale[:, np.newaxis] / largest.T).T
-            return rounded
+            return (inverse * scale[:, np.newaxis] / largest.T).T
     n, unit = len(matrix), np.eye(len(matrix))
     echelon = Echelon(n).extended(
         [integers(np.append(*row)) for row in zip(matrix, unit, strict=True)]
@@ -243,11 +232,9 @@ def _float(value: Fraction) -> float:
 def solve_exactly(
     system: SlicewiseLinearSystem, metric: Metric, alpha: float, known: Sequence[Point] = ()
 ) -> Slice | None:
-    """Return all isolated solutions by trying every cell in exact arithmetic.
+    """Return all isolated solutions, from every cell in exact arithmetic; None for too much work.
 
-    None if exact arithmetic takes too long, or the system's numbers are not finite. Faces are left
-    out; the points ``known`` lie on faces, and rounding in the system may put such points outside
-    of regular cells.
+    The points ``known`` lie on faces: rounding in the system may put them outside of regular cells.
     """
     solutions = ExactSlice(system, metric.scale[:-1], alpha).solutions()
     if solutions is None:

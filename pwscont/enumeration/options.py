@@ -140,6 +140,7 @@ def affine_forms(
     Parameters
     ----------
     system : SlicewiseLinearSystem
+        Refused if H or a test is not affine over ``reach``.
     alpha : float
         The forms count from the point z = 0 at ``alpha``.
     reach : ndarray, shape (n + 1,)
@@ -151,11 +152,6 @@ def affine_forms(
     list of (ndarray, ndarray)
         Matrix, shape (n, n + 1), and constant, shape (n,), of H with every block in mode k, or in
         the last mode of the block; then, as the last form, matrix and constant of the m tests.
-
-    Raises
-    ------
-    InvalidSystemError
-        If H or a test is not affine over ``reach``.
 
     Examples
     --------
@@ -234,8 +230,7 @@ def problem_of(table: Table, necessary: tuple[Array, Array], scale: Array) -> Pr
 def _eliminate(C: Array, c: Array, scale: Array) -> tuple[Array, Array, float] | None:
     """Return a solution of C z + c = 0, a basis of the null space of C, and the condition of C.
 
-    None without solution. Rows may depend on each other, as where a vanishing test is a further
-    equation. Scaled unknowns and orthogonality make the basis well conditioned.
+    None without solution. Rows may depend on each other, as where a vanishing test is an equation.
     """
     if not len(C):
         return np.zeros(len(scale)), np.diag(scale), 1.0
@@ -261,8 +256,7 @@ def _eliminate(C: Array, c: Array, scale: Array) -> tuple[Array, Array, float] |
 def _reduced(matrix: Array, vector: Array, origin: Array, basis: Array) -> tuple[Array, Array]:
     """Return matrix @ basis with unit rows, and matrix @ origin + vector divided alike.
 
-    A row below the rounding of the terms of the row is made zero: such a row does not depend on the
-    reduced unknowns.
+    A row below the rounding of its terms does not depend on the reduced unknowns: it becomes zero.
     """
     rows, rest = matrix @ basis, vector + matrix @ origin
     terms = np.linalg.norm(np.abs(matrix) @ np.abs(basis), axis=1)
@@ -279,9 +273,8 @@ def measured_at(
 ) -> tuple[SlicewiseLinearSystem, Metric]:
     """Return a system with typical magnitudes at a single alpha, and the metric there.
 
-    Where the user gives no magnitudes, the magnitudes balance the terms of all rows and tests, so
-    that other units change nothing. A constant is as large as the part that alpha brings: the sum
-    may be zero.
+    Magnitudes that the user does not give balance the terms of all rows and tests. A constant is as
+    large as the part that alpha brings: the sum may be zero.
     """
     if system.gives_scale:
         return system, Metric.at(system, alpha)

@@ -2,9 +2,7 @@
 
 A solver lets inequalities be violated by 1e-10 at best, which may be more than the width of a thin
 polyhedron: the value of every inequality at the point found is magnified, and the program is solved
-again for the rest of the way (Gleixner, Steffy and Wolter, INFORMS J. Comput. 28, 2016). In a
-polyhedron without interior, the inequalities that hold with equality only have multipliers, and the
-subspace that these inequalities leave holds a polyhedron with interior.
+again for the rest of the way (Gleixner, Steffy and Wolter, INFORMS J. Comput. 28, 2016).
 """
 
 from __future__ import annotations
@@ -33,8 +31,7 @@ MOST_CELLS_LISTED = 4**6
 class Cells(Sequence[Character]):
     """All combinations of a cell of each part, each character made when taken: there may be 4^p.
 
-    ``numbers``: how many cells each part has.
-    ``cell``: returns the character of a choice of one of these cells, by number, for each part.
+    ``numbers``: how many cells each part has. ``cell``: makes the character of numbers of cells.
     """
 
     def __init__(self, numbers: Sequence[int], cell: Callable[[Sequence[int]], Character]) -> None:
@@ -136,11 +133,7 @@ def face_of(problem: Problem, one: Choices, alpha: float) -> Face | None:
 
 
 def inside_of(problem: Problem, one: Choices) -> tuple[Polyhedron, Array, Array, float] | None:
-    """Return the closed cell of a choice, by the directions of the choice, and its inside.
-
-    The inside is a point and a basis of the directions there, as :meth:`Polyhedron.inside` returns
-    them; the last number is the rounding. None for a cell without solution.
-    """
+    """Return the closed cell of a choice, its ``inside`` and the rounding, None for no solution."""
     if not satisfies(problem.chosen(one.picks[:, 0]), one.starts[0]):
         return None
     rounding = min(GUARD * float(one.rounding[0]), SLACK)
@@ -172,13 +165,7 @@ def _corners(around: Polyhedron, basis: Array, rounding: float) -> Array:
     if d == 1:
         ends = [end for end in Polyhedron(matrix, vector).ends() if np.isfinite(end)]
         return np.array(ends).reshape(-1, 1)
-    return _extreme(matrix, vector)
-
-
-def _extreme(matrix: Array, vector: Array) -> Array:
-    """Return the extreme points of {s : matrix s + vector >= 0}, shape (k, q)."""
-    q = matrix.shape[1]
-    rows = np.array([*combinations(range(len(matrix)), q)], dtype=np.intp).reshape(-1, q)
+    rows = np.array([*combinations(range(len(matrix)), d)], dtype=np.intp).reshape(-1, d)
     rows = rows[np.abs(np.linalg.det(matrix[rows])) > SLACK]
     points = np.linalg.solve(matrix[rows], -vector[rows][..., np.newaxis])[..., 0]
     slack = GUARD * EPS * (1.0 + np.abs(points).max(axis=1, initial=0.0))
@@ -187,7 +174,7 @@ def _extreme(matrix: Array, vector: Array) -> Array:
     for s, off in zip(points[inside], slack[inside], strict=True):
         if not any(np.abs(s - other).max() <= off for other in found):
             found.append(s)
-    return np.array(found).reshape(-1, q)
+    return np.array(found).reshape(-1, d)
 
 
 #: Options of HiGHS: the least tolerances, and no presolve, which fails without a largest value.
@@ -209,11 +196,7 @@ LEAST_LENGTH = float(np.finfo(float).tiny)
 @final
 @dataclass(frozen=True, slots=True, eq=False)
 class Polyhedron:
-    """The points {w : matrix w + vector >= 0}.
-
-    Attributes
-    ----------
-    matrix, vector : ndarray, shapes (k, q) and (k,)
+    """The points {w : matrix w + vector >= 0}, where the matrix has the shape (k, q).
 
     Examples
     --------
@@ -244,8 +227,7 @@ class Polyhedron:
     def farthest(self, way: Array) -> Array | None:
         """Return a point with the largest ``way @ w``, None where ``way @ w`` grows without end.
 
-        Only :meth:`inside` tells whether the polyhedron is empty: the point found here may violate
-        inequalities by 1e-10.
+        The point may violate inequalities by 1e-10, and the polyhedron be empty.
         """
         found = self._largest(way)
         return None if found is None else found[0]
@@ -257,10 +239,8 @@ class Polyhedron:
     def inside(self, rounding: float) -> tuple[Array, Array] | None:
         """Return a point inside and, shape (q, d), an orthonormal basis of the directions there.
 
-        The number d of directions is less than q if inequalities hold with equality only. None if
-        no point satisfies all inequalities.
-
-        ``rounding``: the error of the inequalities.
+        d is less than q if inequalities hold with equality only. None if no point satisfies all
+        inequalities, whose error is ``rounding``.
         """
         if self.matrix.shape[1] == 1:
             return self._inside_line(rounding)

@@ -4,17 +4,16 @@ Equations and inequalities of all options, and of every cell, are affine forms o
 form is listed once, with either sign. To choose an option is to ask more signs: a form asked to be
 >= 0 and <= 0 has to vanish. Each program asks whether some point has the signs that are asked.
 
-A vertex is the point where q independent forms, the basis, vanish; s = coordinates + directions @
-(values of the basis). The objective is any linear function that is least at the vertex, for the
-signs asked of the basis. The vertex stays least when more signs are asked: the dual simplex method
-(Lemke 1954) begins where the program of the parent ended. In each step the form with the wrongest
-value enters the basis, for the form by which the objective grows least (among equals the largest
-coefficient). If no form can make the value right, the row is the proof (Farkas 1902) that no point
-has the signs asked: form = constant + sum of coefficients times forms, where no term can help.
+A vertex is the point where q independent forms, the basis, vanish. The objective is any linear
+function that is least at the vertex, for the signs asked of the basis. The vertex stays least when
+more signs are asked: the dual simplex method (Lemke 1954) begins where the program of the parent
+ended. In each step the form with the wrongest value enters the basis, for the form by which the
+objective grows least. If no form can make the value right, the row is the proof (Farkas 1902) that
+no point has the signs asked: form = constant + sum of coefficients times forms, and no term helps.
 
 Rounding grows from step to step: a proof is checked against the forms themselves. If the check
 fails, or after too many steps (ties may cycle), the program counts as feasible, which costs time,
-and no more. Signs count as wrong from SLACK on only, because a solution may lie on a boundary.
+and no more.
 """
 
 from __future__ import annotations
@@ -84,16 +83,14 @@ class Forms:
 
     def values(self, points: Array) -> Array:
         """Return all forms at points, shapes (M, q) and (M, N)."""
-        values: Array = points @ self.rows.T + self.constants
-        return values
+        return points @ self.rows.T + self.constants
 
 
 def _distinct(rows: Array) -> tuple[Array, Indices, Flags]:
     """Return unit forms, each once, then the unknowns, with the form of each row.
 
     The last array tells which rows are the negative of their form. The forms stand in the order in
-    which blocks bring them: of equal forms the simplex method takes the first, and a sorted order
-    makes half as many programs again.
+    which blocks bring them: a sorted order makes half as many programs again.
     """
     lengths = np.linalg.norm(rows[:, :-1], axis=1)
     lengths[lengths <= 10.0**-SAME_DECIMALS] = 1.0
@@ -206,23 +203,20 @@ def _most_wrong(forms: Forms, vertices: Vertices) -> tuple[Indices, Array]:
 
 def slack_of(vertices: Vertices) -> Array:
     """Return the size, shape (N,), up to which values of the wrong sign hold."""
-    slack: Array = SLACK * (1.0 + np.abs(vertices.points).max(axis=1, initial=0.0))
-    return slack
+    return SLACK * (1.0 + np.abs(vertices.points).max(axis=1, initial=0.0))
 
 
 def _gains(vertices: Vertices, slopes: Array) -> Array:
     """Return how much each form of the basis helps; less than zero for a change not allowed."""
     asked = np.take_along_axis(vertices.signs, vertices.basis, axis=1)
-    gains: Array = np.where(asked == ANY, np.abs(slopes), slopes * _WAY[asked])
-    return gains
+    return np.where(asked == ANY, np.abs(slopes), slopes * _WAY[asked])
 
 
 def _rounding(row: Array) -> Array:
     """Return the size, shape (N, 1), below which coefficients are rounding."""
-    size: Array = ROUNDING_OF_COEFFICIENTS * np.maximum(
+    return ROUNDING_OF_COEFFICIENTS * np.maximum(
         1.0, np.abs(row).max(axis=1, initial=0.0, keepdims=True)
     )
-    return size
 
 
 def _pivoted(old: Vertices, form: Indices, value: Array, row: Array, gain: Array) -> Vertices:
@@ -247,14 +241,12 @@ def _is_proved(
 ) -> Flags:
     """Tell whether form = constant + row @ basis, and no term makes up for the constant.
 
-    At a solution within REACH the terms taken for rounding, and the difference of the two sides,
-    are at most the coefficients times REACH, and all other terms help by at most the coefficients
-    times SOLUTION_MARGIN.
+    At a solution within REACH, terms taken for rounding are at most the coefficients times REACH,
+    and all other terms help by at most the coefficients times SOLUTION_MARGIN.
     """
     basis = forms.rows[vertices.basis]
     constant = forms.constants[form] - (row * forms.constants[vertices.basis]).sum(axis=1)
     off = np.abs(forms.rows[form] - (row[:, np.newaxis] @ basis)[:, 0]).sum(axis=1)
     off += np.maximum(gain, 0.0).sum(axis=1)
     most = SOLUTION_MARGIN * (1.0 + np.abs(row).sum(axis=1)) + REACH * off
-    is_proved: Flags = constant * np.sign(value) > most
-    return is_proved
+    return constant * np.sign(value) > most

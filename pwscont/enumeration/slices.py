@@ -149,14 +149,9 @@ def is_in_doubt(system: PiecewiseSystem, metric: Metric, point: Point) -> bool:
 def tests_of(selection: Selection, metric: Metric, x: Array, error: Array) -> tuple[Array, Array]:
     """Return the bounding tests at a solution, and the errors of these values."""
     slack = slack_of_values(selection.test_gradients(x), x, error, metric.scale)
-    return selection.tests(x), slack + _inherited_slack(selection.system, selection.bounding)
-
-
-def _inherited_slack(system: PiecewiseSystem, which: Indices | slice) -> Array | float:
-    """Return the error of some tests of a part that the errors of earlier parts make."""
-    if not isinstance(system, PartSlice):
-        return 0.0
-    return CONFIDENCE * system.inherited_slack[which]
+    if isinstance(part := selection.system, PartSlice):
+        slack += CONFIDENCE * part.inherited_slack[selection.bounding]
+    return selection.tests(x), slack
 
 
 def det_sign(system: PiecewiseSystem, metric: Metric, x: Array, character: Character) -> int:
@@ -178,9 +173,7 @@ def _root(curve: Curve, start: Array) -> Root | Failure:
 class Points:
     """The isolated solutions so far, each with the choices of all cells that share the solution.
 
-    ``alpha``: the alpha of all solutions.
-    ``border``: vanishes at all solutions, instead of alpha being given; then alpha is an unknown of
-    the problem, which counts from ``alpha``.
+    ``border``: vanishes at all solutions, whose alpha is then an unknown, counted from ``alpha``.
     """
 
     def __init__(
@@ -199,11 +192,11 @@ class Points:
 
     def points(self) -> list[Point]:
         """Return the solutions."""
-        return [Point(k.x, k.error, self._cells(k), k.det_sign) for k in self.found]
 
-    def _cells(self, known: Known) -> Cells:
-        picks = np.hstack(known.picks)
-        return Cells([picks.shape[1]], lambda place: self._problem.character(picks[:, place[0]]))
+        def cells(picks: Indices) -> Cells:
+            return Cells([picks.shape[1]], lambda k: self._problem.character(picks[:, k[0]]))
+
+        return [Point(k.x, k.error, cells(np.hstack(k.picks)), k.det_sign) for k in self.found]
 
     def add(self, choices: Choices) -> None:
         """Add the solutions of some choices without free directions."""
@@ -248,7 +241,8 @@ class Points:
             equations = root.factor, root.jacobian, constants
             less = slack_by_constants(gradients, tests, x, error, *equations)
             slack[is_doubtful] = np.minimum(slack, less)[is_doubtful]
-        slack += _inherited_slack(self._system, slice(None))
+        if isinstance(self._system, PartSlice):
+            slack += CONFIDENCE * self._system.inherited_slack
         holds = [
             np.array([(o.side * tests[o.bounding] >= -slack[o.bounding]).all() for o in options])
             for options in problem.blocks

@@ -1,13 +1,10 @@
 """The search over all choices of options.
 
-Blocks are decided in turn. Linear programs, many at once, cut off choices that no point can
-satisfy: they relax the undecided blocks, and ask only what holds in all options of a block. Each
-choice branches on the block whose options are most wrong at the vertex of the choice.
-
-Choices that cannot be cut off, because their vertex lies in the cells of all options that are left
-(an unloaded body), are decided together (:mod:`pwscont.enumeration.choices`). If the search has
-cost as much as that, all choices are decided together. A cell without a unique point is handed on
-with the directions that are left, with or without a look at the inequalities of the cell.
+Linear programs, many at once, cut off choices that no point can satisfy: undecided blocks are
+relaxed to what holds in all of their options. Each choice branches on the block whose options are
+most wrong at the vertex of the choice. Choices that cannot be cut off, because their vertex lies in
+the cells of all options that are left (an unloaded body), are decided together
+(:mod:`pwscont.enumeration.choices`), and so are all choices if the search has cost as much as that.
 """
 
 from __future__ import annotations
@@ -59,10 +56,8 @@ def leaves(
 ) -> Iterator[Choices]:
     """Yield all complete choices with a point that nearly satisfies the inequalities.
 
-    The inequalities of singular cells need not have been looked at.
-
-    ``few, per_program``: in place of FEW_CHOICES and CHOICES_PER_PROGRAM, which hold if a choice is
-    done once the point of the choice is found.
+    The inequalities of singular cells need not have been looked at. ``few`` and ``per_program``: in
+    place of FEW_CHOICES and CHOICES_PER_PROGRAM, where more is done than to find a point.
     """
     few, per_program = few or FEW_CHOICES, per_program or CHOICES_PER_PROGRAM
     numbers = [len(options) for options in problem.blocks]
@@ -85,29 +80,18 @@ class AffineCells:
 
     The solutions of cell i are the points ``starts[i] + directions[i] @ w`` for which no entry of
     ``sides[i] @ w + values[i]`` is negative; rounding may have let cells without solutions pass.
-
-    Attributes
-    ----------
-    starts, directions : ndarray, shapes (N, n) and (N, n, q)
-    sides, values : ndarray, shapes (N, k, q) and (N, k)
-        The inequalities that hold in every cell, then the tests that bound the cell, filled up with
-        1 >= 0; a row has unit length in the unknowns that are left of all common equations.
-    tests : ndarray of int, shape (N, k)
-        The test function of each inequality, -1 for other inequalities.
-    growth, rounding : ndarray, shape (N,)
-        The factor by which rounding may have grown in the starts, and the estimated error of the
-        values.
-
     See the example of :func:`enumerate_cells`, which makes these.
     """
 
-    starts: Array
-    directions: Array
+    starts: Array  #: Shape (N, n).
+    directions: Array  #: Shape (N, n, q).
+    #: Shape (N, k, q): the inequalities that hold in every cell, then the tests that bound the
+    #: cell, filled up with 1 >= 0; a row has unit length in what all common equations leave.
     sides: Array
-    values: Array
-    tests: Indices
-    growth: Array
-    rounding: Array
+    values: Array  #: Shape (N, k).
+    tests: Indices  #: Shape (N, k): the test function of each inequality, -1 for others.
+    growth: Array  #: Shape (N,): the factor by which rounding may have grown in the starts.
+    rounding: Array  #: Shape (N,): the estimated error of the values.
     _problem: Problem
     _choices: Choices
 
@@ -201,13 +185,13 @@ def _of_first(problem: Problem, picks: tuple[int, ...]) -> Choices | None:
 
 def _search(problem: Problem, per_program: float) -> list[tuple[int, ...]] | None:
     """Return the choices whose completions are all that is left; None if too costly."""
-    single = [options for options in problem.blocks if len(options) == 1]
-    first = _of_first(problem, (0,) * len(single))
+    blocks = [options for options in problem.blocks if len(options) > 1]
+    single = (0,) * (len(problem.blocks) - len(blocks))
+    first = _of_first(problem, single)
     if first is None:
         return []
-    blocks = [options for options in problem.blocks if len(options) > 1]
     found = _Search(Forms.of(problem, blocks, first), per_program).ends()
-    return found if found is None else sorted((0,) * len(single) + picks for picks in found)
+    return found and sorted(single + picks for picks in found)
 
 
 @final
@@ -251,8 +235,7 @@ class _Search:
         """Tell which choices are complete, or hold at the vertex and fit into a batch."""
         numbers = np.where(nodes.picks == OPEN, self._numbers, 1).astype(float).prod(axis=1)
         holds = wrong.max(axis=(1, 2), initial=0.0) <= slack_of(nodes)
-        is_end: npt.NDArray[np.bool_] = holds & (numbers <= BATCH) | (numbers == 1.0)
-        return is_end
+        return holds & (numbers <= BATCH) | (numbers == 1.0)
 
     def _branches(self, nodes: Vertices, wrong: Array) -> Vertices:
         """Return all options of the block whose options are most wrong, for every choice."""
@@ -262,5 +245,4 @@ class _Search:
         option = np.arange(len(parent)) - np.repeat(np.cumsum(numbers) - numbers, numbers)
         picks = nodes.picks[parent]
         picks[np.arange(len(parent)), block[parent]] = option
-        asked = self._forms.options[block[parent], option]
-        return nodes[parent].asking(asked, picks)
+        return nodes[parent].asking(self._forms.options[block[parent], option], picks)

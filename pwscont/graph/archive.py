@@ -1,8 +1,4 @@
-"""Files of graphs: arrays and a header in one archive, written whole or not at all.
-
-What a header holds is read by :class:`Fields`, which names an entry that is missing or makes no
-sense.
-"""
+"""Files of graphs: arrays and a header in one archive, written whole or not at all."""
 
 from __future__ import annotations
 
@@ -75,10 +71,7 @@ class DamagedError(Exception):
 @final
 @dataclass(frozen=True, slots=True)
 class Fields:
-    """A JSON object read from a file, and the name of the object in messages, such as "node 3".
-
-    All methods raise :class:`DamagedError` where an entry is missing or of another type.
-    """
+    """A JSON object read from a file, named in messages; a wrong entry raises a DamagedError."""
 
     name: str
     data: Any
@@ -99,10 +92,9 @@ class Fields:
 
     def integer(self, key: str, least: int) -> int:
         """Return a whole number that is not below ``least``."""
-        value: int = self._fitting(
+        return self._fitting(
             key, lambda v: type(v) is int and v >= least, f"a whole number from {least} on"
         )
-        return value
 
     def number(self, key: str) -> float:
         """Return a number, which may be infinite."""
@@ -131,10 +123,7 @@ class Fields:
     def items(self, key: str, length: int | None = None) -> list[Any]:
         """Return a list."""
         what = "a list" if length is None else f"a list of {length}"
-        found: list[Any] = self._fitting(
-            key, lambda v: isinstance(v, list) and length in (None, len(v)), what
-        )
-        return found
+        return self._fitting(key, lambda v: isinstance(v, list) and length in (None, len(v)), what)
 
     def numbers(self, key: str) -> Array:
         """Return a list of numbers."""

@@ -2,16 +2,15 @@
 
 The sum of signs can change only at the end of a piece that no other continues (docs/theory, F4).
 Where the sum is wrong on a stretch of alpha, the ends around this stretch tell why: a piece was
-stopped, or the model ends there. Where all pieces go on, a branch is missing, or a branch stands
-there twice, which the estimated errors tell from two close solutions. The ends that a vertical
-piece joins count as a single end, and the sign of a branch that ends on purpose does not count.
+stopped, or the model ends there. Where all pieces go on, a branch is missing, or stands there
+twice. The sign of a branch that ends on purpose does not count.
 """
 
 from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator
-from itertools import combinations, pairwise
+from itertools import combinations, compress, pairwise
 
 import numpy as np
 
@@ -21,6 +20,7 @@ from pwscont.basics.outcome import (
     FILL,
     FILL_CURVES,
     GIVEN_UP,
+    IN_VAIN,
     NOTHING_FOUND,
     ON_BOUND,
     TOUCH,
@@ -31,17 +31,8 @@ from pwscont.basics.outcome import (
 )
 from pwscont.basics.printing import apart
 from pwscont.basics.rounding import CONFIDENCE, EPS, GUARD
-from pwscont.graph.queries import (
-    check_inside,
-    index_at,
-    is_beside_infinite,
-    is_infinite,
-    nodes_at,
-    pieces_over,
-    pieces_through,
-    solutions_at,
-)
-from pwscont.graph.records import Piece, SpecialPoint, Stretch, are_one
+from pwscont.graph import queries
+from pwscont.graph.records import Piece, SpecialPoint, are_one
 from pwscont.graph.structure import NOT_SEARCHED, ConnectedPieces, connected
 from pwscont.system.system import SlicewiseLinearSystem
 
@@ -62,8 +53,10 @@ def loose_ends(graph: ConnectedPieces) -> dict[SpecialPoint, int]:
         jumps[piece.end] -= sign
     jumping = sorted(node for node, jump in jumps.items() if jump)
     verticals = [(piece.start, piece.end) for piece in graph.verticals]
-    for stretch in graph.infinite:
-        verticals += pairwise(i for i in jumping if _touches_stretch(graph, stretch, i))
+    for lo, hi, _ in graph.infinite:
+        at = {i: graph.point(i).alpha for i in jumping}
+        touching = (lo <= at[i] <= hi or graph.same(np.array([lo, hi]), at[i]).any() for i in at)
+        verticals += pairwise(compress(jumping, touching))
     found = {}
     for nodes in connected(jumping, verticals):
         points = [graph.point(node) for node in nodes]
@@ -72,12 +65,6 @@ def loose_ends(graph: ConnectedPieces) -> dict[SpecialPoint, int]:
             order = [point for kind in EXPLAINING for point in points if point.kind == kind]
             found[(order or points)[0]] = jump
     return found
-
-
-def _touches_stretch(graph: ConnectedPieces, stretch: Stretch, node: int) -> bool:
-    """Tell whether a point lies in a stretch of alpha or at an end."""
-    lo, hi, alpha = *stretch[:2], graph.point(node).alpha
-    return lo <= alpha <= hi or bool(graph.same(np.array([lo, hi]), alpha).any())
 
 
 def is_on_purpose(graph: ConnectedPieces, point: SpecialPoint) -> bool:
@@ -93,7 +80,7 @@ TO_INFINITY = (FailureReason.UNBOUNDED, FailureReason.ENDLESS, FailureReason.FLA
 def leaves_upright(graph: ConnectedPieces, point: SpecialPoint) -> bool:
     """Tell whether a branch runs to infinity at an alpha with infinitely many solutions."""
     runs = any(reason.value in point.message for reason in TO_INFINITY)
-    return runs and is_beside_infinite(graph, point.alpha)
+    return runs and queries.is_beside_infinite(graph, point.alpha)
 
 
 def balance_at(graph: ConnectedPieces, alpha: float) -> int:
@@ -102,15 +89,15 @@ def balance_at(graph: ConnectedPieces, alpha: float) -> int:
     Where solutions stay bounded the sum is the same at every regular alpha; if not, a
     branch is missing. The converse does not hold: a missed pair cancels.
     """
-    check_inside(graph, alpha)
-    nodes = sum(index_at(graph, node) for node in nodes_at(graph, alpha))
-    return nodes + sum(piece.det_sign for piece in pieces_through(graph, alpha))
+    queries.check_inside(graph, alpha)
+    nodes = sum(queries.index_at(graph, node) for node in queries.nodes_at(graph, alpha))
+    return nodes + sum(piece.det_sign for piece in queries.pieces_through(graph, alpha))
 
 
 def balances(graph: ConnectedPieces) -> list[int]:
     """Return the balance within each interval between successive special points."""
     middles = [0.5 * (a + b) for a, b in pairwise(graph.breaks())]
-    return [sum(piece.det_sign for piece in pieces_over(graph, alpha)) for alpha in middles]
+    return [sum(piece.det_sign for piece in queries.pieces_over(graph, alpha)) for alpha in middles]
 
 
 def balance_values(graph: ConnectedPieces) -> list[int]:
@@ -126,7 +113,7 @@ def _judged(graph: ConnectedPieces) -> list[tuple[int, tuple[float, float]]]:
     """Return balance and ends of stretches that are longer than uncertain, with finite numbers."""
     pairs = zip(balances(graph), pairwise(graph.breaks()), strict=True)
     # where solutions are infinitely many, the signs of the pieces around say nothing
-    everything = [row for row in pairs if not is_infinite(graph, 0.5 * sum(row[1]))]
+    everything = [row for row in pairs if not queries.is_infinite(graph, 0.5 * sum(row[1]))]
     return [row for row in everything if not is_blurred(graph, *row[1])] or everything
 
 
@@ -211,17 +198,12 @@ def verdict(graph: ConnectedPieces) -> str:
         where = "on" if graph.searched.what == NOT_SEARCHED.what else "by"
         return "; ".join([f"{NOTHING_FOUND} {where} {graph.searched.what}", *doubts])
     words = "balanced" if doubts else WORDS[graph.searched.promise]
-    ends_said = _places("a branch ends on purpose", graph, ends)
-    return "; ".join([words, *doubts, *_at_single_values(graph), *ends_said])
-
-
-def _at_single_values(graph: ConnectedPieces) -> Iterator[str]:
-    """Yield the values of alpha with infinitely many solutions, unless ends of branches name it."""
     single = {stretch[0] for stretch in graph.infinite if stretch[0] == stretch[1]}
     single |= {piece.interval[0] for piece in graph.verticals}
     single -= {p.alpha for p in graph.nodes if p.kind == Kind.STOPPED and leaves_upright(graph, p)}
-    nodes = [point for point in graph.nodes if point.alpha in single]
-    yield from _places("infinitely many solutions", graph, nodes)
+    infinite = [point for point in graph.nodes if point.alpha in single]
+    said = _places("infinitely many solutions", graph, infinite)
+    return "; ".join([words, *doubts, *said, *_places("a branch ends on purpose", graph, ends)])
 
 
 # -- why the sum of signs is wrong ----------------------------------------------------------------
@@ -243,6 +225,7 @@ def _causes(graph: ConnectedPieces, gaps: list[Gap]) -> Iterator[str]:
         yield f"a solution stands twice in {listed(twice)}"
     yield from _stops(graph, stopped)
     yield from _touches(graph)
+    yield from _left_out(graph)
     yield from _places(IN_PART, graph, partial)
     yield from _places("a branch ends on purpose", graph, on_purpose)
 
@@ -255,7 +238,7 @@ def listed(gaps: Iterable[Gap]) -> str:
 def _stands_twice(graph: ConnectedPieces, gap: Gap) -> bool:
     """Tell whether two solutions in the middle of a stretch agree within the estimated errors."""
     try:
-        found = solutions_at(graph, 0.5 * (gap[0] + gap[1]))
+        found = queries.solutions_at(graph, 0.5 * (gap[0] + gap[1]))
     except PwscontError:  # the graph was loaded without a system, or the graph is damaged here
         return False
     return any(are_one(a, b) for a, b in combinations(found, 2))
@@ -264,8 +247,7 @@ def _stands_twice(graph: ConnectedPieces, gap: Gap) -> bool:
 def doubled(graph: ConnectedPieces) -> list[Gap]:
     """Return where a solution of a curved system stands twice, among the widest stretches.
 
-    A step that jumped between branches close to one another leaves a piece that lies on both: the
-    balance need not change. Systems that are linear at fixed alpha have no such steps.
+    A step that jumped between close branches leaves a piece on both: the balance need not change.
     """
     system = graph.system
     if system is None or isinstance(system, SlicewiseLinearSystem) or system.size > MOST_SOLVED:
@@ -279,12 +261,11 @@ def doubled(graph: ConnectedPieces) -> list[Gap]:
 
 def _doubts(graph: ConnectedPieces) -> Iterator[str]:
     """Yield what was found at special points and prevents a search from keeping a promise."""
-    of_many = {point for point in graph.nodes if is_beside_infinite(graph, point.alpha)}
+    of_many = {point for point in graph.nodes if queries.is_beside_infinite(graph, point.alpha)}
     lost = [point for point in graph.nodes if point.kind == Kind.STOPPED or point.lost]
     alone = [p for p in lost if not (FILL_CURVES in p.message and p in of_many)]
     yield from _stops(graph, alone)
-    if GIVEN_UP in graph.searched.what:
-        yield f"the search was {GIVEN_UP}"
+    yield from _left_out(graph)
     yield from _places(IN_PART, graph, graph.special_points(Kind.PARTIAL_CORNER))
     if known := [stretch.ends for stretch in graph.infinite if stretch[0] < stretch[1]]:
         yield f"infinitely many solutions for {graph.parameter} in {', '.join(known)}"
@@ -298,6 +279,13 @@ def _doubts(graph: ConnectedPieces) -> Iterator[str]:
     yield from _places("a fold was passed over on the piece that begins", graph, begun)
     vague = [point for point in graph.nodes if point.digits < TOO_FEW_DIGITS]
     yield from _places("hardly a digit is known", graph, vague)
+
+
+def _left_out(graph: ConnectedPieces) -> Iterator[str]:
+    """Yield what a run left out of its search."""
+    for what, left in ("the search was", GIVEN_UP), ("starts were", IN_VAIN):
+        if left in graph.searched.what:
+            yield f"{what} {left}"
 
 
 def _goes_back(graph: ConnectedPieces, piece: Piece) -> bool:
@@ -334,7 +322,7 @@ def _what_happened(graph: ConnectedPieces, point: SpecialPoint) -> str:
     domain = graph.system.domain if graph.system else ()
     at_an_end = any(abs(point.alpha - end) <= near for end in (*domain, *graph.interval))
     is_arrived = graph.pieces_at(point.id)  # else a start that could not be followed
-    if at_an_end and is_arrived and not is_infinite(graph, point.alpha):
+    if at_an_end and is_arrived and not queries.is_infinite(graph, point.alpha):
         return "the model seems to end"
     return "a piece was stopped"
 

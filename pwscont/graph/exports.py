@@ -1,8 +1,6 @@
 """What a graph hands to readers and to other programs: text, HTML, plain data, tables, networkx.
 
-GraphML and the like know numbers and texts only: states and characters are written as texts. Where
-a recorded quantity fails, a data frame is refused with what happened, and the networkx graph has no
-such attribute; neither changes the branch graph.
+GraphML and the like know numbers and texts only: states and characters are written as texts.
 """
 
 from __future__ import annotations
@@ -22,7 +20,7 @@ from pwscont.basics.outcome import NOTHING_FOUND
 from pwscont.basics.printing import apart, counted
 from pwscont.graph.balance import balance_values
 from pwscont.graph.queries import multiplicity, runs
-from pwscont.graph.records import Piece, SpecialPoint, Stretch, attempted
+from pwscont.graph.records import Piece, SpecialPoint, attempted
 from pwscont.graph.structure import ConnectedPieces
 
 if TYPE_CHECKING:
@@ -260,7 +258,11 @@ def as_dict(graph: ConnectedPieces, guarantee: str) -> dict[str, Any]:
             for piece in graph.pieces
         ],
         "multiplicity": [[*row[:2], finite(row[2])] for row in rows],
-        "stretches": [_stretch(row) for row in rows],
+        "stretches": [
+            {"lo": row[0], "hi": row[1], "count": finite(row[2])}
+            | {"lo_closed": row.lo_closed, "hi_closed": row.hi_closed}
+            for row in rows
+        ],
         "between": [[lo, finite(count)] for lo, hi, count in found if lo == hi],
         "balance": {"value": sums[0] if len(sums) == 1 else None, "constant": len(sums) <= 1},
         "searched": graph.searched.what,
@@ -293,12 +295,6 @@ def not_recorded(attempts: Iterable[Attempt]) -> dict[str, list[str]]:
     """Return why recorded quantities failed; an empty dict if no quantity failed."""
     failures = [v for attempt in attempts for v in attempt.values() if isinstance(v, str)]
     return {"not_recorded": failures} if failures else {}
-
-
-def _stretch(row: Stretch) -> dict[str, Any]:
-    lo, hi, count = row
-    ends = {"lo_closed": row.lo_closed, "hi_closed": row.hi_closed}
-    return {"lo": lo, "hi": hi, "count": finite(count)} | ends
 
 
 def finite(count: int | float) -> int | None:

@@ -42,21 +42,12 @@ class Proof(Protocol):
 @final
 @dataclass(frozen=True, slots=True, eq=False)
 class CountedStretch:
-    """A stretch of alpha between folds, without its ends except for ends of the interval.
-
-    Attributes
-    ----------
-    lo, hi : float
-    alpha : float
-        Where solutions were counted.
-    solutions : list of tuple of ndarray, shape (n,), or None
-        The least and largest unknowns of each solution at alpha; None where the count is not
-        certain.
-    """
+    """A stretch of alpha between folds, without its ends except for ends of the interval."""
 
     lo: float
     hi: float
-    alpha: float
+    alpha: float  #: Where solutions were counted.
+    #: The least and largest unknowns of each solution at alpha; None for an uncertain count.
     solutions: list[Corners] | None
 
     @property
@@ -68,34 +59,17 @@ class CountedStretch:
 @final
 @dataclass(frozen=True, eq=False, repr=False)
 class BoxProof:
-    """All solutions of a formula in a box of (z, alpha), as far as proved: ``graph.proof``.
+    """All solutions of a formula in a box of (z, alpha), as far as proved: ``graph.proof``."""
 
-    Attributes
-    ----------
-    box : tuple of ndarray, shape (n,)
-        The least and largest unknowns; nothing is said of solutions outside.
-    interval : tuple of float
-        The values of alpha.
-    stretches : list of CountedStretch
-        The stretches of alpha between folds, windows and open boxes.
-    turns : list of tuple of float
-        The narrow ranges (lo, hi, turn) of alpha between stretches. The number of solutions only
-        grows in the range (turn 1), only falls (-1), or stays (0); not a number: not known.
-    open : list of tuple of ndarray, shape (n + 1,)
-        Boxes (least, largest) of (z, alpha) that are not decided.
-    boxes : int
-        How many boxes were looked at.
-    assumed : str
-        What the proof assumes.
-    """
-
-    box: Corners
-    interval: Range
-    stretches: list[CountedStretch]
+    box: Corners  #: The least and largest unknowns; nothing is said of solutions outside.
+    interval: Range  #: The values of alpha.
+    stretches: list[CountedStretch]  #: The stretches between folds, windows and open boxes.
+    #: The narrow ranges (lo, hi, turn) of alpha between stretches. The number of solutions only
+    #: grows in the range (turn 1), only falls (-1), or stays (0); not a number: not known.
     turns: list[tuple[float, float, float]]
-    open: list[Corners]
-    boxes: int
-    assumed: str
+    open: list[Corners]  #: Boxes (least, largest) of (z, alpha) that are not decided.
+    boxes: int  #: How many boxes were looked at.
+    assumed: str  #: What the proof assumes.
 
     @cached_property
     def folds(self) -> list[Range]:
@@ -124,13 +98,7 @@ class BoxProof:
         ]
 
     def count(self, alpha: float) -> int | None:
-        """Return the proved number of solutions in the box; None where undecided, and at folds.
-
-        Raises
-        ------
-        InvalidInputError
-            If alpha lies outside the interval.
-        """
+        """Return the proved number of solutions in the box; None where undecided, and at folds."""
         if not self.interval[0] <= alpha <= self.interval[1]:
             raise InvalidInputError(f"alpha = {alpha} lies outside the interval {self.interval}")
         if any(lo <= alpha <= hi for lo, hi, _ in self.turns):
@@ -206,8 +174,7 @@ class BoxProof:
     def disagreements(self, graph: ConnectedPieces) -> Iterator[tuple[float, int, int]]:
         """Yield where a graph has not the proved solutions: alpha, and how many are proved, found.
 
-        Solutions are compared where the solutions were counted, and numbers between special points
-        and ends of stretches: a piece may have been stopped within a stretch.
+        Numbers are compared between special points, too: a piece may have been stopped there.
         """
         known = {each.alpha: each.solutions for each in self.stretches}
         parts = ((lo, hi) for lo, hi in self._parts(graph) if not is_blurred(graph, lo, hi))
@@ -266,10 +233,7 @@ def _widest(ranges: list[Range]) -> float:
 
 
 def with_slack(solution: Solution, typical: Any, part: float = NEAR_A_PROVED_SOLUTION) -> Corners:
-    """Return the unknowns of a solution of a graph, and how far the unknowns may be off.
-
-    ``typical``: magnitudes of the unknowns, and ``part`` of them may be off besides the error.
-    """
+    """Return the unknowns of a solution, and how far off: the error and a part of magnitudes."""
     z, error = solution.z, solution.error[: len(solution.z)]
     near = part * np.maximum(typical, np.abs(z))
     return z, near + CONFIDENCE * error if len(error) else near
@@ -277,10 +241,7 @@ def with_slack(solution: Solution, typical: Any, part: float = NEAR_A_PROVED_SOL
 
 @np.errstate(invalid="ignore")
 def are_matched(proved: Sequence[Corners], found: Sequence[Corners]) -> bool:
-    """Tell whether solutions proved, between corners, are those found with slack, one to one.
-
-    A solution found belongs to the nearest proved solution, so that no solution is counted twice.
-    """
+    """Tell whether solutions proved, between corners, are those found with slack, one to one."""
     left = dict(enumerate(proved))
     for z, slack in found:
         far = [np.max((abs(z - 0.5 * (lo + hi)) - hi + lo) / (slack + 1e-300)) for lo, hi in proved]

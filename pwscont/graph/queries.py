@@ -63,8 +63,7 @@ def stray_alpha(
 ) -> float | None:
     """Return the alpha of a point of a piece if a system does not have this solution, else None.
 
-    The point is next to the alpha ``near``, and inside of the piece: at the ends, where a test
-    vanishes, a change of the equations may not be seen.
+    The point is next to ``near``, and inside: at the ends a change of H may not be seen.
     """
     inside = piece.points[1:-1] if len(piece.points) > 2 else piece.points.mean(axis=0)[np.newaxis]
     x = completed_point(system, inside[np.abs(inside[:, -1] - near).argmin()])
@@ -77,8 +76,7 @@ def solve_between(
 ) -> tuple[Array, Array]:
     """Return the point with this alpha between points of a piece, shape (k, n + 1), and its error.
 
-    Where Newton fails, or might lead to another sheet close by: a point of the cubic, and an error
-    as large as the chord.
+    Where Newton fails: a point of the cubic, and an error as large as the chord.
     """
     a, b = _around(points, alpha)
     curve = Curve(Selection(system, character), Metric.of(system, interval))
@@ -121,21 +119,9 @@ def _is_sure(segment: CurvedSegment, border: Border, s: float) -> bool:
 def fine_points(
     system: PiecewiseSystem, piece: Piece, interval: tuple[float, float], parts: int
 ) -> Array:
-    """Return points along a piece, from start to end, with each step cut into ``parts``.
+    """Return points along a piece, shape (k, n + 1), with each step cut into ``parts``.
 
     A step was taken only where the cubic solves the selection to a tolerance (docs/theory, F14).
-
-    Parameters
-    ----------
-    system : PiecewiseSystem
-    piece : Piece
-    interval : tuple of float
-        The interval of the graph.
-    parts : int
-
-    Returns
-    -------
-    ndarray, shape (k, n + 1)
 
     Examples
     --------
@@ -162,8 +148,7 @@ def cubics_between(
     """Return cubics between two points of a curve, first the cubic closest to the curve.
 
     Where two curves cross, the Jacobian gives no direction: guesses are the parabola with the known
-    direction at the other point, and the chord.
-    ``errors``, each of shape (n + 1,): the errors of the two points, default zero.
+    direction at the other point, and the chord. ``errors``: of the two points, default zero.
     """
     chord = curve.metric.normalised(b - a)
     ways = [(chord, chord)]
@@ -179,13 +164,13 @@ def cubics_between(
         )
         return CurvedSegment.between(curve, first, last, suggestion=0.0)
 
-    return sorted((cubic(*way) for way in ways), key=_residual_in_the_middle)
+    def off(segment: CurvedSegment) -> float:
+        """Return the largest residual in the middle of a segment."""
+        middle = segment.near(0.5 * segment.length)
+        size = float(np.abs(curve.selection.residual(middle)).max())  # no squares
+        return size if math.isfinite(size) else math.inf
 
-
-def _residual_in_the_middle(segment: CurvedSegment) -> float:
-    middle = segment.near(0.5 * segment.length)
-    size = float(np.abs(segment.curve.selection.residual(middle)).max())  # no squares
-    return size if math.isfinite(size) else math.inf
+    return sorted((cubic(*way) for way in ways), key=off)
 
 
 def _tangent(curve: Curve, x: Array, chord: Array) -> Array:
@@ -318,10 +303,7 @@ def multiplicity(graph: ConnectedPieces) -> list[Stretch]:
 
 
 def runs(graph: ConnectedPieces) -> list[Stretch]:
-    """Return the stretches of alpha with one number of solutions, from end to end, each maximal.
-
-    A value of alpha with another number than the stretches around is a run of its own.
-    """
+    """Return the stretches and single values of alpha with one number of solutions, in order."""
     first, *breaks = graph.breaks()
     parts = [Stretch(first, first, count_at(graph, first), True, True)]
     for lo, hi in pairwise([first, *breaks]):
@@ -391,10 +373,7 @@ def pieces_over(graph: ConnectedPieces, alpha: float) -> list[Piece]:
 
 
 def pieces_through(graph: ConnectedPieces, alpha: float) -> list[Piece]:
-    """Return the pieces that have ``alpha`` strictly inside.
-
-    A piece may end beyond the node of that end, by less than the errors of piece and node.
-    """
+    """Return the pieces that have ``alpha`` strictly inside, and no node there."""
     lo, hi = graph.extent.T
     inside = (lo < alpha) & (alpha < hi) & ~graph.same(lo, alpha) & ~graph.same(hi, alpha)
     ends = {piece.id for node in nodes_at(graph, alpha) for piece in graph.pieces_at(node)}
@@ -407,10 +386,7 @@ def nodes_at(graph: ConnectedPieces, alpha: float) -> list[int]:
 
 
 def apart_at(graph: ConnectedPieces, alpha: float) -> list[int]:
-    """Return the ids of the special points at an alpha, one id for points that errors explain.
-
-    Two folds on both sides of a kink in alpha, as of z^2 = |alpha|, are one solution.
-    """
+    """Return the ids of the special points at an alpha, one id for points that errors explain."""
     apart: list[int] = []
     for node in nodes_at(graph, alpha):
         if not any(are_one(graph.point(node), graph.point(other)) for other in apart):

@@ -1,8 +1,7 @@
 """The file of a branch graph: written and read, and given a system.
 
-A zip holds a checksum of every entry. The file may have been edited by hand: the type of every
-entry, the shape of every array and the target of every reference are checked before a graph is
-made. The file appears whole or not at all.
+The file may have been edited by hand: the type of every entry, the shape of every array and the
+target of every reference are checked before a graph is made.
 """
 
 from __future__ import annotations
@@ -116,7 +115,7 @@ def read(path: str | Path) -> tuple[Contents, BoxProof | None]:
         if (version := fields.entry("version")) != VERSION:
             words = f"{path} has format version {version}; this pwscont reads {VERSION}"
             raise GraphFileError(words)
-        return _contents(fields, arrays), _proof(fields)
+        return _contents(fields, arrays), _proof(header)
     except DamagedError as error:
         raise damaged(path, FORMAT, error) from error
 
@@ -139,46 +138,41 @@ def _contents(header: Fields, arrays: dict[str, Any]) -> Contents:
         "infinite": tuple(_stretches(header, interval)),
         "names": names,
     }
-    _check_references(contents["points"], contents["pieces"], contents["starts"])
-    _check_places(contents["points"], contents["pieces"], interval)
+    _check(contents["points"], contents["pieces"], contents["starts"], interval)
     return contents
 
 
-def _check_references(
-    points: Sequence[SpecialPoint], pieces: Sequence[Piece], starts: Sequence[SpecialPoint]
+def _check(
+    points: Sequence[SpecialPoint],
+    pieces: Sequence[Piece],
+    starts: Sequence[SpecialPoint],
+    interval: Range,
 ) -> None:
-    """Refuse numbers that stand twice, and pieces and starts that refer to nothing."""
+    """Refuse numbers that stand twice or refer to nothing, and points outside the interval."""
     nodes, known = {point.id for point in points}, {piece.id for piece in pieces}
     if len(nodes) < len(points) or len(known) < len(pieces) or -1 in nodes:
         raise DamagedError("each node and each piece needs an id of its own, from 0 on")
-    for piece in pieces:
-        if not {piece.start, piece.end} <= nodes:
-            raise DamagedError(f"piece {piece.id} begins or ends at a node that is not there")
     for start in starts:
         if start.piece not in known:
             raise DamagedError(f"a start lies on piece {start.piece}, which is not there")
-
-
-def _check_places(points: Sequence[SpecialPoint], pieces: Sequence[Piece], interval: Range) -> None:
-    """Refuse points outside the interval, and characters of different lengths."""
     slack = SAME_ALPHA * max(*map(abs, interval), interval[1] - interval[0])
     lo, hi = interval[0] - slack, interval[1] + slack
     for point in points:
         if not lo <= point.alpha <= hi:
             raise DamagedError(f"node {point.id} lies outside the interval: {point.alpha}")
     for piece in pieces:
+        if not {piece.start, piece.end} <= nodes:
+            raise DamagedError(f"piece {piece.id} begins or ends at a node that is not there")
         if not lo <= min(piece.interval) <= max(piece.interval) <= hi:
             raise DamagedError(f"piece {piece.id} leaves the interval: {piece.interval}")
     if len({len(bytes(piece.character)) for piece in pieces}) > 1:
         raise DamagedError("pieces have different numbers of signs")
 
 
-def _proof(header: Fields) -> BoxProof | None:
+def _proof(header: dict[str, Any]) -> BoxProof | None:
     """Return what was proved, which files of graphs without proof lack."""
-    if not header.has("proof"):
-        return None
     try:
-        return BoxProof.read(header.entry("proof"))
+        return BoxProof.read(header["proof"]) if "proof" in header else None
     except (KeyError, TypeError, ValueError) as error:
         raise DamagedError(f"the proof makes no sense: {error}") from error
 
@@ -231,9 +225,7 @@ def _node(header: Fields, z: Array, error: Array, names: tuple[str, ...] | None)
 
 def _recorded(header: Fields) -> dict[str, Kept]:
     """Return the recorded values of a special point, which old files lack."""
-    if not header.has("recorded"):
-        return {}
-    values = Fields(f"recorded of {header.name}", header.entry("recorded"))
+    values = Fields(f"recorded of {header.name}", header.data.get("recorded", {}))
     return {name: Kept(values.finite_or_text(name)) for name in values.data}
 
 
@@ -309,31 +301,23 @@ MOST_CHECKED = 32
 def adopted(path: str | Path, contents: Contents, system: PiecewiseSystem) -> PiecewiseSystem:
     """Return the system of a graph, fitted to the graph, or refuse another graph's system."""
     pieces, points, interval = (contents[name] for name in ("pieces", "points", "interval"))
-    if pieces:
-        _check_numbers(path, system, points[0], pieces[0])
+    name, words = type(system).__name__, f"{path} is of another system: it has"
+    for point, piece in zip(points[:1], pieces, strict=False):
+        if len(point.z) != (size := shown_size(system)):
+            raise InvalidInputError(f"{words} {len(point.z)} unknowns, {name} has {size}")
+        z, stored = completed(system, point.z, point.alpha), len(bytes(piece.character))
+        if stored != (tests := len(bytes(system.character(z, point.alpha)))):
+            raise InvalidInputError(f"{words} {stored} tests, {name} has {tests}")
     fitted = _fitted(system, interval, points)
     of_cells = list({piece.character: piece for piece in pieces}.values())
     scale = np.append(fitted.scale(*interval), np.ptp(interval))
     for piece in of_cells[:: max(1, len(of_cells) // MOST_CHECKED)]:
         if (alpha := stray_alpha(fitted, piece, 0.5 * sum(piece.interval), scale)) is not None:
             raise InvalidInputError(
-                f"{path} is of another system: {type(system).__name__} does not have its solution "
-                f"at alpha = {alpha:.10g}; give the system with the constants that the graph was "
-                "made with"
+                f"{path} is of another system: {name} does not have its solution at alpha = "
+                f"{alpha:.10g}; give the system with the constants that the graph was made with"
             )
     return fitted
-
-
-def _check_numbers(
-    path: str | Path, system: PiecewiseSystem, point: SpecialPoint, piece: Piece
-) -> None:
-    """Refuse a system that has another number of unknowns or tests than the graph."""
-    name, words = type(system).__name__, f"{path} is of another system: it has"
-    if len(point.z) != (size := shown_size(system)):
-        raise InvalidInputError(f"{words} {len(point.z)} unknowns, {name} has {size}")
-    z, stored = completed(system, point.z, point.alpha), len(bytes(piece.character))
-    if stored != (tests := len(bytes(system.character(z, point.alpha)))):
-        raise InvalidInputError(f"{words} {stored} tests, {name} has {tests}")
 
 
 def _fitted(

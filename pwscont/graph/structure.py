@@ -107,23 +107,19 @@ class ConnectedPieces:
     def special_points(self, kind: str | None = None) -> list[SpecialPoint]:
         """Return all special points, or the special points of a given kind.
 
-        Parameters
-        ----------
-        kind : str, optional
-            A value of :class:`~pwscont.basics.outcome.Kind`, such as "nonsmooth fold", or a kind
-            of a user's own detector, of which there may be no point.
-
-        Raises
-        ------
-        InvalidInputError
-            If the kind is no text, or a misspelt word.
+        ``kind``: a value of :class:`~pwscont.basics.outcome.Kind`, such as "nonsmooth fold", or a
+        kind of a user's own detector, of which there may be no point. A misspelt word is refused.
         """
         everything = [*self.nodes, *self.starts]
         if kind is None:
             return everything
-        kinds = dict.fromkeys([*map(str, Kind), *(str(point.kind) for point in everything)])
+        kinds = list(dict.fromkeys([*map(str, Kind), *(str(point.kind) for point in everything)]))
         if not isinstance(kind, str) or kind not in kinds:
-            _check_spelling(kind, list(kinds))
+            near = get_close_matches(str(kind), kinds, n=3, cutoff=MISSPELT)
+            hint = f"; did you mean {' or '.join(near)}?" if near else ""
+            words = f"unknown kind {kind!r}{hint}; kinds are {', '.join(kinds)}"
+            if near or not kind or not isinstance(kind, str):
+                raise InvalidInputError(words)
         return [point for point in everything if point.kind == kind]
 
     def point(self, node: int) -> SpecialPoint:
@@ -141,19 +137,10 @@ class ConnectedPieces:
         return [[self._by_id[i] for i in sorted(some)] for some in ids]
 
     def itinerary(self, component: Sequence[Piece], orientation: int = 1) -> list[SpecialPoint]:
-        """Return the special points of a component in the order of an orientation.
+        """Return the special points of a component in the order of an orientation, +1 or -1.
 
-        Parameters
-        ----------
-        component : sequence of Piece
-            A component of :meth:`components`, without branch points.
-        orientation : int
-            +1 or -1 (Janovsky and Ligursky 2012, Definition 1).
-
-        Returns
-        -------
-        list of SpecialPoint
-            Empty for a component without pieces, which is an isolated solution.
+        The component, one of :meth:`components`, has no branch point. The orientation is that of
+        Janovsky and Ligursky (2012, Definition 1). Without pieces the list is empty.
         """
         nodes = [*(piece.start for piece in component[:1]), *(piece.end for piece in component)]
         return [self.point(node) for node in nodes[::orientation]]
@@ -163,18 +150,9 @@ class ConnectedPieces:
         return list(self._touching[self.point(node).id])
 
     def path(self, a: Solution, b: Solution) -> list[Piece]:
-        """Return the pieces of a shortest way along the branches from ``a`` to ``b``.
+        """Return the pieces of a shortest way along the branches from a solution to another.
 
-        Parameters
-        ----------
-        a, b : Solution
-            Answers of :meth:`solutions`.
-
-        Returns
-        -------
-        list of Piece
-            From the piece of ``a`` to the piece of ``b``; empty where no way connects the
-            solutions, as where a solution lies on no piece.
+        Empty where no way connects the solutions, as where a solution lies on no piece.
         """
         import networkx as nx  # noqa: PLC0415  it takes longer to import than most paths to follow
 
@@ -247,11 +225,3 @@ def _asked(point: SpecialPoint, quantities: Quantities) -> SpecialPoint:
     if kept := point.quantities.record:
         quantities = Quantities(quantities.naming, {**kept, **quantities.record})
     return replace(point, quantities=quantities)
-
-
-def _check_spelling(kind: object, kinds: Sequence[str]) -> None:
-    """Refuse a misspelt kind; any other word may be the kind of a user's own detector."""
-    near = get_close_matches(str(kind), kinds, n=3, cutoff=MISSPELT)
-    if near or not isinstance(kind, str) or not kind:
-        hint = f"; did you mean {' or '.join(near)}?" if near else ""
-        raise InvalidInputError(f"unknown kind {kind!r}{hint}; kinds are {', '.join(kinds)}")

@@ -1,7 +1,7 @@
 """Jacobians that are banded in z, and the LU of a banded matrix by LAPACK.
 
 Differences and elements along a line give such Jacobians: a few diagonals for z, and a full column
-for alpha. The shapes are checked here, the entries by :func:`pwscont.check_system`.
+for alpha.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from scipy.linalg import lapack
 from pwscont.basics.arrays import Array
 from pwscont.basics.errors import InvalidSystemError
 from pwscont.basics.printing import named
-from pwscont.linear.factor import Factor, regularise, sign_of_pivots, sum_of_logs
+from pwscont.linear.factor import Factor, regularise, sign_of_pivots
 from pwscont.linear.jacobian import StoredJacobian
 
 
@@ -64,7 +64,6 @@ class BandedJacobian(StoredJacobian):
         return named(self, f"{self.shape}", f"{self.lower} below, {self.upper} above the diagonal")
 
     def tocsc(self) -> Any:
-        """Return the matrix in a storage of scipy.sparse, by columns."""
         n = len(self.column)
         offsets = np.arange(self.upper, -self.lower - 1, -1)
         square = sp.dia_matrix((self.bands, offsets), shape=(n, n))
@@ -74,27 +73,22 @@ class BandedJacobian(StoredJacobian):
         return BandedJacobian(np.abs(self.bands), self.lower, self.upper, np.abs(self.column))
 
     def split(self) -> tuple[Factor, Array]:
-        """Return an LU of the part for z, and the column for alpha; for entries of about 1."""
         return BandLU(self.bands, self.lower, self.upper), self.column
 
     def column_at(self, index: int) -> Array:
-        """Return a column, shape (n,)."""
         return self.column.copy() if index == len(self.column) else super().column_at(index)
 
     def scaled(self, columns: Array) -> BandedJacobian:
-        """Return the matrix with columns multiplied by ``columns``, shape (n + 1,)."""
         bands, column = self.bands * columns[:-1], self.column * columns[-1]
         return BandedJacobian(bands, self.lower, self.upper, column)
 
     def divided(self, rows: Array) -> BandedJacobian:
-        """Return the matrix with rows divided by ``rows``, powers of two, shape (n,)."""
         bands = self.bands.copy()
         for diagonal, i, _ in diagonals(bands, self.upper):
             np.divide(diagonal, rows[i], out=diagonal)
         return BandedJacobian(bands, self.lower, self.upper, self.column / rows)
 
     def largest_in_rows(self) -> Array:
-        """Return the largest magnitude in each row, shape (n,)."""
         largest: Array = np.abs(self.column)
         for diagonal, i, _ in diagonals(np.abs(self.bands), self.upper):
             np.maximum(largest[i], diagonal, out=largest[i])
@@ -143,20 +137,12 @@ class BandLU(Factor):
 
     @property
     def sign(self) -> int:
-        """Sign of the determinant."""
         return sign_of_pivots(self._diagonal, self._pivots)
 
-    @property
-    def log_determinant(self) -> float:
-        """Logarithm of the magnitude of the determinant."""
-        return sum_of_logs(self._diagonal)
-
     def solve(self, rhs: Array) -> Array:
-        """Return the solution for a right-hand side, or several, shape (l, k)."""
         return np.asarray(self._solved(b=rhs.T)[0].T)
 
     solve_all = solve
 
     def solve_transposed(self, rhs: Array) -> Array:
-        """Return the solution with the transposed matrix."""
         return np.asarray(self._solved(b=rhs.T, trans=self._transposed)[0].T)

@@ -1,15 +1,9 @@
 """Bordered matrices [[B, b], [c^T, d]] by solves with B alone, also where B is singular.
 
 B keeps a structure (banded, sparse, eliminated by hand) that a full row and a full column would
-spoil.
-
-Failure modes and answers
--------------------------
-- B is singular at every fold, where the bordered matrix is not: plain block elimination loses
-  all digits there. The mixed elimination BEMW of Govaerts (2000, section 3.6) finds the last
-  unknown with the transpose of B, and corrects the last unknown with B: BEMW is as stable as the
-  solves with B. Far from folds the first half of BEMW is left out, which saves a third of the time.
-- The bordered matrix itself is singular: the solution of a generic right-hand side is huge.
+spoil. Where B is nearly singular, as at folds, plain block elimination loses all digits: the mixed
+elimination BEMW of Govaerts (2000, section 3.6) finds the last unknown with the transpose of B
+first, and is as stable as the solves with B.
 """
 
 from __future__ import annotations
@@ -22,7 +16,7 @@ import numpy as np
 
 from pwscont.basics.arrays import Array, generic_angles, power_of_two
 from pwscont.basics.rounding import EPS
-from pwscont.linear.factor import Factor, sum_of_logs
+from pwscont.linear.factor import Factor
 
 #: Bound on the largest entry of B^-1 b, a number without unit since the entries of B and b are
 #: scaled to about 1. Plain elimination multiplies rounding errors by the largest entry; an error of
@@ -34,12 +28,8 @@ GROWTH = 1e4
 class Interior:
     """[B, b], and the solves with B that do not depend on the border.
 
-    Parameters
-    ----------
-    core : Factor
-        A factorisation of B, shape (n, n); solves with the transposed matrix, too.
-    column : ndarray, shape (n,)
-        b.
+    ``core``: a factorisation of B, shape (n, n), which solves with the transpose, too.
+    ``column``: b, shape (n,).
     """
 
     def __init__(self, core: Factor, column: Array) -> None:
@@ -62,14 +52,7 @@ class Interior:
 class BorderedFactor(Factor):
     """Factorisation of a matrix M in any units, where (M / rows) * columns is [[B, b], [c^T, d]].
 
-    Parameters
-    ----------
-    interior : Interior
-        B and b.
-    row : ndarray, shape (n + 1,)
-        (c, d).
-    rows, columns : ndarray, shape (n + 1,)
-        The divisors of the rows of M, and the multipliers of the columns of M.
+    ``interior``: B and b. ``row``: (c, d). All three arrays have the shape (n + 1,).
     """
 
     is_whole = True
@@ -85,19 +68,11 @@ class BorderedFactor(Factor):
 
     @property
     def sign(self) -> int:
-        """Sign of the determinant; 0 where the Schur complement vanishes exactly."""
         if self.failed:
             return 0
         return self._core.sign if self._schur > 0.0 else -self._core.sign
 
-    @property
-    def log_determinant(self) -> float:
-        """Logarithm of the magnitude of the determinant."""
-        pivots = np.append(self._rows / self._columns, self._schur)
-        return self._core.log_determinant + sum_of_logs(pivots)
-
     def solve(self, rhs: Array) -> Array:
-        """Return the solution for a right-hand side, by the algorithm BEMW."""
         return self._columns * self._solve(rhs / self._rows)
 
     def _solve(self, rhs: Array) -> Array:
@@ -110,7 +85,6 @@ class BorderedFactor(Factor):
         return self._completed(inner, g, guess)
 
     def solve_all(self, rhs: Array) -> Array:
-        """Return the solutions for several right-hand sides, shape (l, k)."""
         if self._is_ill:
             return super().solve_all(rhs)
         scaled, solutions = rhs / self._rows, np.empty(rhs.shape)
@@ -135,21 +109,15 @@ class BorderedFactor(Factor):
         return left, schur or EPS  # zero by rounding alone, for the Schur complement is not zero
 
     def solve_transposed(self, rhs: Array) -> Array:
-        """Return the solution with the transposed matrix."""
-        return self._transpose.solve(rhs)
-
-    @cached_property
-    def _transpose(self) -> BorderedFactor:
-        """The factorisation of the transposed matrix."""
         interior = Interior(_Transposed(self._core), self._row)
         column = np.append(self._column, self._corner)
-        return BorderedFactor(interior, column, 1.0 / self._columns, 1.0 / self._rows)
+        transposed = BorderedFactor(interior, column, 1.0 / self._columns, 1.0 / self._rows)
+        return transposed.solve(rhs)
 
     def is_singular(self) -> bool:
         """Tell whether the matrix is singular to rounding, from solutions for two generic vectors.
 
-        The scaled entries are about 1 and the vectors have the length sqrt((n + 1) / 2), so a
-        solution is about as long as the vectors divided by the smallest singular value.
+        A solution is about as long as the vectors divided by the smallest singular value.
         """
         if self.failed:
             return True
@@ -164,12 +132,7 @@ class BorderedFactor(Factor):
 def row_scale(largest: Array, row: Array) -> Array:
     """Return the divisors of the rows of [J; row], shape (n + 1,), powers of two.
 
-    Parameters
-    ----------
-    largest : ndarray, shape (n,)
-        The largest magnitude in each row of J, with scaled columns.
-    row : ndarray, shape (n + 1,)
-        With scaled entries.
+    ``largest``: the largest magnitude in each row of J, with scaled columns as ``row`` has.
     """
     return power_of_two(np.append(largest, np.abs(row).max()))
 
@@ -183,13 +146,10 @@ class _Transposed(Factor):
 
     @property
     def sign(self) -> int:
-        """Sign of the determinant."""
         return self._factor.sign
 
     def solve(self, rhs: Array) -> Array:
-        """Return the solution with the transposed matrix."""
         return self._factor.solve_transposed(rhs)
 
     def solve_transposed(self, rhs: Array) -> Array:
-        """Return the solution with the matrix itself."""
         return self._factor.solve(rhs)

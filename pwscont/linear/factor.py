@@ -6,17 +6,10 @@ for z, and b the column for alpha. A matrix with entries of about 1 has an LU wi
 LU of the scaled matrix (:class:`ScaledFactor`). Other factors are made from factors: in bordered.py
 (around a factor of B) and in updates.py (a factor and changes).
 
-Failure modes and answers
--------------------------
-- The determinant of a large matrix overflows: only the sign of the determinant is computed, from
-  the signs of the pivots and the parity of the row exchanges (docs/theory, F10).
-- Equations and unknowns have different units: rows and columns are scaled by powers of two, so that
-  scaling rounds nothing. Pivots and condition then do not depend on units.
-- A matrix is singular at a branch point, or where the curve is tangent to an interface: the
-  reciprocal condition number of the scaled matrix tells, and nan or inf in the matrix as well.
-- B is singular at every fold, where the bordered matrix [J; row] is not: a pivot of B that vanishes
-  to rounding is moved to the size of a rounding error, for which
-  :class:`~pwscont.linear.bordered.BorderedFactor` makes up.
+Signs and logarithms of determinants are computed, which do not overflow (docs/theory, F10). Scales
+are powers of two, which round nothing. B is singular at every fold, where the bordered matrix
+[J; row] is not: a pivot of B that vanishes to rounding is moved to the size of a rounding error,
+for which :class:`~pwscont.linear.bordered.BorderedFactor` makes up.
 """
 
 from __future__ import annotations
@@ -43,29 +36,16 @@ COLUMNS_AT_ONCE = 64
 
 
 class Factor(ABC):
-    """A factorisation of a square matrix, shape (k, k).
+    """A factorisation of a square matrix, shape (k, k)."""
 
-    Attributes
-    ----------
-    failed : bool
-        Whether a pivot vanished exactly, so that nothing can be solved; default False.
-    is_whole : bool
-        Whether the matrix is no part of a larger matrix that is factorised as well;
-        ``pwscont.bench`` counts these factorisations. Default False.
-    """
-
-    failed: bool = False
+    failed: bool = False  #: Whether a pivot vanished exactly, so that nothing can be solved.
+    #: Whether the matrix is no part of a larger matrix that is factorised as well; for counts.
     is_whole: bool = False
 
     @property
     @abstractmethod
     def sign(self) -> int:
         """Sign of the determinant; 0 where a pivot vanishes exactly."""
-
-    @property
-    def log_determinant(self) -> float:
-        """Logarithm of the magnitude of the determinant; nan, the default, where not known."""
-        return math.nan
 
     @abstractmethod
     def solve(self, rhs: Array) -> Array:
@@ -76,18 +56,12 @@ class Factor(ABC):
         return np.stack([self.solve(f) for f in rhs])
 
     def solve_transposed(self, rhs: Array) -> Array:
-        """Return the solution with the transposed matrix, shape (k,).
-
-        :class:`~pwscont.linear.bordered.BorderedFactor` solves with the transpose of B.
-        """
+        """Return the solution with the transposed matrix, for which a border around B asks."""
         name = type(self).__name__
         raise NotImplementedError(f"{name} does not solve with the transposed matrix: define it")
 
     def is_singular(self) -> bool:
-        """Tell whether the matrix is singular to rounding; default whether a pivot vanished.
-
-        The factorisation of a bordered matrix must define this method.
-        """
+        """Tell whether the matrix is singular to rounding; to be defined for a bordered matrix."""
         return self.failed
 
 
@@ -95,14 +69,7 @@ class Factor(ABC):
 class ScaledFactor(Factor):
     """The factorisation of a matrix M, made from a factor of (M / rows) * columns.
 
-    Parameters
-    ----------
-    factor : Factor
-        A factorisation of M with divided rows and multiplied columns.
-    rows, columns : ndarray, shape (k,)
-        The divisors of the rows and the multipliers of the columns, powers of two.
-    is_whole : bool
-        See :class:`Factor`.
+    ``rows``, ``columns``, shape (k,): powers of two.
     """
 
     def __init__(
@@ -113,28 +80,18 @@ class ScaledFactor(Factor):
 
     @property
     def sign(self) -> int:
-        """Sign of the determinant, which positive multipliers do not change."""
         return self._factor.sign
 
-    @property
-    def log_determinant(self) -> float:
-        """Logarithm of the magnitude of the determinant."""
-        return self._factor.log_determinant + sum_of_logs(self._rows / self._columns)
-
     def solve(self, rhs: Array) -> Array:
-        """Return the solution for a right-hand side."""
         return self._columns * self._factor.solve(rhs / self._rows)
 
     def solve_all(self, rhs: Array) -> Array:
-        """Return the solutions for several right-hand sides, shape (l, k)."""
         return self._columns * self._factor.solve_all(rhs / self._rows)
 
     def solve_transposed(self, rhs: Array) -> Array:
-        """Return the solution with the transposed matrix."""
         return self._factor.solve_transposed(self._columns * rhs) / self._rows
 
     def is_singular(self) -> bool:
-        """Tell whether the scaled matrix is singular to rounding."""
         return self._factor.is_singular()
 
 
@@ -144,14 +101,6 @@ def regularise(pivots: Array) -> None:
     if sizes.min() < EPS:
         tiny = sizes < EPS
         pivots[tiny] = np.copysign(EPS, pivots[tiny])
-
-
-def sum_of_logs(numbers: Array) -> float:
-    """Return the sum of the logarithms of magnitudes, minus infinity where a number is zero."""
-    if len(numbers) <= ROWS_IN_TURN and numbers.all():  # numbers of Python take less time
-        return sum(map(math.log, map(abs, numbers.tolist())))
-    with np.errstate(divide="ignore"):
-        return float(np.log(np.abs(numbers)).sum())
 
 
 def sign_of_pivots(pivots: Array, exchanges: Indices) -> int:
@@ -180,8 +129,7 @@ def sign_of_permutation(order: Sequence[int]) -> int:
 def _solved(lu: Array, pivots: Indices, rhs: Array, transposed: bool = False) -> Array:
     """Return the solutions for the columns of an array, shape (k,) or (k, l).
 
-    OpenBLAS shares several right-hand sides among threads, however small the matrix is, and a
-    thread may have to wait for a core: a few columns of a small matrix are solved for in turn.
+    A few columns of a small matrix are solved for in turn: OpenBLAS would share them among threads.
     """
     if rhs.ndim == 2 and 1 < rhs.shape[1] <= COLUMNS_IN_TURN and len(pivots) <= ROWS_IN_TURN:
         solutions = np.array(rhs, order="F")
@@ -229,25 +177,16 @@ class DenseLU(Factor):
 
     @property
     def sign(self) -> int:
-        """Sign of the determinant; 0 where a pivot vanishes exactly."""
         return 0 if self.failed else sign_of_pivots(self.lu.diagonal(), self.pivots)
 
-    @property
-    def log_determinant(self) -> float:
-        """Logarithm of the magnitude of the determinant."""
-        return sum_of_logs(self.lu.diagonal())
-
     def solve(self, rhs: Array) -> Array:
-        """Return the solution for a right-hand side, or several."""
         if rhs.ndim == 1:
-            solution: Array = lapack.dgetrs(self.lu, self.pivots, rhs)[0]
-            return solution
+            return lapack.dgetrs(self.lu, self.pivots, rhs)[0]
         return _solved(self.lu, self.pivots, rhs.T).T
 
     solve_all = solve
 
     def solve_transposed(self, rhs: Array) -> Array:
-        """Return the solution with the transposed matrix."""
         return _solved(self.lu, self.pivots, rhs.T, transposed=True).T
 
     @cached_property
@@ -256,7 +195,6 @@ class DenseLU(Factor):
         return 0.0 if self.failed else float(lapack.dgecon(self.lu, self._norm)[0])
 
     def is_singular(self) -> bool:
-        """Tell whether the matrix is singular to rounding."""
         return not self.reciprocal_condition >= len(self.lu) * EPS  # True for nan
 
     def turned_into_inverse(self) -> Array:

@@ -1,9 +1,8 @@
 """Factorisations of matrices in every storage: the functions that the other rooms call.
 
 A full row and a full column would fill a sparse factorisation: rows and columns are added in turn
-to an LU of B, the part of J for z. First come the borders that make up for the rank that B lacks,
-then the column for alpha. Where B has no LU, and where B lacks two ranks because two vertical
-curves cross, the bordered matrix is factorised as a whole, at whatever cost.
+to an LU of B, the part of J for z. Where B has no LU, and where B lacks two ranks because two
+vertical curves cross, the bordered matrix is factorised as a whole, at whatever cost.
 """
 
 from __future__ import annotations
@@ -43,8 +42,7 @@ def bordered(jacobian: Matrix, row: Any, scale: Array) -> Factor:
 def inner(jacobian: Matrix, scale: Array) -> Factor | None:
     """Factorise B, the part of J for z, in the units of H and z; None if B has no factorisation.
 
-    B may be singular or nearly singular, as on vertical pieces: solutions are huge then, and the
-    caller must look at the size of solutions. Parameters as for :func:`bordered`.
+    B may be nearly singular, as on vertical pieces: the caller must look at the size of solutions.
     """
     if not isinstance(jacobian, np.ndarray):
         return _structured(jacobian).inner(scale)
@@ -57,8 +55,7 @@ def inner(jacobian: Matrix, scale: Array) -> Factor | None:
 def factor(matrix: Matrix, scale: Array, *, overwrite: bool = False) -> ScaledFactor:
     """Factorise a square matrix in any units, dense or sparse, shape (k, k).
 
-    ``scale``, shape (k,): typical magnitudes of the unknowns, powers of two. ``overwrite``: whether
-    a dense matrix, in Fortran order, is worked on in place.
+    ``overwrite``: whether a dense matrix, in Fortran order, is worked on in place.
     """
     lu: Factor
     if isinstance(matrix, np.ndarray):
@@ -103,8 +100,7 @@ def rows_divided(jacobian: Matrix, rows: Array) -> Matrix:
 def largest_in_rows(jacobian: Matrix) -> Array:
     """Return the largest magnitude in each row of a result of :func:`columns_scaled`."""
     is_dense = isinstance(jacobian, np.ndarray)
-    largest: Array = row_maxima(jacobian) if is_dense else jacobian.largest_in_rows()
-    return largest
+    return row_maxima(jacobian) if is_dense else jacobian.largest_in_rows()
 
 
 def column(jacobian: Matrix, index: int) -> Array:
@@ -118,7 +114,7 @@ def kink_by_columns(before: Matrix, after: Matrix, gradient: Array, scale: Array
     """Return c of J' - J = c g^T (F1), shape (n,), from the Jacobians on both sides.
 
     The column of the unknown along which the test of gradient g changes most is compared, so that
-    c is no small difference of large numbers; ``scale`` has the typical magnitudes of the unknowns.
+    c is no small difference of large numbers.
     """
     steepest = int(np.abs(gradient * scale).argmax())
     return np.asarray((column(after, steepest) - column(before, steepest)) / gradient[steepest])
@@ -149,9 +145,8 @@ def _structured(jacobian: Matrix) -> StructuredJacobian:
 def augmented(jacobian: Matrix, b: Array, C: Array) -> Factor:
     """Factorise [[B, b, a], [C, 0, c]] of the unknowns z, mu and alpha, where J = [B, a].
 
-    The factor solves with the transpose, too. ``jacobian`` has entries of about 1. ``C``, shape
-    (2, n + 1), has the rows [C, c], which are turned in their plane until c of the first row is
-    zero: then b and this row are a border that needs no column for alpha.
+    ``jacobian`` has entries of about 1. ``C``, shape (2, n + 1), has the rows [C, c], which are
+    turned in their plane until c of the first row is zero: that border needs no column for alpha.
     """
     if size := float(np.hypot(*C[:, -1])):
         C = np.array([[C[1, -1], -C[0, -1]], C[:, -1]]) @ C / size

@@ -18,19 +18,11 @@ from pwscont.linear.factor import Factor, ScaledFactor
 
 
 class StructuredJacobian(ABC):
-    """A Jacobian (n, n + 1) that multiplies and factorises itself.
-
-    Attributes
-    ----------
-    shape : tuple of int
-        (n, n + 1).
-    is_at_hand : bool
-        Whether making a Jacobian costs no more than a few residuals do; default False.
-    """
+    """A Jacobian (n, n + 1) that multiplies and factorises itself."""
 
     __array_ufunc__ = None  # ``array @ jacobian`` calls __rmatmul__
-    shape: tuple[int, int]
-    is_at_hand: bool = False
+    shape: tuple[int, int]  #: (n, n + 1)
+    is_at_hand: bool = False  #: Whether making a Jacobian costs no more than a few residuals do.
 
     @abstractmethod
     def __matmul__(self, x: Array) -> Array:
@@ -56,11 +48,7 @@ class StructuredJacobian(ABC):
     def bordered(self, row: Array, scale: Array) -> Factor | None:
         """Factorise [J; row]; None where the part for z has no factorisation.
 
-        Parameters
-        ----------
-        row : ndarray, shape (n + 1,)
-        scale : ndarray, shape (n + 1,)
-            Typical magnitudes of the unknowns, powers of two.
+        ``scale``, shape (n + 1,): typical magnitudes of the unknowns, powers of two.
         """
 
     def inner(self, scale: Array) -> Factor | None:
@@ -82,11 +70,7 @@ class StructuredJacobian(ABC):
 
 
 class StoredJacobian(StructuredJacobian):
-    """A Jacobian with stored entries, and with an LU of B, the part for z.
-
-    A full row and a full column would fill the storage, so a bordered matrix is factorised by an LU
-    of B, see :class:`~pwscont.linear.bordered.BorderedFactor`.
-    """
+    """A Jacobian with stored entries, and with an LU of B, the part for z."""
 
     @abstractmethod
     def scaled(self, columns: Array) -> Self:
@@ -105,9 +89,7 @@ class StoredJacobian(StructuredJacobian):
         """Return the matrix in a storage of scipy.sparse, by columns."""
 
     def toarray(self) -> Array:
-        """Return the same matrix as a dense array, shape (n, n + 1)."""
-        dense: Array = self.tocsc().toarray()
-        return dense
+        return self.tocsc().toarray()
 
     @abstractmethod
     def split(self) -> tuple[Factor, Array]:
@@ -123,7 +105,6 @@ class StoredJacobian(StructuredJacobian):
         return BorderedFactor(Interior(lu, column), row / rows[-1], rows, scale)
 
     def inner(self, scale: Array) -> Factor | None:
-        """Factorise B, for solves in the units of H and z; None if B has no LU."""
         scaled = self.scaled(scale)
         rows = power_of_two(scaled.largest_in_rows())
         lu, _ = scaled.divided(rows).split()

@@ -1,7 +1,4 @@
-"""Sparse Jacobians, and the LU of sparse matrices by SuperLU.
-
-SuperLU gives up if a pivot vanishes exactly: the factorisation has ``failed`` then.
-"""
+"""Sparse Jacobians, and the LU of sparse matrices by SuperLU."""
 
 from __future__ import annotations
 
@@ -14,7 +11,7 @@ import scipy.sparse as sp
 
 from pwscont.basics.arrays import Array
 from pwscont.basics.rounding import EPS
-from pwscont.linear.factor import Factor, sign_of_permutation, sum_of_logs
+from pwscont.linear.factor import Factor, sign_of_permutation
 from pwscont.linear.jacobian import StoredJacobian
 
 
@@ -30,36 +27,29 @@ class SparseJacobian(StoredJacobian):
         self.shape = self._csc.shape
 
     def __matmul__(self, x: Array) -> Array:
-        product: Array = self._csc @ x
-        return product
+        return self._csc @ x
 
     def __rmatmul__(self, y: Array) -> Array:
-        product: Array = y @ self._csc
-        return product
+        return y @ self._csc
 
     def __abs__(self) -> Any:
         return abs(self._csc)
 
     def tocsc(self) -> Any:
-        """Return the matrix in a storage of scipy.sparse, by columns."""
         return self._csc
 
     def scaled(self, columns: Array) -> SparseJacobian:
-        """Return a new matrix with columns multiplied by ``columns``, shape (n + 1,)."""
         return self._with(self._csc.data * np.repeat(columns, np.diff(self._csc.indptr)))
 
     def divided(self, rows: Array) -> SparseJacobian:
-        """Return a new matrix with rows divided by ``rows``, shape (n,)."""
         return self._with(self._csc.data / rows[self._csc.indices])
 
     def largest_in_rows(self) -> Array:
-        """Return the largest magnitude in each row, shape (n,)."""
         largest = np.zeros(self.shape[0])
         np.maximum.at(largest, self._csc.indices, np.abs(self._csc.data))
         return largest
 
     def split(self) -> tuple[Factor, Array]:
-        """Return an LU of the part for z, and the column for alpha; for entries of about 1."""
         n, end = self.shape[0], self._csc.indptr[-2]
         parts = self._csc.data[:end], self._csc.indices[:end], self._csc.indptr[:-1]
         return SparseLU(sp.csc_matrix(parts, shape=(n, n))), self.column_at(n)
@@ -92,25 +82,17 @@ class SparseLU(Factor):
 
     @property
     def sign(self) -> int:
-        """Sign of the determinant; 0 where a pivot vanishes exactly."""
         if self.failed:
             return 0
         signs = np.prod(np.sign(self._pivots))
         return int(signs) * sign_of_permutation(self._lu.perm_r[self._lu.perm_c].tolist())
 
-    @property
-    def log_determinant(self) -> float:
-        """Logarithm of the magnitude of the determinant."""
-        return -np.inf if self.failed else sum_of_logs(self._pivots)
-
     def solve(self, rhs: Array) -> Array:
-        """Return the solution for a right-hand side, or several, shape (l, k)."""
         return self._solved(rhs, "N")
 
     solve_all = solve
 
     def solve_transposed(self, rhs: Array) -> Array:
-        """Return the solution with the transposed matrix."""
         return self._solved(rhs, "T")
 
     def _solved(self, rhs: Array, trans: str) -> Array:
@@ -118,8 +100,5 @@ class SparseLU(Factor):
         return np.asarray(self._lu.solve(np.asfortranarray(rhs.T), trans).T)
 
     def is_singular(self) -> bool:
-        """Tell whether the smallest pivot is at most k rounding errors of the largest pivot."""
-        if self.failed:
-            return True
-        pivots = np.abs(self._pivots)
+        pivots = np.abs(self._pivots) if not self.failed else np.zeros(1)
         return bool(pivots.min() <= len(pivots) * EPS * pivots.max())

@@ -1,8 +1,7 @@
 """A single thread for BLAS while matrices are small, where threadpoolctl is installed.
 
 Threads that wait for each other cost more than the work on a matrix of a few hundred rows, and more
-than products with a matrix of thousands of rows, which wait for memory. The command line sets
-environment variables before BLAS is loaded; a Python program has loaded BLAS already.
+than products with a matrix of thousands of rows, which wait for memory.
 """
 
 from __future__ import annotations

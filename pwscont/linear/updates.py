@@ -4,17 +4,15 @@ With B' = B + c g^T and w = B^-1 c, the inverse becomes B'^-1 = (I - w g^T / (1 
 (Sherman and Morrison); 1 + g.w is the *pivot* of the change. The sign of the determinant is
 multiplied by the sign of each pivot (docs/theory, F10).
 
-- :class:`ProductForm` is a :class:`~pwscont.linear.factor.Factor`: any factorisation, and the
-  vectors of all changes, multiplied out, as in the simplex method (Dantzig and Orchard-Hays 1954).
-- :class:`Updating` serves a family of matrices that differ in some rows (:class:`RowMatrix`). The
-  solver keeps an explicit inverse, and replaces all changed rows at once (Woodbury). Every solve
-  names the matrix: rows are replaced back for a caller that solves with an older matrix.
+- :class:`ProductForm`: any factorisation, and the vectors of all changes, multiplied out, as in the
+  simplex method (Dantzig and Orchard-Hays 1954).
+- :class:`Updating` serves a family of matrices that differ in some rows (:class:`RowMatrix`) by an
+  explicit inverse, of which all changed rows are replaced at once (Woodbury). Every solve names the
+  matrix: rows are replaced back for a caller that solves with an older matrix.
 
 A change whose pivot is small beside the terms 1 and g.w loses digits: the matrix is factorised
 afresh. Rounding errors of the changes add up: the caller compares the residual with
-:func:`drifted`, and asks for a fresh factorisation, due after :data:`MANY_UPDATES` anyway. A matrix
-in bad condition, as at folds, and one with many changed rows has a fresh LU, which is inverted only
-when a later change asks.
+:func:`drifted`, and asks for a fresh factorisation.
 """
 
 from __future__ import annotations
@@ -60,10 +58,7 @@ class ProductForm(Factor):
     """A factorisation of M_0, and the changes of the matrix since: M^-1 = (I - V D) M_0^-1.
 
     The rows of D are the vectors g. With every change the columns of V are multiplied by
-    I - w g^T / (1 + g.w), so that no system has to be solved for V.
-
-    ``factor``: a factorisation of the first matrix.
-    ``size``: the number of rows of the matrix.
+    I - w g^T / (1 + g.w), so that no system has to be solved for V. ``size``: the number of rows.
     """
 
     def __init__(self, factor: Factor, size: int) -> None:
@@ -83,15 +78,12 @@ class ProductForm(Factor):
 
     @property
     def sign(self) -> int:
-        """Sign of the determinant."""
         return self._turn * self._factor.sign
 
     def solve(self, rhs: Array) -> Array:
-        """Return the solution for a right-hand side."""
         return self._changed(self._factor.solve(rhs))
 
     def solve_all(self, rhs: Array) -> Array:
-        """Return the solutions for several right-hand sides, shape (l, k)."""
         return self._changed(self._factor.solve_all(rhs))
 
     def _changed(self, vectors: Array) -> Array:
@@ -99,8 +91,7 @@ class ProductForm(Factor):
         k = self.count
         if not k:
             return vectors
-        changed: Array = vectors - vectors.dot(self._d[:k].T).dot(self._v[:k])
-        return changed
+        return vectors - vectors.dot(self._d[:k].T).dot(self._v[:k])
 
     def change(self, w: Array, g: Array) -> float:
         """Change the matrix by c g^T, with the known w = M^-1 c, and return the pivot 1 + g.w.
@@ -119,15 +110,9 @@ class ProductForm(Factor):
 
 
 class RowMatrix(ABC):
-    """A square matrix with entries of about 1 and with a key, a number, for each row.
+    """A square matrix with entries of about 1 and with a key, a number, for each row."""
 
-    Attributes
-    ----------
-    keys : ndarray, shape (m,)
-        Rows of two matrices of the same family are equal if the keys are equal.
-    """
-
-    keys: Array
+    keys: Array  #: Shape (m,): rows of two matrices of a family are equal if the keys are equal.
 
     @abstractmethod
     def rows(self, which: Indices) -> Array:
@@ -166,19 +151,10 @@ def drifted(rhs: Array, solution: Array, product: Array) -> bool:
 
 @final
 class Updating(RowSolver):
-    """A solver that keeps the inverse or the LU of the last matrix, in an array of m^2 numbers.
-
-    A fresh matrix is factorised. The LU is inverted when a change asks for an inverse; rows of the
-    inverse are then replaced until a fresh factorisation is due.
-
-    Attributes
-    ----------
-    updates, factorisations : int
-        Number of times that rows were replaced, and that a matrix was factorised, so far.
-    """
+    """A solver that keeps the LU of the last matrix, or the inverse once a change asks for it."""
 
     def __init__(self) -> None:
-        self.updates = self.factorisations = 0
+        self.updates = self.factorisations = 0  #: How often rows were replaced, or all factorised.
         self._last: RowMatrix | None = None
         self._lu: DenseLU | None = None  # of the last matrix; None if the inverse is kept
         self._inverse: Array = np.empty((0, 0))
@@ -187,17 +163,14 @@ class Updating(RowSolver):
         self._replaced = 0  # rows, since the last factorisation
 
     def solve(self, matrix: RowMatrix, rhs: Array) -> Array:
-        """Return the solution for a right-hand side, or several."""
         self._take(matrix)
         return rhs @ self._inverse.T if self._lu is None else self._lu.solve(rhs)
 
     def solve_transposed(self, matrix: RowMatrix, rhs: Array) -> Array:
-        """Return the solution with the transposed matrix."""
         self._take(matrix)
         return rhs @ self._inverse if self._lu is None else self._lu.solve_transposed(rhs)
 
     def sign(self, matrix: RowMatrix) -> int:
-        """Return the sign of the determinant, by the signs of all changes."""
         self._take(matrix)
         return self._sign
 

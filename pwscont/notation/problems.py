@@ -226,7 +226,7 @@ def _levels(L: Array) -> list[tuple[int, int]]:
 def _affine(name: str, values: Any, size: int) -> Callable[[Any], Any]:
     """Return a function of alpha from numbers, or from a constant and a slope."""
     if callable(values):
-        return values  # type: ignore[no-any-return]
+        return values
     array = finite_array(name, values)
     if array.shape == (2, size):
         return lambda alpha: array[0] + alpha * array[1]

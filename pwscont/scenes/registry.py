@@ -163,7 +163,7 @@ def load_scene(name: str, settings: Mapping[str, str] | None = None) -> Runnable
         raise _broken(point, error) from error
     if not _is_scene(scene):
         raise _broken(point, f"it returns {type(scene).__name__}, not a scene")
-    return scene  # type: ignore[no-any-return]
+    return scene
 
 
 def scene_settings(name: str) -> tuple[str, ...]:
@@ -206,7 +206,7 @@ def _loaded(point: EntryPoint) -> Callable[..., Any]:
         raise _broken(point, error) from error
     if not callable(make):
         raise _broken(point, f"{point.value} is no function")
-    return make  # type: ignore[no-any-return]
+    return make
 
 
 def _broken(point: EntryPoint, why: object) -> BrokenSceneError:

@@ -1,13 +1,10 @@
 """Every transition point of every cell, for systems whose pieces are all straight.
 
-A component without a transition is a straight line across the whole interval; all other components,
-closed loops included, have a transition point. The transition points and the solutions at an end
-therefore give every component, unless some unknown is free: a vertical line then need not have a
-transition point.
-
-With alpha as a further unknown, the solutions in a regular cell are a line, of which the
-inequalities of the cell leave a segment. All cells are enumerated once. The ends of the segments
-are the transition points, and the solutions at the ends of the interval.
+A component without a transition is a straight line across the whole interval. The transition points
+and the solutions at an end therefore give every component, unless some unknown is free: a vertical
+line then need not have a transition point. With alpha as a further unknown, the solutions in a
+regular cell are a line, of which the inequalities of the cell leave a segment: the ends are the
+transition points, and the solutions at the ends of the interval.
 """
 
 from __future__ import annotations
@@ -81,8 +78,7 @@ class AllTransitions(Search):
             """Tell whether a solution was found before; remember a new solution with a digit.
 
             A corner is found once for each test that vanishes there, and a corner of faces, where
-            the test is None, once for each face. A solution without a certain digit is new, and
-            not remembered, because all other solutions would be the same.
+            the test is None, once for each face.
             """
             if not has_digits(*found, metric.scale):
                 return False
@@ -219,9 +215,8 @@ def _ends_of_lines(problem: Problem, choices: Choices, lower_end: int) -> tuple[
     """Return where each line leaves the closed cell of its choice, by each inequality, and tests.
 
     A place is the factor of the direction of the line, and infinite for an inequality that ends
-    nothing; several inequalities end a line where their places differ by rounding only. For an end
-    of the interval, and for a bound of an unknown, the test is LOWER_END or OTHER.
-    ``lower_end``: the inequality of the problem that says alpha >= lo.
+    nothing. For an end of the interval, and for a bound of an unknown, the test is LOWER_END or
+    OTHER. ``lower_end``: the inequality of the problem that says alpha >= lo.
     """
     sides, values, tests = inequalities_of(problem, choices)
     slopes, tests[:, lower_end] = sides[..., 0], LOWER_END

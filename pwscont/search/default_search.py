@@ -25,8 +25,8 @@ from pwscont.system.system import (
 MANY_CELLS = 4**10
 #: Most interfaces of cells tried, in a second or two: the interfaces of eight contact nodes.
 MANY_INTERFACES = 2_000_000
-#: Most cells of a curved system in which Newton is tried, in a second or two.
-MANY_NEWTONS = 2**11
+#: Most cells of a curved system in which Newton is tried, in a second or two where H is slow.
+MANY_NEWTONS = 2**7
 #: Least and most random starts at each end if no other search is affordable.
 LEAST_STARTS, MOST_STARTS = 4, 20
 #: Most unknowns of a curved system that is searched inside of the interval as well.

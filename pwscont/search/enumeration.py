@@ -1,9 +1,8 @@
 """Searches by enumeration at some values of alpha.
 
-Ill conditioning may have cut off cells, or moved solutions out of cells. If few digits are left, if
-the signs do not sum to the degree, if cells are undecided or if no cell has a solution, the slice
-is solved again in exact arithmetic. If exact arithmetic takes too long, the guarantee says what is
-not certain, and a search promises nothing for such a slice.
+If few digits are left, if the signs do not sum to the degree, if cells are undecided or if no cell
+has a solution, the slice is solved again in exact arithmetic. If that takes too long, the guarantee
+says what is not certain, and a search promises nothing for such a slice.
 """
 
 from __future__ import annotations
@@ -52,16 +51,8 @@ from pwscont.transitions.rays import Corner
 class Solutions(list[Solution]):
     """Solutions at an alpha, with a guarantee that says whether solutions may be missing.
 
-    Parameters
-    ----------
-    solutions : iterable of Solution
-    guarantee : str
-        "complete", also with a remark in brackets; or words that begin with "not" and say what is
-        uncertain.
-    system : PiecewiseSystem, optional
-    alpha : float, optional
-    is_finite : bool, optional
-        Whether no segment or more of solutions was found, of which only some are listed.
+    ``guarantee``: "complete", also with a remark in brackets; or words that begin with "not".
+    ``is_finite``: whether no segment or more of solutions was found, of which some are listed.
     """
 
     def __init__(
@@ -132,9 +123,7 @@ def enumerate_solutions(system: SlicewiseLinearSystem, alpha: float) -> Solution
 def solve_surely(system: SlicewiseLinearSystem, metric: Metric, alpha: float) -> Slice:
     """Return all solutions at ``alpha``, in exact arithmetic where rounding leaves doubt.
 
-    If exact arithmetic takes too long, some cell is undecided. An empty slice is always
-    solved again in exact arithmetic. A point without a right digit is no solution: rounding cannot
-    tell the cell of the point from a singular cell.
+    If that takes too long, some cell is undecided. A point without a right digit is no solution.
     """
     found = solve_slice(system, metric, alpha)
     if (found.points or found.faces) and not _leaves_doubt(system, metric, found):
@@ -227,9 +216,8 @@ def starts_at(system: PiecewiseSystem, metric: Metric, alpha: float) -> Iterator
     """Yield solutions at ``alpha`` to start from, each once; of a face, the corners.
 
     Complete for a :class:`~pwscont.SlicewiseLinearSystem`, where an undecided cell, and a face
-    without corners, gives a start of unknown z, with an infinite error. For other systems Newton is
-    tried once in every cell, from the point within the bounds near z = 0, and solutions may be
-    missed.
+    without corners, gives a start with an infinite error. For other systems Newton is tried once in
+    every cell, and solutions may be missed.
     """
     if not isinstance(system, SlicewiseLinearSystem):
         yield from _once_per_cell(system, metric, alpha)

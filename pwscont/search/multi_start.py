@@ -25,7 +25,7 @@ from pwscont.curve.error_samples import Found
 from pwscont.curve.metric import Metric, Range
 from pwscont.search.bounds import on_bounds
 from pwscont.search.enumeration import starts_at
-from pwscont.search.pursuit import MOST_FOUND, Pursuit, is_new, solution_from
+from pwscont.search.pursuit import FEW_MORE, MOST_FOUND, Pursuit, is_new, solution_from
 from pwscont.search.search import KnownBranches, Search
 from pwscont.system.abilities import completed, shown_size
 from pwscont.system.box import Box
@@ -185,7 +185,7 @@ class Throughout(Search):
             return
         if not known.extremes():  # only undamped steps cross kinks where H grows at first
             yield from MultiStart(count=1, around=self.around).starts(system, metric, interval)
-        count = 0
+        count, most = 0, FEW_MORE if known.is_left_off else MOST_FOUND
         for turn in range(MOST_ROUNDS):
             before, all_found = count, self._between(pursuit, interval, turn)
             if Box.of(system).is_bounded:
@@ -194,7 +194,7 @@ class Throughout(Search):
                 all_found = chain(all_found, on)
             for count, found in enumerate(all_found, before + 1):
                 yield found
-                if count > MOST_FOUND:
+                if count > most:
                     known.leave_off()
                     return
             if count == before and (turn or known.extremes()):

@@ -76,11 +76,13 @@ MOVED_ASIDE = 1e-3
 SAME_SOLUTION = EPS**0.5
 #: Distance below which two rough known solutions coincide, measured in the same way.
 DISTINCT = 1e-5
+#: Most known branches, the nearest first, that a solution found with alpha free is compared with.
+MOST_NEAR = 16
 #: Most solutions from a start.
 MOST_FROM_ONE = 16
 #: Most solutions at an end, and most between the ends: an equation such as tan(z) = alpha has
-#: infinitely many branches.
-MOST_FOUND = 48
+#: infinitely many branches. Between the ends fewer are enough if an end has more.
+MOST_FOUND, FEW_MORE = 48, 12
 #: Starts are spread over a typical magnitude, over WIDER_BY times as much, and so on for SPREADS
 #: widths in turn.
 WIDER_BY, SPREADS = 4.0, 3
@@ -119,6 +121,7 @@ class Pursuit:
         self._interval, self._known = interval, known
         self._ends = interval[0] / metric.width, interval[1] / metric.width
         self._box, self._shown = Box.of(system), shown_size(system)
+        self._roots: tuple[float, dict[bytes, Array]] = math.nan, {}  # by places beside the roots
         self.reach = nonlinear_reach(system, metric)  # grows with the reach of known branches
         self._farthest = RUN_AWAY * float((self.reach / metric.scale[:-1]).max())
 
@@ -193,7 +196,7 @@ class Pursuit:
             if np.sign([equation(a), equation(b)]).tolist() != signs[i : i + 2].tolist():
                 words = f"changed its sign at z = {a} or {b}, alpha = {alpha}: {NOT_ON_CHANCE}"
                 raise broken(system, "residual", words)
-            z = bisect(equation, a, b, xtol=EPS * reach)
+            z = bisect(lambda z: np.nan_to_num(equation(z)), a, b, xtol=EPS * reach)
             full = completed(system, np.array([z]), alpha)
             is_pole = abs(equation(z)) > sizes[i : i + 2].max()
             if not is_pole and is_new(self._metric, np.append(full, alpha), known):
@@ -210,7 +213,7 @@ class Pursuit:
         metric, x, alpha = self._metric, found[0], float(found[0][-1])
         near = self._known.in_cells_at(alpha)
         near.sort(key=lambda each: metric.norm(metric.difference(each[1], x)))  # most are known
-        roots = (self._known_root(*each, alpha) for each in near)
+        roots = (self._known_root(*each, alpha) for each in near[:MOST_NEAR])
         return found if all(is_new(metric, x, [root], DISTINCT) for root in roots) else None
 
     def _standing(self, y: Array) -> Found | None:
@@ -234,7 +237,11 @@ class Pursuit:
 
     def _solutions(self, alpha: float) -> list[Array]:
         """Return the known solutions at an alpha."""
-        return [self._known_root(*each, alpha) for each in self._known.in_cells_at(alpha)]
+        roots = self._roots[1] if self._roots[0] == alpha else {}
+        near = {x.tobytes(): (cell, x) for cell, x in self._known.in_cells_at(alpha)}
+        new = {key: self._known_root(*near[key], alpha) for key in near if key not in roots}
+        self._roots = alpha, roots | new  # most branches were known when last asked
+        return [self._roots[1][key] for key in near]
 
     def _known_root(self, character: Character, x: Array, alpha: float) -> Array:
         """Return the known solution near a point of a known branch; the reach reaches there."""

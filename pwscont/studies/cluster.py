@@ -72,7 +72,7 @@ def _row(future: Any, run: CaseRunner, number: int) -> StudyRow:
     if future.status in ("lost", "pending"):
         future.exception()  # waits
     if future.status == "finished":
-        return future.result()  # type: ignore[no-any-return]
+        return future.result()
     if future.status != "error":
         words = f"the scheduler does not have case {number} any more (it is {future.status})"
         raise InvalidInputError(f"{words}: was it started again? With a store, resume goes on")

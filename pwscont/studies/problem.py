@@ -97,7 +97,7 @@ def _plain(name: str, value: Any) -> Setting:
     if not (finite or isinstance(plain, bool | int | str)):
         words = f"over {name!r}: values are finite numbers, texts, True or False, got"
         raise InvalidInputError(f"{words} {short(repr(value))}")
-    return plain  # type: ignore[no-any-return]
+    return plain
 
 
 #: Settings, by keyword -> a scene, a pair of system and interval, or a graph.
@@ -150,7 +150,7 @@ def checked_problem(given: Any) -> Problem:
     if isinstance(given, Runnable | PiecewiseSystem) or not callable(given):
         words = "a study needs the name of a scene, or a function that takes settings by keyword"
         raise InvalidInputError(f"{words} and returns {WANTED}; got {short(repr(given))}")
-    return given  # type: ignore[no-any-return]
+    return given
 
 
 def check_settings(problem: Problem, names: Iterable[str]) -> None:

@@ -126,7 +126,7 @@ class Worker:
         """
         try:
             if self._pipe.poll():
-                return self._pipe.recv()  # type: ignore[no-any-return]
+                return self._pipe.recv()
         except OSError as error:
             raise EOFError from error
         if self._process.is_alive():

@@ -1,8 +1,6 @@
-"""Further abilities of systems: a class for each ability, and a single way to ask for an ability.
+"""Further abilities of systems: a class for each ability, for which every room asks by isinstance.
 
-A system has an ability if the system derives from the ability's class, and every room asks by
-``isinstance``. If a system without the ability has a natural answer, the function beside the class
-gives the answer for all systems.
+If a system without the ability has a natural answer, a function beside the class gives the answer.
 """
 
 from __future__ import annotations
@@ -20,19 +18,8 @@ from pwscont.system.system import PiecewiseSystem
 from pwscont.system.values import broken
 
 
-class Compact(ABC):
-    """A system that knows which components of a solution determine all components.
-
-    pwscont does not ask for essential components any more: graphs hold every point whole.
-    """
-
-    @abstractmethod
-    def essential(self, character: Character) -> Indices | None:
-        """Return the indices of the components of z that determine all components; None for all."""
-
-    @abstractmethod
-    def completed(self, values: Array, alpha: float, character: Character) -> Array:
-        """Return z, shape (n,), from the components that :meth:`essential` names."""
+class Compact:
+    """Kept for old systems: nothing asks any more which components of a solution are essential."""
 
 
 class Ending(ABC):
@@ -80,11 +67,6 @@ class HidesUnknowns(ABC):
     The methods of the system know all ``size`` unknowns. A user gives and gets the first ``shown``
     unknowns: starts, solutions, special points, names, events, recorded quantities and files. A
     user's own detectors, steppers and searches see all.
-
-    Attributes
-    ----------
-    shown : int
-        How many unknowns a user knows of.
     """
 
     shown: int
@@ -94,11 +76,7 @@ class HidesUnknowns(ABC):
         """Return all unknowns, shape (size,), from the shown unknowns, shape (shown,)."""
 
     def told_apart(self) -> Any:
-        """Return the same system without unknowns that stand for several alike parts; default self.
-
-        A law with memory is stated anew at every event, and parts that are alike at first need not
-        stay alike.
-        """
+        """Return the system without unknowns that stand for several alike parts; default self."""
         return self
 
 
@@ -177,15 +155,8 @@ class DecidesCorners(ABC):
     def has_one_ray(self, z: Array, alpha: float, zero: frozenset[int]) -> bool:
         """Tell whether at most one ray leads to each side of alpha, and none keeps alpha.
 
-        Asked where the cells that meet at the corner are too many to be tried; False where that is
-        not known.
-
-        Parameters
-        ----------
-        z : ndarray, shape (n,)
-        alpha : float
-        zero : frozenset of int
-            The tests that vanish.
+        Asked where the cells that meet at the corner, at which the tests ``zero`` vanish, are too
+        many to be tried; False where that is not known.
         """
 
 
@@ -194,16 +165,11 @@ class DecidesCorners(ABC):
 class ExactMode:
     """The equations and inequalities of one mode of a part of a system, as rows of doubles.
 
-    Attributes
-    ----------
-    equations : ndarray, shape (k, n + 2)
-        Coefficients of z, of alpha, and a constant; each row times (z, alpha, 1) is zero.
-    sides : ndarray, shape (s, n + 2)
-        Each row times (z, alpha, 1) is not negative.
+    A row has n + 2 entries: coefficients of z, of alpha, and a constant.
     """
 
-    equations: Array
-    sides: Array
+    equations: Array  #: Shape (k, n + 2): each row times (z, alpha, 1) is zero.
+    sides: Array  #: Shape (s, n + 2): each row times (z, alpha, 1) is not negative.
 
 
 class ExactData(ABC):
@@ -275,29 +241,14 @@ class Recovery(ABC):
 @final
 @dataclass(frozen=True, slots=True, eq=False)
 class Reduction:
-    """A smaller system, without the parts that provably stay in the same mode.
+    """A smaller system, without the parts that provably stay in the same mode."""
 
-    Attributes
-    ----------
-    system : PiecewiseSystem
-        The smaller system.
-    kept : ndarray of int
-        The places of the smaller system's unknowns in the full system; all other unknowns are zero.
-    tests : ndarray of int
-        The places of the smaller system's test functions in the full system.
-    idle : Character
-        A character of the full system with the signs of the parts left out.
-    reasons : tuple of str
-        For every part left out, the proof in words.
-    recovery : Recovery, optional
-        How unknowns that are left out follow from the kept unknowns; default: zero.
-    """
-
-    system: PiecewiseSystem
-    kept: Indices
-    tests: Indices
-    idle: Character
-    reasons: tuple[str, ...]
+    system: PiecewiseSystem  #: The smaller system.
+    kept: Indices  #: The places of the smaller system's unknowns in the full system.
+    tests: Indices  #: The places of the smaller system's test functions in the full system.
+    idle: Character  #: A character of the full system with the signs of the parts left out.
+    reasons: tuple[str, ...]  #: For every part left out, the proof in words.
+    #: How unknowns that are left out follow from the kept unknowns; default: zero.
     recovery: Recovery | None = None
 
     def points(self, points: Array, size: int, *, are_errors: bool = False) -> Array:
@@ -310,8 +261,7 @@ class Reduction:
 
     def state(self, z: Array) -> Array:
         """Return the unknowns that remain of a state of the full system."""
-        state: Array = self.recovery.state(z) if self.recovery else z[self.kept]
-        return state
+        return self.recovery.state(z) if self.recovery else z[self.kept]
 
     def character(self, character: Character) -> Character:
         """Return the character of the full system."""
@@ -321,7 +271,7 @@ class Reduction:
 
 
 #: The abilities that a system of a user may have, for :func:`check_abilities`.
-ABILITIES = (Ending, Reducible, Compact, BringsSearches, HidesUnknowns, DecidesCorners, ExactData)
+ABILITIES = (Ending, Reducible, BringsSearches, HidesUnknowns, DecidesCorners, ExactData)
 
 
 def check_abilities(system: PiecewiseSystem) -> None:

@@ -1,8 +1,4 @@
-"""The box of the unknowns of a system: bounds of all unknowns, and periods of periodic unknowns.
-
-Zero may be outside the bounds, or on a bound, where H need not make sense: searches begin at points
-well inside.
-"""
+"""The box of the unknowns of a system: bounds of all unknowns, and periods of periodic unknowns."""
 
 from __future__ import annotations
 
@@ -80,8 +76,7 @@ class Box:
     ) -> Array:
         """Return a random point inside, of normal numbers and of even numbers in (-1/2, 1/2).
 
-        The point is normally distributed around ``near`` or the centre; around the centre, an
-        unknown with a narrow range or a short period is distributed evenly over the range.
+        Around the centre, an unknown with a narrow range is distributed evenly over the range.
         """
         if near is not None:
             return self.inside(near + deviation * normal)

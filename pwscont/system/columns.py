@@ -1,9 +1,7 @@
 """H at several points by a single call: each number is a column, with an entry for each point.
 
-A method that only computes with numbers computes with columns as well, and the entries of a column
-never meet. A method that compares, converts or calls functions of scipy fails with columns, and H
-is then evaluated point by point, as for a method that looks at types or keeps its arguments. Where
-numbers would raise an error or become complex, columns have entries that are not finite.
+A method that only computes with numbers computes with columns as well. A method that compares,
+converts or calls functions of scipy fails with columns, and H is evaluated point by point.
 """
 
 from __future__ import annotations

@@ -1,11 +1,9 @@
 """Derivatives by differences, with steps in the units of the problem.
 
 Nothing is evaluated beyond the interval of alpha, where a function may be undefined: next to an
-end, differences are one-sided, with the same order of accuracy. x + h is rounded, and the step is
-not h (alpha between 1e6 and 1e6 + 1): values are divided by the difference of the rounded
-arguments, which is exact. A function may change within less than a step, as in a thin cell: a
-caller who sees slow convergence asks for finer steps, and puts the usual steps back where finer
-steps do not help.
+end, differences are one-sided, with the same order of accuracy. x + h is rounded: values are
+divided by the difference of the rounded arguments. A function may change within less than a step,
+as in a thin cell: a caller who sees slow convergence asks for finer steps.
 """
 
 from __future__ import annotations
@@ -104,8 +102,7 @@ class Differences:
         a, b, here = near - alpha, far - alpha, _value(function, alpha)
         # the slope at alpha of the parabola through three points
         first, second = (_value(function, other) - here for other in (near, far))
-        one_sided: Array = (first * (b / a) - second * (a / b)) / (b - a)
-        return one_sided
+        return (first * (b / a) - second * (a / b)) / (b - a)
 
     def exact(self, function: Function) -> Array:
         """Return the Jacobian of an affine ``function``, shape (k, n + 1), right to rounding."""
@@ -130,8 +127,7 @@ class Differences:
             weights = ONE_SIDED
             sign = np.copysign(1.0, step[-1]) * self._inward(float(x[-1]), reach)
         terms = [w * _value(function, x + sign * k * step) for k, w in weights.items()]
-        derivative: Array = np.sum(terms, axis=0) / (sign * fine)
-        return derivative
+        return np.sum(terms, axis=0) / (sign * fine)
 
     def to_fourth_order(self, function: Function, x: Array) -> Array:
         """Return the Jacobian of ``function`` at ``x``, shape (k, n + 1), about 12 digits right."""

@@ -1,8 +1,7 @@
 """The promises of a system, and the errors of a run about broken promises.
 
-A function that is promised to be affine is compared with an affine model, an evaluation away from
-the point of the matrix. The difference is measured by the terms, so that units and conditioning
-raise no alarm; where all terms of a row cancel in a cell, other cells show how large the terms are.
+A function that is promised to be affine is compared with an affine model away from the point of the
+matrix. The difference is measured by the terms, so that units and conditioning raise no alarm.
 """
 
 from __future__ import annotations
@@ -173,8 +172,7 @@ def refuse_bent_tests(
 def _bend(value: Array, origin: Array, change: Array, terms: Array) -> Array:
     """Return how far ``value`` is off ``origin + change``, beyond a part of all terms."""
     terms = np.abs(value) + np.abs(origin) + terms
-    off: Array = np.abs(value - origin - change) - AFFINE_DEFECT * terms
-    return off
+    return np.abs(value - origin - change) - AFFINE_DEFECT * terms
 
 
 def _bent(system: PiecewiseSystem, what: str, dx: Array) -> InvalidSystemError:

@@ -150,9 +150,9 @@ class Selection:
         return float(self.side[index] * values[0])
 
     def unsigned_gradients(self, x: Array) -> Matrix:
-        """Return the gradients of the bounding tests themselves, without the factor :attr:`side`.
+        """Return the gradients of the tests themselves, without :attr:`side`: not to be written to.
 
-        Gradients of a straight cell are constant, and a few are kept: not to be written to.
+        Gradients of a straight cell are constant, and a few are kept.
         """
         if self._gradients is not None:
             return self._gradients
@@ -170,8 +170,7 @@ class Selection:
         """Return the gradient of the bounding test with this index, shape (n + 1,)."""
         which = self.bounding[index : index + 1]
         rows = self.system.some_test_gradients(x[:-1], float(x[-1]), which)
-        gradient: Array = self.side[index] * dense(rows)[0]
-        return gradient
+        return self.side[index] * dense(rows)[0]
 
 
 def _bounds(system: PiecewiseSystem, character: Character) -> tuple[Indices, Signs]:

@@ -153,10 +153,9 @@ class PiecewiseSystem(Undefined, ABC):
     def differences(self, alpha: float) -> Differences:
         """Return the object that differentiates functions of (z, alpha), in steps that fit.
 
-        In a run the steps fit the run's interval, and stay in the interval; where Newton converges
-        slowly however short the steps along the curve, the differences become finer. Outside a run
-        the steps fit :meth:`scale` at this alpha, stay in :attr:`domain`, and take max(1,
-        abs(alpha)) for a typical change of alpha.
+        In a run the steps fit the run's interval, and become finer where Newton converges slowly.
+        Outside a run the steps fit :meth:`scale` at this alpha, stay in :attr:`domain`, and take
+        max(1, abs(alpha)) for a typical change of alpha.
         """
         if self._is_fitted:
             return self._differences_of_run
@@ -167,13 +166,7 @@ class PiecewiseSystem(Undefined, ABC):
         """Return the same system for work on an interval of alpha.
 
         The returned system shares all attributes with this system, except that :meth:`differences`
-        fits the interval.
-
-        Parameters
-        ----------
-        lo, hi : float
-        magnitudes : ndarray, shape (n,), optional
-            Typical magnitudes of z, for a system that does not know any; default :meth:`scale`.
+        fits the interval. ``magnitudes``: of z, for a system that does not know any.
         """
         twin: Self = object.__new__(type(self))
         for name in _slots(type(self)):
@@ -216,17 +209,14 @@ class PiecewiseSystem(Undefined, ABC):
     def some_tests(self, z: Array, alpha: float, which: Indices) -> Array:
         """Return only some of the test functions, shape (len(which),).
 
-        Along a piece the run asks only for the tests that bound the piece's cell. Default: evaluate
-        all tests, and take some; override this method, and :meth:`some_test_gradients`, if every
-        test costs time.
+        Along a piece the run asks only for the tests that bound the piece's cell. Default: take
+        some of all; override this method, and :meth:`some_test_gradients`, if tests cost time.
         """
-        taken: Array = _some_of(self, self.test_functions(z, alpha), alpha, which)
-        return taken
+        return _some_of(self, self.test_functions(z, alpha), alpha, which)
 
     def some_test_gradients(self, z: Array, alpha: float, which: Indices) -> Matrix:
         """Return only some rows of :meth:`test_jacobian`, shape (len(which), n + 1)."""
-        taken: Matrix = _some_of(self, self.test_jacobian(z, alpha), alpha, which)
-        return taken
+        return _some_of(self, self.test_jacobian(z, alpha), alpha, which)
 
     def bounding_tests(self, character: Character) -> Sequence[int] | Indices:
         """Return the indices of the tests whose zero sets bound this cell; default all.
@@ -404,14 +394,7 @@ class PiecewiseLinearSystem(SlicewiseLinearSystem):
         The product of c and the test's gradient is all that changes from a cell to the next cell. A
         system that knows c saves a run two residuals, or a Jacobian, at every transition; default
         None: a run computes c from residuals or Jacobians. A system that overrides this method
-        knows c at every interface.
-
-        Parameters
-        ----------
-        before, after : Character
-            Neighbouring cells that differ in the sign of kappa_test only.
-        test : int
-            The test, which bounds the two cells.
+        knows c at every interface. The cells are neighbours that differ in the sign of kappa_test.
         """
         return None
 

@@ -1,8 +1,7 @@
 """What a user's methods return: values of the right shape, copied, and nan outside the domain.
 
-A user's function may raise an error outside its domain, as math.exp(1000) does, where NumPy returns
-inf or nan. Trial points lie anywhere: such an error means the same as nan, that H is not defined at
-the point. Other errors, such as a ValueError for shapes that do not fit, are mistakes of the user.
+Trial points lie anywhere: an error as of math.exp(1000) means the same as nan, that H is not
+defined at the point. Other errors, such as a ValueError for shapes that do not fit, are mistakes.
 """
 
 from __future__ import annotations

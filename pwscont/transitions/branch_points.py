@@ -14,7 +14,6 @@ not the kink.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import final
@@ -36,7 +35,7 @@ from pwscont.curve.crossing import (
     loses_rank,
 )
 from pwscont.curve.curve import Curve, State
-from pwscont.curve.looks import hidden_in
+from pwscont.curve.hidden import hidden_in
 from pwscont.curve.stepper import CurvedSegment, Segment
 from pwscont.linear.factorise import bordered
 from pwscont.system.selection import Selection
@@ -105,7 +104,7 @@ class SmoothBranchPoints(TransitionDetector):
         found = _locate(segment, bracket, before)
         if isinstance(found, Crossing):
             state = State(found.x, _own(segment, found), found.error, orientation)
-            state.log_determinant = -math.inf
+            state.is_singular = True
             is_seen = index < OWN_SIGNS or _ways_across(segment.curve, state)
             return state if is_seen else None
         return found if index < OWN_SIGNS or isinstance(found, State) else None
@@ -122,7 +121,7 @@ class SmoothBranchPoints(TransitionDetector):
         if found := crossing_near(curve, state.x):
             return branch_point(curve, found, state)
         after = -state.orientation if 0 <= index < OWN_SIGNS else state.orientation
-        onward = Ray(curve, State(state.x, state.tangent, state.error, after))
+        onward = Ray(curve, State(state.x, state.tangent, state.error, after, is_singular=True))
         rays = Ray(curve, state).reversed(), onward
         return SpecialPointFound(Kind.DEGENERATE, state.x, TOUCH, rays)
 
@@ -139,8 +138,7 @@ def branch_point(curve: Curve, found: Crossing, state: State) -> SpecialPointFou
     other, sign = _least_along(found, curve.metric.covector(state.tangent)), state.orientation
     ways = (-state.tangent, -sign), (state.tangent, -sign), (other, sign), (-other, sign)
     rays = tuple(
-        Ray(curve, State(state.x, way, state.error, side, log_determinant=-math.inf))
-        for way, side in ways
+        Ray(curve, State(state.x, way, state.error, side, is_singular=True)) for way, side in ways
     )
     message = f"two curves cross on {curve.selection.label}"
     return SpecialPointFound(Kind.BRANCH_POINT, state.x, message, rays)
@@ -160,7 +158,7 @@ def branch_point_on_interface(curve: Curve, state: State) -> SpecialPointFound |
         return None
     after = _sign_beside(curve, state.x, state.tangent, 1.0)
     onward = State(state.x, state.tangent, state.error, after or -state.orientation)
-    onward.log_determinant = -math.inf
+    onward.is_singular = True
     path = [_along(curve, Ray(curve, state).reversed()), _along(curve, Ray(curve, onward))]
     kind, does = (Kind.BRANCH_POINT, "") if rays else (Kind.TRANSITION, ", outside of all cells")
     message = f"curves cross on the boundary of {curve.selection.label}{does}"
@@ -246,7 +244,7 @@ def _crossing_ray(way: Array, owners: list[Curve], state: State) -> Ray:
     """Return the ray along a way that leads into some cells, or along their common boundary."""
     first = owners[0]
     onward = State(state.x, way, state.error, _sign_before(first, state.x, state.tangent))
-    onward.log_determinant = -math.inf
+    onward.is_singular = True
     if len(owners) == 1:
         return Ray(first, onward)
     cells, here = tuple(own.selection.character for own in owners), first.selection

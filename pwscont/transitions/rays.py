@@ -25,7 +25,7 @@ from pwscont.basics.errors import InvalidSystemError
 from pwscont.basics.outcome import Failure
 from pwscont.basics.printing import at, named
 from pwscont.basics.rounding import CONFIDENCE, EPS, GUARD
-from pwscont.curve.corrector import BorderedNewton, log_determinant
+from pwscont.curve.corrector import BorderedNewton
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.error_samples import magnitude, rounding_of_values, slack_by_constants
 from pwscont.curve.metric import Metric
@@ -143,9 +143,7 @@ def state_on(curve: Curve, x: Array, tangent: Array, error: Array) -> State:
     if factor.is_singular():
         return State(x, tangent, error, factor.sign)
     defect = factor.solve(curve.selection.residual_and(x, 0.0))
-    state = moved(x, defect, tangent, error, factor.sign)
-    state.log_determinant = log_determinant(curve, factor)
-    return state
+    return moved(x, defect, tangent, error, factor.sign)
 
 
 def moved(x: Array, defect: Array, tangent: Array, error: Array, orientation: int) -> State:

@@ -266,7 +266,8 @@ def first_on_curve(
         first = event
         if event.position <= 0.0:
             return first
-        segment = segment.until(event.state)
+        ends = segment.start, event.state
+        segment = CurvedSegment.between(segment.curve, *ends, segment.suggestion)
         end = watch.before(watch.read(segment.curve, event.state), event)
     return watch.look_inside(segment) or first
 

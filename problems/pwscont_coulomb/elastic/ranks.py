@@ -208,7 +208,7 @@ def serve(comm: Any) -> None:
 def _received(comm: Any) -> tuple[int, int] | None:
     while not comm.Iprobe(source=0):  # a blocking receive would keep a core busy
         sleep(PATIENCE)
-    return comm.recv(source=0)  # type: ignore[no-any-return]
+    return comm.recv(source=0)
 
 
 def ranks() -> Ranks:

@@ -61,7 +61,7 @@ def _solver(interior: Matrix) -> Callable[[Array], Array]:
         )
     except RuntimeError as error:
         raise InvalidInputError(NOT_DEFINITE) from error
-    return lu.solve  # type: ignore[no-any-return]
+    return lu.solve
 
 
 def _complement(block: Array, across: Matrix, solve: Callable[[Array], Array]) -> Array:
