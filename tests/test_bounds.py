@@ -5,7 +5,7 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from pwscont import Switched, explore, trace
+from pwscont import PiecewiseSystem, Switched, explore, trace
 from pwscont.search import MultiStart
 
 
@@ -91,3 +91,51 @@ def test_a_path_that_repeats_itself_is_followed_to_its_bounds():
         found = sorted(solution.z[0] for solution in graph.solutions(alpha))
         assert found == pytest.approx(np.sort(right[np.abs(right) < 40.0]), abs=1e-9)
     assert "repeats itself" not in graph.guarantee
+
+
+@pytest.mark.parametrize("unit", [1.0, 1e-5, 1e7])
+@pytest.mark.parametrize("top", [0.1, 0.3])
+@pytest.mark.sweep(6)
+def test_short_branches_from_bound_to_bound(unit, top):
+    """A wave y = sin(9 alpha), of which bounds leave a short piece on each flank."""
+    interval = (-1.4, 1.3)
+
+    class Wave(PiecewiseSystem):
+        size = 2
+
+        def test_functions(self, z, alpha):
+            return z[:1] / unit - 0.05
+
+        def residual(self, z, alpha, character):
+            assert interval[0] <= alpha <= interval[1]
+            y, other = z / unit
+            more = 0.5 * (y - 0.05) * character.signs[0]
+            return np.array([y - np.sin(9.0 * alpha), other - y - more])
+
+        def bounds(self):
+            return np.array([0.0, -np.inf]), unit * np.array([top, 9.0])
+
+    graph = explore(Wave(), interval)
+    turns = np.arange(-9, 10) * np.pi
+    flanks = [turn + (-1.0) ** k * np.arcsin([0.0, top]) for k, turn in enumerate(turns, start=-9)]
+    ends = sorted(x / 9.0 for x in np.ravel(flanks) if interval[0] < x / 9.0 < interval[1])
+    assert sorted(p.alpha for p in graph.special_points("end")) == pytest.approx(ends, abs=1e-9)
+
+
+def test_a_curve_that_touches_a_bound_from_outside_is_no_solution():
+    class Below(PiecewiseSystem):
+        size = 2
+
+        def test_functions(self, z, alpha):
+            return z[:1] - 0.2
+
+        def residual(self, z, alpha, character):
+            kink = (z[0] - 0.2) * (1.0 if character.signs[0] else -1.0)
+            return np.array([z[0] + (alpha - 0.3) ** 2, z[1] - kink])
+
+        def bounds(self):
+            return np.array([0.0, -np.inf]), np.inf
+
+    graph = explore(Below(), (-1.0, 1.0))
+    assert not graph.special_points()
+    assert graph.guarantee.startswith("nothing found")

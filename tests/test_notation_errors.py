@@ -35,6 +35,7 @@ WRONG = {
     "arguments of sw.max": lambda z, t, sw: sw.max(z, np.zeros(3)) - t,
     "arguments of sw.abs must be real": lambda z, t, sw: sw.abs(z + 1j) - t,
     "lower is larger": lambda z, t, sw: z - sw.clip(z, 1.0, 0.0) - t,
+    "finite at none of": lambda z, t, sw: z - sw.clip(z, [0.0, np.nan], 1.0) - t,
     "sw has no 'maximum'; it has max": lambda z, t, sw: sw.maximum(z, 0.0) - t,
     "infinite": lambda z, t, sw: z - sw.max(z, -np.inf) - t,
 }
@@ -382,6 +383,7 @@ def test_a_function_that_keeps_numbers_for_the_next_call_is_refused():
         explore(Switched(1, WarmStart()), (-1.0, 1.0))
 
 
-def test_bounds_that_are_no_numbers_are_refused_in_words():
-    with pytest.raises(InvalidInputError, match=r"a bound must be numbers, got \['x'\]"):
-        Complementarity(lambda z, t: z - t, lower=[0.0], upper=["x"])
+@pytest.mark.parametrize("upper", ["x", np.nan])
+def test_bounds_that_are_no_numbers_are_refused_in_words(upper):
+    with pytest.raises(InvalidInputError, match=r"a bound must be numbers, got \['?(x|nan)'?\]"):
+        Complementarity(lambda z, t: z - t, lower=[0.0], upper=[upper])

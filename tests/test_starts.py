@@ -205,6 +205,38 @@ def test_whole_periods_are_one_solution():
         assert found == pytest.approx(sorted(2 * voltages(alpha)), rel=1e-8)
 
 
+@pytest.mark.parametrize("turn", [1e-6, 1e-11, 1.0, 360.0, 1e5])
+@pytest.mark.parametrize("written", [False, True])
+@pytest.mark.sweep(5)
+def test_an_angle_in_any_unit(turn, written):
+    """A cosine with a kink at one half has each value twice in a turn."""
+
+    class Angle(PiecewiseSystem):
+        size = 2
+
+        def test_functions(self, z, alpha):
+            return np.cos(2.0 * np.pi * z[:1] / turn) - 0.5
+
+        def residual(self, z, alpha, character):
+            height = np.cos(2.0 * np.pi * z[0] / turn)
+            more = (height - 0.5) * character.signs[0]
+            return np.array([height + more - alpha, z[1] - alpha * height])
+
+        def periods(self):
+            return np.array([turn, np.inf])
+
+    def formula(z, alpha, sw):
+        height = np.cos(2.0 * np.pi * z[0] / turn)
+        return [height + sw.relu(height - 0.5) - alpha, z[1] - alpha * height]
+
+    periods = [turn, np.inf]
+    graph = explore(Switched(2, formula, periods=periods) if written else Angle(), (-0.9, 1.4))
+    for alpha in (-0.6, 0.2, 1.1):
+        angle = np.arccos(alpha if alpha < 0.5 else (alpha + 0.5) / 2.0) / (2.0 * np.pi)
+        found = sorted(float(s.z[0]) / turn % 1.0 for s in graph.solutions(alpha))
+        assert found == pytest.approx([angle, 1.0 - angle], rel=1e-9)
+
+
 @pytest.mark.slow
 def test_nothing_outside_the_bounds():
     graph = explore(PositiveVoltage(), (0.1, 0.7))

@@ -14,10 +14,10 @@ to the places must be in order.
 
 Branch points within a step
 ---------------------------
-The sign of det[J; t^T] flips twice at two branch points, and not at all where an even number of eigenvalues
-vanishes together, as at a branch point of a symmetric structure. The quadratic through the
-Jacobians at the start, in the middle and at the end of a step is a matrix polynomial; real zeros
-within the step say where the determinant vanishes, and how often.
+The sign of det[J; t^T] flips twice at two branch points, and not at all where an even number of
+eigenvalues vanishes together, as at a branch point of a symmetric structure. The quadratic through
+the Jacobians at the start, in the middle and at the end of a step is a matrix polynomial; real
+zeros within the step say where the determinant vanishes, and how often.
 
 - The zeros cost a tenth of a step. They are computed unless a norm shows that the quadratic through
   the Jacobians of the last corrections, which are known, has none.

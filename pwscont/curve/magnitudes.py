@@ -69,6 +69,8 @@ MERE, STRIDE = 2.0**-12, 8
 #: A little of the terms; and so many powers less than what PART of them needs, by 10,000, not even
 #: a little would do if H were straight. If LEVEL does, H levels off, and rounding may reach PART.
 LITTLE, FAR_BELOW, LEVEL = 0.001, 53, 0.99 * PART
+#: A period in typical magnitudes: that of the sine.
+PERIOD = 2.0 * np.pi
 #: Where in the interval H is asked: at both ends, and where no function vanishes by design.
 PLACES = (0.0, 0.381966, 1.0)
 #: Most unknowns whose sizes are told by more than a single Newton step.
@@ -121,8 +123,9 @@ def rough_magnitudes(system: PiecewiseSystem, interval: Range, z: Array) -> Arra
     for j in np.flatnonzero(z).tolist():  # at a solution terms cancel
         changes = _each_change(system, box, alphas, z, here, j, abs(float(z[j])))
         others = reduce(np.maximum, changes, others)
-    sizes, most = np.zeros(system.size), np.zeros((system.size, system.size))
-    may_bend = True
+    most_of = box.period / PERIOD  # a periodic unknown has this size, whatever H is
+    sizes = np.where(np.isfinite(most_of), most_of, 0.0)
+    most, may_bend = np.zeros((system.size, system.size)), True
     for number in range(system.size + 2):
         unknown = np.flatnonzero(sizes == 0.0).tolist()
         for j in unknown:
@@ -135,7 +138,7 @@ def rough_magnitudes(system: PiecewiseSystem, interval: Range, z: Array) -> Arra
             ways = np.eye(system.size)[unknown]
             sizes[unknown] = [_bend(system, alphas, z, here, way) for way in ways]
             sizes = sizes if sizes.any() else _by_bends(system, alphas, z, here)
-        for j in unknown:
+        for j in unknown if number else range(system.size):
             changes = _each_change(system, box, alphas, z, here, j, sizes[j])
             most[:, j] = reduce(np.maximum, changes)
         if sizes.all():
@@ -144,7 +147,7 @@ def rough_magnitudes(system: PiecewiseSystem, interval: Range, z: Array) -> Arra
     sizes = np.where(sizes > 0.0, sizes, np.minimum(1.0, box.upper - box.lower))
     if largest(sizes) > FAR_APART * smallest(sizes):
         sizes = np.maximum(sizes, _least_steps(system, alphas, sizes))
-    return sizes
+    return np.minimum(sizes, most_of)
 
 
 def _jumps(

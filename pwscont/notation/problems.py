@@ -246,6 +246,8 @@ class _Constant:
             self._values = np.asarray(values, dtype=float)
         except (TypeError, ValueError) as error:
             raise InvalidInputError(f"a bound must be numbers, got {values!r}") from error
+        if np.isnan(self._values).any():
+            raise InvalidInputError(f"a bound must be numbers, got {values!r}")
 
     def __call__(self, alpha: Any) -> Array:
         return self._values

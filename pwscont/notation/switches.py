@@ -93,11 +93,11 @@ class Switches:
 
 
 def forms_of(lower: Any, upper: Any) -> Any:
-    """Return the kind of bounds of each entry, FREE to CROSSED."""
+    """Return the kind of bounds of each entry, FREE to CROSSED, which nan counts as."""
     lower, upper = value_of(lower), value_of(upper)
     forms = BELOW * (lower > -np.inf) + ABOVE * (upper < np.inf)
     forms = np.where((forms == BOTH) & (lower == upper), FIXED, forms)
-    return np.where(lower > upper, CROSSED, forms)
+    return np.where(lower <= upper, forms, CROSSED)
 
 
 def common_form(forms: Any) -> Any:

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import chain
 from numbers import Integral
 from typing import TypeAlias, final
 
@@ -22,6 +23,7 @@ from pwscont.basics.outcome import Guarantee, SearchScope
 from pwscont.basics.printing import counted
 from pwscont.curve.error_samples import Found
 from pwscont.curve.metric import Metric, Range
+from pwscont.search.bounds import on_bounds
 from pwscont.search.enumeration import starts_at
 from pwscont.search.pursuit import FEW_MORE, MOST_FOUND, Pursuit, is_new, solution_from
 from pwscont.search.search import KnownBranches, Search
@@ -185,8 +187,12 @@ class Throughout(Search):
             yield from MultiStart(count=1, around=self.around).starts(system, metric, interval)
         count, most = 0, FEW_MORE if known.is_left_off else MOST_FOUND
         for turn in range(MOST_ROUNDS):
-            before = count
-            for count, found in enumerate(self._between(pursuit, interval, turn), before + 1):
+            before, all_found = count, self._between(pursuit, interval, turn)
+            if Box.of(system).is_bounded:
+                starts = self.slices * self.count
+                on = on_bounds(system, metric, interval, known, starts, turn)
+                all_found = chain(all_found, on)
+            for count, found in enumerate(all_found, before + 1):
                 yield found
                 if count > most:
                     known.leave_off()
@@ -211,6 +217,7 @@ class Throughout(Search):
         what += f"Newton from {self.at_ends} starts at both ends (seed 0)"
         what += f" and {self.count} at {self.slices} values of alpha between, deflated"
         what += ", and where one equation changes its sign" if shown_size(system) == 1 else ""
+        what += "; on bounds of unknowns" if Box.of(system).is_bounded else ""
         what += "; again while more is found"
         return SearchScope(what, Guarantee.NOTHING)
 

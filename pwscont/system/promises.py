@@ -86,7 +86,7 @@ def check_start(
 def _refuse_wrong_periods(system: PiecewiseSystem, x: Array) -> None:
     """Refuse a period of an unknown over which H changes, at a generic point."""
     period, alpha = Box.of(system).period, float(x[-1])
-    scale = system.differences(alpha).scale
+    scale = np.minimum(system.differences(alpha).scale, np.append(period, np.inf))
     z = (x + scale * generic(len(scale)))[:-1]
     for j in np.flatnonzero(np.isfinite(period)).tolist():
         here, there = (
@@ -229,8 +229,8 @@ def refuse_jump(one: Selection, other: Selection, x: Array, error: Array, scale:
             f"{name}.residual jumps by {size:.3g} in row {row} where {one.label} and {other.label} "
             f"meet, at alpha = {x[-1]:.10g}, z = {np.array2string(x[:-1], threshold=6)}: H must be "
             "continuous, so both selections must agree there, and the test function needs a slope "
-            "where it is zero; run check_system; rounding beside a huge coefficient looks like a "
-            "jump, too"
+            "where it is zero; run check_system; rounding beside a huge coefficient and a lower "
+            "bound of sw.clip above the upper bound look like a jump, too"
         )
 
 

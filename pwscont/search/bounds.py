@@ -1,0 +1,134 @@
+"""Solutions on the bounds of unknowns, where a branch may begin and end inside the interval.
+
+Solutions at the ends of the interval do not lead to such a branch, and between the ends the branch
+may be short. On a bound, the unknown is given and alpha is not.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from typing import Any, final
+
+import numpy as np
+
+from pwscont.basics.arrays import Array, dense
+from pwscont.basics.character import Character
+from pwscont.curve.error_samples import Found
+from pwscont.curve.metric import Metric, Range
+from pwscont.search.pursuit import ALMOST, FARTHEST_START, SAME_SOLUTION, Pursuit
+from pwscont.search.search import KnownBranches
+from pwscont.system.box import Box
+from pwscont.system.contract import jacobian_at, residual_at
+from pwscont.system.system import PiecewiseSystem
+
+#: How far from its only bound an unknown is looked for, in typical magnitudes.
+INWARDS = 4.0
+
+
+@final
+class Exchanged(PiecewiseSystem):
+    """A system whose parameter is one of the unknowns, with alpha in the place of the unknown."""
+
+    def __init__(self, system: PiecewiseSystem, place: int, metric: Metric, interval: Range):
+        self.size, self._system, self._place = system.size, system, place
+        self._box, self._interval = Box.of(system), interval
+        self.magnitudes = self.exchanged(metric.scale)  # of the unknowns and of the parameter
+
+    def exchanged(self, x: Array) -> Array:
+        """Return points, shape (..., n + 1), with the unknown and alpha exchanged."""
+        y = np.array(x)
+        y[..., self._place], y[..., -1] = x[..., -1], x[..., self._place]
+        return y
+
+    def _at(self, z: Array, alpha: float) -> tuple[Array, float]:
+        """Return the point of the system, the nearest in the interval: H is asked nowhere else."""
+        x = self.exchanged(np.append(z, alpha))
+        return x[:-1], float(np.clip(x[-1], *self._interval))
+
+    def test_functions(self, z: Array, alpha: float) -> Array:
+        """Return the tests of the system."""
+        return np.asarray(self._system.test_functions(*self._at(z, alpha)), dtype=float)
+
+    def residual(self, z: Array, alpha: float, character: Character) -> Array:
+        """Return H, nan outside of the interval."""
+        own, at = self._at(z, alpha)
+        rows = residual_at(self._system, own, at, character)
+        return rows if at == z[self._place] else np.full_like(rows, np.nan)
+
+    def jacobian(self, z: Array, alpha: float, character: Character) -> Array:
+        """Return the derivatives of H, with two columns exchanged."""
+        return self.exchanged(dense(jacobian_at(self._system, *self._at(z, alpha), character)))
+
+    def test_jacobian(self, z: Array, alpha: float) -> Array:
+        """Return the derivatives of the tests, with two columns exchanged."""
+        return self.exchanged(dense(self._system.test_jacobian(*self._at(z, alpha))))
+
+    def scale(self, lo: float, hi: float) -> Array:
+        """Return the magnitudes, that of alpha in the place of the unknown."""
+        return self.magnitudes[:-1]
+
+    def bounds(self) -> tuple[Any, Any]:
+        """Return the bounds, the interval in the place of the unknown."""
+        ends = zip((self._box.lower, self._box.upper), self._interval, strict=True)
+        lower, upper = (self.exchanged(np.append(bound, end))[:-1] for bound, end in ends)
+        return lower, upper
+
+    def periods(self) -> Array:
+        """Return the periods; alpha has none."""
+        return self.exchanged(np.append(self._box.period, np.inf))[:-1]
+
+
+def on_bounds(
+    system: PiecewiseSystem,
+    metric: Metric,
+    interval: Range,
+    known: KnownBranches,
+    count: int,
+    turn: int,
+) -> Iterator[Found]:
+    """Yield solutions on bounds of unknowns from so many starts, others in each turn.
+
+    If there are more bounds than starts, the first bounds have one start each.
+    """
+    box, scale = Box.of(system), metric.scale[:-1]
+    ends = np.array([box.lower, box.upper])
+    near = np.argwhere(np.abs(ends) <= FARTHEST_START * scale)[:count]
+    each = count // max(len(near), 1)
+    numbers = range(turn * each, (turn + 1) * each)
+    for side, place in near.tolist():
+        bound, slack = float(ends[side, place]), SAME_SOLUTION * scale[place]
+        if any((np.abs(x[:, place] - bound) <= slack).sum() > 1 for x in known.pieces()):
+            continue  # a branch lies on the bound
+        yield from _on_bound(system, metric, interval, known, place, bound, numbers)
+
+
+def _on_bound(
+    system: PiecewiseSystem,
+    metric: Metric,
+    interval: Range,
+    known: KnownBranches,
+    place: int,
+    bound: float,
+    numbers: Iterable[int],
+) -> Iterator[Found]:
+    """Yield solutions on a bound of the unknown at a place."""
+    other, box = Exchanged(system, place, metric, interval), Box.of(system)
+    width = INWARDS * metric.scale[place]
+    inside = max(box.lower[place], bound - width), min(box.upper[place], bound + width)
+    seen = KnownBranches()
+    seen.followed = lambda: ((cell, other.exchanged(x)) for cell, x in known.followed())
+    periods = Box.of(other).period
+    pursuit = Pursuit(other, Metric(other.magnitudes, inside, periods), inside, seen)
+    for found in pursuit.at(bound, map(pursuit.guess, numbers)):
+        if _is_crossed(other, found[0]):
+            x, error = map(other.exchanged, found)
+            yield x, error
+
+
+def _is_crossed(other: Exchanged, y: Array) -> bool:
+    """Tell whether a curve crosses a bound at a point; a curve outside may touch the bound."""
+    z, bound = y[:-1], float(y[-1])
+    rows = other.jacobian(z, bound, other.character(z, bound)) * other.magnitudes
+    sizes = np.abs(rows).max(axis=1, keepdims=True)
+    tangent = np.linalg.svd(rows / np.where(sizes > 0.0, sizes, 1.0))[2][-1]
+    return bool(abs(tangent[-1]) > ALMOST)
