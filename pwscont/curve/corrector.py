@@ -172,6 +172,7 @@ def zero(curve: Curve, border: Border, x: Array) -> Corrected | Failure:
     if factor.failed:
         return Failure(FailureReason.SINGULAR)
     state = State(root.x, -rising, error, -factor.sign, located_by=factor)
+    state.jacobian = root.jacobian
     return Corrected(state, root.iterations, factor, root.contraction)
 
 

@@ -149,7 +149,7 @@ class State:
     def reversed(self) -> State:
         """Return the same place with the opposite direction."""
         back = State(self.x, -self.tangent, self.error, -self.orientation, self._size)
-        back.is_singular = self.is_singular
+        back.jacobian, back.is_singular = self.jacobian, self.is_singular
         return back
 
     def __repr__(self) -> str:

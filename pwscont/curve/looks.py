@@ -19,10 +19,10 @@ eigenvalues vanishes together, as at a branch point of a symmetric structure. Th
 the Jacobians at the start, in the middle and at the end of a step is a matrix polynomial; real
 zeros within the step say where the determinant vanishes, and how often.
 
-- The zeros cost a tenth of a step. They are computed unless a norm shows that the quadratic through
-  the Jacobians of the last corrections, which are known, has none.
-- Several zeros apart: a shorter step is asked for, until each step has one zero at most. The places
-  of zeros of a short step are exact to the third order of the length of the step.
+- Three Jacobians cost a tenth of a step. They are computed unless the quadratic through the
+  Jacobians of the last corrections, which are known, has no zero near the step.
+- Several zeros apart: if the sign between two of them is another one, a shorter step is asked for,
+  until each step has one zero at most.
 - Several zeros together: the step around them is looked at again, ever closer, until the zeros are
   apart, or vanish, or are one place to rounding.
 - A branch point that is known, at the beginning of a piece or where a step ends, is no other zero.
@@ -37,7 +37,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import lru_cache
-from math import ceil, inf, nan, sqrt
+from math import ceil, inf, isfinite, nan, sqrt
 
 import numpy as np
 
@@ -224,6 +224,8 @@ def _alphas_turn(segment: CurvedSegment, alphas: Array) -> bool:
 TOGETHER = 1e-2
 #: Distance from a known branch point, as a part of the half step, below which a zero is that point.
 KNOWN = 1e-3
+#: How near zeros of a rough quadratic must be if they are computed, as a part of the step.
+MARGIN = 0.2
 #: How far before and behind a place a step is looked at again, as parts of the step: unlike, so
 #: that the Jacobian in the middle is regular.
 CLOSER = -0.05, 0.03
@@ -247,41 +249,63 @@ def hidden_in(segment: CurvedSegment) -> State | Failure | None:
     zeros, is_known = _zeros(segment), end.is_singular
     if not len(zeros):
         return None
-    middle = 0.5 * segment.length * (1.0 + float(zeros.mean()))
-    if segment.length <= SHORTEST:
-        return None if is_known or len(zeros) == 1 else _singular_at(segment, middle)
     if is_known or len(zeros) == 1 or np.ptp(zeros) > TOGETHER:
-        return Failure(FailureReason.SINGULAR)
-    return _closer(segment, middle)
+        return _apart(segment, zeros)
+    middle = 0.5 * segment.length * (1.0 + float(zeros.mean()))
+    return (_singular_at if segment.length <= SHORTEST else _closer)(segment, middle)
+
+
+def _apart(segment: CurvedSegment, zeros: Array) -> Failure | None:
+    """Return a Failure if the sign between zeros, or behind the last, is not that of the start."""
+    places = 0.25 * segment.length * (2.0 + zeros + np.append(zeros[1:], 1.0))
+    for state in map(segment.at, places if segment.length > SHORTEST else ()):
+        if isinstance(state, Failure) or state.orientation != segment.start.orientation:
+            return Failure(FailureReason.SINGULAR)
+    return None
 
 
 def _is_regular(segment: CurvedSegment) -> bool:
-    """Tell whether the quadratic through the last three Jacobians is regular, by its norm.
+    """Tell whether the quadratic through the last three Jacobians has no zero near the segment.
 
     The quadratic is B + s D + s^2 E, with s = 0 at the end and s = -1 at the start.
     """
-    states = [state for state in (segment.behind, segment.start, segment.end) if state]
-    known = [state.jacobian for state in states if state.jacobian is not None]
-    if len(known) < 3 or segment.factor is None:
+    start = segment.start
+    if start.jacobian is None:  # at the beginning of a piece
+        start.jacobian = segment.curve.selection.jacobian(start.x)
+    states = [state for state in (segment.behind, start, segment.end) if state]
+    known = [dense(state.jacobian) for state in states if state.jacobian is not None]
+    factor = segment.factor or segment.end.located_by
+    if len(known) < len(states) or factor is None:
         return False
-    metric = segment.curve.metric
-    behind = metric.norm(segment.start.x - states[0].x) / segment.length
-    earlier, first = dense(known[0] - known[2]), dense(known[1] - known[2])
-    bend = (earlier / (1.0 + behind) - first) / behind
-    return _norm(segment.factor, metric.binary, bend - first, bend) < 1.0
-
-
-def _norm(factor: Factor, scale: Array, *changes: Array) -> float:
-    """Return the sum of the norms of B^-1 [C; 0], for changes C, in the units of the metric."""
-    return sum(largest(np.abs(each).sum(axis=0)) for each in _solved(factor, scale, *changes))
+    metric, first = segment.curve.metric, known[-2] - known[-1]
+    bend = np.zeros_like(first)
+    if len(known) > 2:
+        behind = metric.norm(start.x - states[0].x) / segment.length
+        bend = ((known[0] - known[-1]) / (1.0 + behind) - first) / behind
+    forth, bend = _solved(factor, metric.binary, bend - first, bend)
+    return not len(_real_zeros(forth, bend, -1.0 - MARGIN, MARGIN, MARGIN))
 
 
 def _solved(factor: Factor, scale: Array, *changes: Array) -> list[Array]:
+    """Return M^-1 [C; 0] for a factorised M and changes C, in the units of the metric."""
     k = len(scale)
     both = np.zeros((len(changes) * k, k))
     both[:, :-1] = np.hstack(changes).T
     parts = factor.solve_all(both).reshape(len(changes), k, k)
     return [part.T * scale / scale[:, np.newaxis] for part in parts]
+
+
+def _real_zeros(forth: Array, bend: Array, first: float, last: float, imaginary: float) -> Array:
+    """Return the zeros s of I + s D + s^2 E from first to last, whose imaginary part is small."""
+    norms = largest(np.abs(forth).sum(axis=0)), largest(np.abs(bend).sum(axis=0))
+    farthest = max(-first, last)
+    if farthest * (norms[0] + farthest * norms[1]) < 1.0 or not isfinite(sum(norms)):
+        return np.zeros(0)  # nearly always
+    k = len(forth)
+    values = np.linalg.eigvals(np.block([[-forth, -bend], [np.eye(k), np.zeros((k, k))]]))
+    zeros = 1.0 / values[np.abs(values) > 0.5 / farthest]
+    zeros = zeros.real[np.abs(zeros.imag) < imaginary]
+    return np.sort(zeros[(first < zeros) & (zeros < last)])
 
 
 def _zeros(segment: CurvedSegment) -> Array:
@@ -297,14 +321,8 @@ def _zeros(segment: CurvedSegment) -> Array:
     factor = bordered(here, curve.metric.covector(segment.chord), curve.metric.binary)
     changes = 0.5 * (after - before), 0.5 * (after + before) - here
     forth, bend = _solved(factor, curve.metric.binary, *changes)
-    if not (np.isfinite(forth).all() and np.isfinite(bend).all()):
-        return np.zeros(0)
-    k = len(forth)
-    values = np.linalg.eigvals(np.block([[-forth, -bend], [np.eye(k), np.zeros((k, k))]]))
-    zeros = 1.0 / values[np.abs(values) > 1.0]
-    zeros = zeros.real[np.abs(zeros.imag) < TOGETHER]
     first, last = (1.0 - KNOWN * state.is_singular for state in (segment.start, segment.end))
-    return np.sort(zeros[(-first < zeros) & (zeros < last)])
+    return _real_zeros(forth, bend, -first, last, TOGETHER)
 
 
 def _rank_is_rounding(jacobian: Array) -> bool:

@@ -116,7 +116,9 @@ def inward_ray(curve: Curve, x: Array, error: Array, test: int) -> Ray | None:
     tangent = metric.normalised(factor.solve(last_unit(len(x))))
     if not selection.is_straight and are_level(selection, gradient, tangent, metric.scale):
         return None
-    return Ray(curve, moved(x, defect, tangent, error, factor.sign))
+    state = moved(x, defect, tangent, error, factor.sign)
+    state.jacobian = jacobian
+    return Ray(curve, state)
 
 
 def are_level(selection: Selection, gradients: Array, tangent: Array, scale: Array) -> Any:
@@ -139,11 +141,14 @@ def check_continuity(
 def state_on(curve: Curve, x: Array, tangent: Array, error: Array) -> State:
     """Return the state of a curve at a point common to several curves, or close to the point."""
     border = curve.metric.covector(tangent)
-    factor = bordered(curve.selection.jacobian(x), border, curve.metric.binary)
+    jacobian = curve.selection.jacobian(x)
+    factor = bordered(jacobian, border, curve.metric.binary)
     if factor.is_singular():
         return State(x, tangent, error, factor.sign)
     defect = factor.solve(curve.selection.residual_and(x, 0.0))
-    return moved(x, defect, tangent, error, factor.sign)
+    state = moved(x, defect, tangent, error, factor.sign)
+    state.jacobian = jacobian
+    return state
 
 
 def moved(x: Array, defect: Array, tangent: Array, error: Array, orientation: int) -> State:
