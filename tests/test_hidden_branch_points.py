@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pwscont import Switched, trace
+from pwscont import PiecewiseSystem, Switched, trace
 
 END = 0.95
 
@@ -92,6 +92,52 @@ def test_branch_point_exactly_at_the_end_of_the_first_step_behind_another():
     row, beyond = ROWS["kinked pitchfork"]
     first_step = 0.02 * 2.0  # of an interval of length 2
     assert counted(row, [-0.45, -0.45 + first_step]) == (beyond**2, "balanced")
+
+
+class Cluster(PiecewiseSystem):
+    """M g(N z) = 0 with g_i = y_i (y_i^2 - p_i(alpha)): y_i = 0, and two roots more beyond b_i."""
+
+    def __init__(self, seed, count, apart):
+        rng = np.random.default_rng(seed)
+        self.size = count
+        self.places = rng.uniform(-0.6, 0.6) + 2.0 * apart * np.sort(rng.uniform(size=count))
+        self.bend = rng.uniform(-0.3, 0.3, count)
+        spread = 0.4 / np.sqrt(count)
+        self.rows, self.columns = np.eye(count) + spread * rng.normal(size=(2, count, count))
+
+    def _beyond(self, alpha):
+        return (alpha - self.places) * (1.0 + self.bend * (alpha - self.places))
+
+    def test_functions(self, z, alpha):
+        return np.zeros(0)
+
+    def residual(self, z, alpha, character):
+        y = self.columns @ z
+        return self.rows @ (y * (y * y - self._beyond(alpha)))
+
+    def jacobian(self, z, alpha, character):
+        y = self.columns @ z
+        by_y = 3.0 * y * y - self._beyond(alpha)
+        by_alpha = -y * (1.0 + 2.0 * self.bend * (alpha - self.places))
+        return np.column_stack(
+            [self.rows @ (by_y[:, np.newaxis] * self.columns), self.rows @ by_alpha]
+        )
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("count", "apart"), [(3, 0.1), (3, 0.02), (3, 1e-3), (4, 0.1), (4, 0.02)])
+@pytest.mark.parametrize("seed", range(6))
+def test_three_and_four_branch_points_close_together(count, apart, seed):
+    cluster = Cluster(seed, count, apart)
+    graph = trace(cluster, (np.zeros(count), -1.0), (-1.0, 1.0))
+    is_right = (graph.count(-0.95), graph.count(0.97)) == (1, 3**count)
+    assert is_right or str(graph.guarantee) != "balanced"
+    if apart > 1e-2 and count == 3:
+        assert is_right
+
+
+def test_two_branch_points_where_a_piece_begins_at_another_one():
+    assert counted(ROWS["pitchfork"][0], [0.2, 0.203, 0.2041])[0] == 27
 
 
 @pytest.mark.parametrize("name", ROWS)
