@@ -219,8 +219,8 @@ def _alphas_turn(segment: CurvedSegment, alphas: Array) -> bool:
 
 # -- branch points within a step -------------------------------------------------------------------
 
-#: Zeros of a step closer than this part of the half step are together; so are the two zeros of a
-#: complex pair with a smaller imaginary part.
+#: Zeros are together if they are closer than this part of the half step, or if they are a complex
+#: pair with a smaller imaginary part.
 TOGETHER = 1e-2
 #: Distance from a known branch point, as a part of the half step, below which a zero is that point.
 KNOWN = 1e-3
@@ -231,7 +231,7 @@ MARGIN = 0.2
 CLOSER = -0.05, 0.03
 #: The shortest step that is refused, and the longest in which zeros together are one place.
 SHORTEST = 1e-6
-#: Most unknowns of which the zeros are computed: of more, that would cost as much as the step.
+#: Most unknowns for which zeros are computed: for more, the eigenvalues cost as much as the step.
 MOST_UNKNOWNS = 24
 
 
