@@ -105,7 +105,7 @@ class Cluster(PiecewiseSystem):
         spread = 0.4 / np.sqrt(count)
         self.rows, self.columns = np.eye(count) + spread * rng.normal(size=(2, count, count))
 
-    def _beyond(self, alpha):
+    def beyond(self, alpha):
         return (alpha - self.places) * (1.0 + self.bend * (alpha - self.places))
 
     def test_functions(self, z, alpha):
@@ -113,11 +113,11 @@ class Cluster(PiecewiseSystem):
 
     def residual(self, z, alpha, character):
         y = self.columns @ z
-        return self.rows @ (y * (y * y - self._beyond(alpha)))
+        return self.rows @ (y * (y * y - self.beyond(alpha)))
 
     def jacobian(self, z, alpha, character):
         y = self.columns @ z
-        by_y = 3.0 * y * y - self._beyond(alpha)
+        by_y = 3.0 * y * y - self.beyond(alpha)
         by_alpha = -y * (1.0 + 2.0 * self.bend * (alpha - self.places))
         return np.column_stack(
             [self.rows @ (by_y[:, np.newaxis] * self.columns), self.rows @ by_alpha]
@@ -134,6 +134,22 @@ def test_three_and_four_branch_points_close_together(count, apart, seed):
     assert is_right or str(graph.guarantee) != "balanced"
     if apart > 1e-2 and count == 3:
         assert is_right
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(4))
+def test_two_branch_points_with_many_unknowns(seed):
+    """Beside the two, 38 springs y + y^3 = 0, all mixed by matrices."""
+    n, pair, rng = 40, Cluster(seed, 2, 0.01), np.random.default_rng(seed)
+    rows, columns = np.eye(n) + 0.05 * rng.normal(size=(2, n, n))
+
+    def residual(z, alpha, sw):
+        y = columns @ z
+        beyond = pair.beyond(alpha)
+        return rows @ np.concatenate([y[:2] * (y[:2] ** 2 - beyond), y[2:] * (1.0 + y[2:] ** 2)])
+
+    graph = trace(Switched(n, residual), (np.zeros(n), -1.0), (-1.0, 1.0))
+    assert (graph.count(-0.95), graph.count(0.97)) == (1, 9)
 
 
 def test_two_branch_points_where_a_piece_begins_at_another_one():

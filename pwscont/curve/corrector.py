@@ -172,7 +172,8 @@ def zero(curve: Curve, border: Border, x: Array) -> Corrected | Failure:
     if factor.failed:
         return Failure(FailureReason.SINGULAR)
     state = State(root.x, -rising, error, -factor.sign, located_by=factor)
-    state.jacobian = root.jacobian
+    if not curve.selection.is_straight:
+        state.jacobian = root.jacobian
     return Corrected(state, root.iterations, factor, root.contraction)
 
 

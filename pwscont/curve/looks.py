@@ -26,6 +26,8 @@ zeros within the step say where the determinant vanishes, and how often.
 - Several zeros together: the step around them is looked at again, ever closer, until the zeros are
   apart, or vanish, or are one place to rounding.
 - A branch point that is known, at the beginning of a piece or where a step ends, is no other zero.
+- Many unknowns: Arnoldi's method computes the dominant zeros of the line through two Jacobians; one
+  or two vectors show nearly always that there is none. Zeros together are told apart only closer.
 - Along a curve on which H vanishes twice the determinant is rounding: where all three Jacobians
   lose rank, nothing is told.
 
@@ -41,7 +43,7 @@ from math import ceil, inf, isfinite, nan, sqrt
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, dense, largest, smallest
+from pwscont.basics.arrays import Array, Matrix, dense, generic, joined, largest, product, smallest
 from pwscont.basics.outcome import Failure, FailureReason
 from pwscont.basics.rounding import CONVERGED
 from pwscont.curve.crossing import FULL_RANK, loses_rank
@@ -231,26 +233,36 @@ MARGIN = 0.2
 CLOSER = -0.05, 0.03
 #: The shortest step that is refused, and the longest in which zeros together are one place.
 SHORTEST = 1e-6
-#: Most unknowns for which zeros are computed: for more, the eigenvalues cost as much as the step.
+#: Most unknowns for which all zeros of the quadratic are computed: the eigenvalues cost less than
+#: the step.
 MOST_UNKNOWNS = 24
+#: For more unknowns, the number of vectors of Arnoldi's method; the size of the matrix of the first
+#: two vectors below which no eigenvalue is 1; and the size of the first image, times the root of
+#: the number of unknowns, below which a tenth of the usual part of such an eigenvector would show.
+VECTORS, SMALL, SMALL_FIRST = 10, 0.5, 0.1
 
 
 def hidden_in(segment: CurvedSegment) -> State | Failure | None:
     """Return a state within a segment at which the determinant vanishes and keeps its sign.
 
     A Failure if the determinant vanishes at several places: a shorter step is needed. None if the
-    determinant does not vanish, where the signs at both ends differ, and for many unknowns.
+    determinant does not vanish, and where the signs at both ends differ.
     """
-    curve, start, end = segment.curve, segment.start, segment.end
-    if curve.selection.is_straight or curve.selection.system.size > MOST_UNKNOWNS:
+    selection, start, end = segment.curve.selection, segment.start, segment.end
+    if selection.is_straight or start.orientation != end.orientation:
         return None
-    if start.orientation != end.orientation or _is_regular(segment):
-        return None  # nearly always
-    zeros, is_known = _zeros(segment), end.is_singular
+    if start.jacobian is None:  # at the beginning of a piece
+        start.jacobian = selection.jacobian(start.x)
+    if is_rough := selection.system.size > MOST_UNKNOWNS:
+        zeros = _few_zeros(segment)
+    else:
+        zeros = np.zeros(0) if _is_regular(segment) else _zeros(segment)
     if not len(zeros):
-        return None
-    if is_known or len(zeros) == 1 or np.ptp(zeros) > TOGETHER:
-        return _apart(segment, zeros)
+        return None  # nearly always
+    if end.is_singular or len(zeros) == 1 or np.ptp(zeros) > TOGETHER:
+        found = _apart(segment, zeros)
+        if found or end.is_singular or not is_rough:
+            return found
     middle = 0.5 * segment.length * (1.0 + float(zeros.mean()))
     return (_singular_at if segment.length <= SHORTEST else _closer)(segment, middle)
 
@@ -270,8 +282,6 @@ def _is_regular(segment: CurvedSegment) -> bool:
     The quadratic is B + s D + s^2 E, with s = 0 at the end and s = -1 at the start.
     """
     start = segment.start
-    if start.jacobian is None:  # at the beginning of a piece
-        start.jacobian = segment.curve.selection.jacobian(start.x)
     states = [state for state in (segment.behind, start, segment.end) if state]
     known = [dense(state.jacobian) for state in states if state.jacobian is not None]
     factor = segment.factor or segment.end.located_by
@@ -323,6 +333,47 @@ def _zeros(segment: CurvedSegment) -> Array:
     forth, bend = _solved(factor, curve.metric.binary, *changes)
     first, last = (1.0 - KNOWN * state.is_singular for state in (segment.start, segment.end))
     return _real_zeros(forth, bend, -first, last, TOGETHER)
+
+
+def _few_zeros(segment: CurvedSegment) -> Array:
+    """Return zeros as :func:`_zeros`, of the line through two Jacobians, for many unknowns.
+
+    The line is M + s (after - before), with M at the end if a factorisation is known there.
+    """
+    curve, before, after = segment.curve, segment.start.jacobian, segment.end.jacobian
+    factor, at_end = segment.factor or segment.end.located_by, 1.0
+    if factor is None or after is None:
+        here, after = map(
+            curve.selection.jacobian, (segment.near(0.5 * segment.length), segment.end.x)
+        )
+        factor, at_end = (
+            bordered(here, curve.metric.covector(segment.chord), curve.metric.binary),
+            0.0,
+        )
+    values = _dominant(factor, before, after, curve.metric.binary)
+    zeros = at_end - 2.0 / values[np.abs(values) > 0.5]
+    zeros = zeros.real[np.abs(zeros.imag) < TOGETHER]
+    first, last = (1.0 - KNOWN * state.is_singular for state in (segment.start, segment.end))
+    return np.sort(zeros[(-first < zeros) & (zeros < last)])
+
+
+def _dominant(factor: Factor, before: Matrix, after: Matrix, scale: Array) -> Array:
+    """Return the largest eigenvalues of M^-1 [after - before; 0], none if all are well below 1."""
+    n, small = len(scale), (SMALL_FIRST / sqrt(len(scale)), SMALL)
+    basis, matrix = np.zeros((VECTORS + 1, n)), np.zeros((VECTORS + 1, VECTORS))
+    basis[0] = generic(n) / np.linalg.norm(generic(n))
+    for j in range(VECTORS):
+        vector = scale * basis[j]
+        image = factor.solve(joined(product(after, vector) - product(before, vector), 0.0)) / scale
+        parts = basis[: j + 1].dot(image)
+        image -= parts.dot(basis[: j + 1])
+        matrix[: j + 1, j], matrix[j + 1, j] = parts, np.linalg.norm(image)
+        if j < len(small) and not np.linalg.norm(matrix) >= small[j]:
+            return np.zeros(0)  # nearly always
+        if not matrix[j + 1, j] > 0.0:
+            break
+        basis[j + 1] = image / matrix[j + 1, j]
+    return np.asarray(np.linalg.eigvals(matrix[: j + 1, : j + 1]))
 
 
 def _rank_is_rounding(jacobian: Array) -> bool:

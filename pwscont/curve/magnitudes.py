@@ -212,8 +212,8 @@ def _reach(
     if is_enough(high - FAR_BELOW, LITTLE):
         small = _first(lambda power: is_enough(power, LITTLE), -POWERS, high)
         near = range(small, min(small + FAR_BELOW, high), 2)
-        parts = PARTS[1:] if is_enough(high - FAR_BELOW, LEVEL) else PARTS
-        parts = tuple(part for part in parts if not is_enough(-POWERS, part))  # no jump of H
+        first = 1 if is_enough(high - FAR_BELOW, LEVEL) else 0
+        parts = [part for part in PARTS[first:] if not is_enough(-POWERS, part)]  # no jump of H
         high = next((power for part in parts for power in near if is_enough(power, part)), high)
     return float(BASE**high / PART)
 

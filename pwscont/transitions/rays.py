@@ -117,7 +117,7 @@ def inward_ray(curve: Curve, x: Array, error: Array, test: int) -> Ray | None:
     if not selection.is_straight and are_level(selection, gradient, tangent, metric.scale):
         return None
     state = moved(x, defect, tangent, error, factor.sign)
-    state.jacobian = jacobian
+    state.jacobian = None if selection.is_straight else jacobian
     return Ray(curve, state)
 
 
@@ -147,7 +147,7 @@ def state_on(curve: Curve, x: Array, tangent: Array, error: Array) -> State:
         return State(x, tangent, error, factor.sign)
     defect = factor.solve(curve.selection.residual_and(x, 0.0))
     state = moved(x, defect, tangent, error, factor.sign)
-    state.jacobian = jacobian
+    state.jacobian = None if curve.selection.is_straight else jacobian
     return state
 
 
