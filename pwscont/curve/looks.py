@@ -28,8 +28,8 @@ zeros within the step say where the determinant vanishes, and how often.
 - A branch point that is known, at the beginning of a piece or where a step ends, is no other zero.
 - Many unknowns: Arnoldi's method computes the dominant zeros of the line through two Jacobians; one
   or two vectors show nearly always that there is none. Zeros together are told apart only closer.
-- Along a curve on which H vanishes twice the determinant is rounding: where all three Jacobians
-  lose rank, nothing is told.
+- Along a curve on which H vanishes twice the determinant is rounding: where the Jacobians lose
+  rank, nothing is told.
 
 Two zeros closer than a thousandth of a step to a known branch point may be missed, and an
 eigenvalue that vanishes twice within a part of the step in which three Jacobians do not show that.
@@ -232,14 +232,14 @@ MARGIN = 0.2
 #: that the Jacobian in the middle is regular.
 CLOSER = -0.05, 0.03
 #: The shortest step that is refused, and the longest in which zeros together are one place.
-SHORTEST = 1e-6
+SHORTEST_REFUSED = 1e-6
 #: Most unknowns for which all zeros of the quadratic are computed: the eigenvalues cost less than
 #: the step.
-MOST_UNKNOWNS = 24
+MOST_WITH_ALL_ZEROS = 24
 #: For more unknowns, the number of vectors of Arnoldi's method; the size of the matrix of the first
 #: two vectors below which no eigenvalue is 1; and the size of the first image, times the root of
 #: the number of unknowns, below which a tenth of the usual part of such an eigenvector would show.
-VECTORS, SMALL, SMALL_FIRST = 10, 0.5, 0.1
+VECTORS, NO_EIGENVALUE, NO_PART = 10, 0.5, 0.1
 
 
 def hidden_in(segment: CurvedSegment) -> State | Failure | None:
@@ -253,7 +253,7 @@ def hidden_in(segment: CurvedSegment) -> State | Failure | None:
         return None
     if start.jacobian is None:  # at the beginning of a piece
         start.jacobian = selection.jacobian(start.x)
-    if is_rough := selection.system.size > MOST_UNKNOWNS:
+    if is_rough := selection.system.size > MOST_WITH_ALL_ZEROS:
         zeros = _few_zeros(segment)
     else:
         zeros = np.zeros(0) if _is_regular(segment) else _zeros(segment)
@@ -264,13 +264,13 @@ def hidden_in(segment: CurvedSegment) -> State | Failure | None:
         if found or end.is_singular or not is_rough:
             return found
     middle = 0.5 * segment.length * (1.0 + float(zeros.mean()))
-    return (_singular_at if segment.length <= SHORTEST else _closer)(segment, middle)
+    return (_singular_at if segment.length <= SHORTEST_REFUSED else _closer)(segment, middle)
 
 
 def _apart(segment: CurvedSegment, zeros: Array) -> Failure | None:
     """Return a Failure if the sign between zeros, or behind the last, is not that of the start."""
     places = 0.25 * segment.length * (2.0 + zeros + np.append(zeros[1:], 1.0))
-    for state in map(segment.at, places if segment.length > SHORTEST else ()):
+    for state in map(segment.at, places if segment.length > SHORTEST_REFUSED else ()):
         if isinstance(state, Failure) or state.orientation != segment.start.orientation:
             return Failure(FailureReason.SINGULAR)
     return None
@@ -351,6 +351,8 @@ def _few_zeros(segment: CurvedSegment) -> Array:
             0.0,
         )
     values = _dominant(factor, before, after, curve.metric.binary)
+    if len(values) and all(loses_rank(curve, each.x) for each in (segment.start, segment.end)):
+        return np.zeros(0)
     zeros = at_end - 2.0 / values[np.abs(values) > 0.5]
     zeros = zeros.real[np.abs(zeros.imag) < TOGETHER]
     first, last = (1.0 - KNOWN * state.is_singular for state in (segment.start, segment.end))
@@ -359,7 +361,7 @@ def _few_zeros(segment: CurvedSegment) -> Array:
 
 def _dominant(factor: Factor, before: Matrix, after: Matrix, scale: Array) -> Array:
     """Return the largest eigenvalues of M^-1 [after - before; 0], none if all are well below 1."""
-    n, small = len(scale), (SMALL_FIRST / sqrt(len(scale)), SMALL)
+    n, small = len(scale), (NO_PART / sqrt(len(scale)), NO_EIGENVALUE)
     basis, matrix = np.zeros((VECTORS + 1, n)), np.zeros((VECTORS + 1, VECTORS))
     basis[0] = generic(n) / np.linalg.norm(generic(n))
     for j in range(VECTORS):
@@ -398,5 +400,5 @@ def _singular_at(segment: CurvedSegment, at: float) -> State | None:
     x = segment.near(at)
     if not loses_rank(segment.curve, x):
         return None
-    error = SHORTEST * (segment.end.x - segment.start.x)[np.newaxis]
+    error = SHORTEST_REFUSED * (segment.end.x - segment.start.x)[np.newaxis]
     return State(x, segment.chord, error, segment.start.orientation, is_singular=True)
