@@ -170,3 +170,15 @@ def test_nothing_is_seen_where_the_determinant_is_small_but_does_not_vanish():
     graph = trace(Switched(1, residual), ([0.0], -1.0), (-1.0, 1.0))
     assert [str(point.kind) for point in graph.special_points()] == ["start", "end"]
     assert str(graph.guarantee) == "balanced"
+
+
+def test_a_jacobian_that_is_undefined_beside_the_curve_is_no_obstacle():
+    class Partly(Cluster):
+        def jacobian(self, z, alpha, character):
+            # undefined in the middle of steps, whose ends are at round numbers
+            undefined = 0.05 < alpha < 0.25 and round(1e6 * alpha) % 10000
+            return super().jacobian(z, alpha, character) + (np.nan if undefined else 0.0)
+
+    graph = trace(Partly(0, 2, 0.01), (np.zeros(2), -1.0), (-1.0, 1.0))
+    assert graph.count(-0.95) == 1
+    assert graph.count(0.97) >= 1 or str(graph.guarantee) != "balanced"
