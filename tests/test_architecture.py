@@ -67,7 +67,7 @@ BUDGET = {
     "search": (8, 1810),
     "continuation": (8, 2760),
     "kit": (4, 955),
-    "proof": (9, 2151),
+    "proof": (9, 2155),
     "scenes": (14, 2652),
     "view": (6, 942),
     "evolution": (14, 2999),
