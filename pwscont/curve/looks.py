@@ -342,22 +342,18 @@ def _few_zeros(segment: CurvedSegment) -> Array:
 
     The line is M + s (after - before), with M at the end if a factorisation is known there.
     """
-    curve, before, after = segment.curve, segment.start.jacobian, segment.end.jacobian
-    factor, at_end = segment.factor or segment.end.located_by, 1.0
+    curve, start, end = segment.curve, segment.start, segment.end
+    factor, after, place = segment.factor or end.located_by, end.jacobian, 1.0  # of M
     if factor is None or after is None:
-        here, after = map(
-            curve.selection.jacobian, (segment.near(0.5 * segment.length), segment.end.x)
-        )
-        factor, at_end = (
-            bordered(here, curve.metric.covector(segment.chord), curve.metric.binary),
-            0.0,
-        )
-    values = _dominant(factor, before, after, curve.metric.binary)
-    if len(values) and all(loses_rank(curve, each.x) for each in (segment.start, segment.end)):
+        here = curve.selection.jacobian(segment.near(0.5 * segment.length))
+        factor = bordered(here, curve.metric.covector(segment.chord), curve.metric.binary)
+        after, place = curve.selection.jacobian(end.x), 0.0
+    values = _dominant(factor, start.jacobian, after, curve.metric.binary)
+    if len(values) and all(loses_rank(curve, each.x) for each in (start, end)):
         return np.zeros(0)
-    zeros = at_end - 2.0 / values[np.abs(values) > 0.5]
+    zeros = place - 2.0 / values[np.abs(values) > 0.5]
     zeros = zeros.real[np.abs(zeros.imag) < TOGETHER]
-    first, last = (1.0 - KNOWN * state.is_singular for state in (segment.start, segment.end))
+    first, last = (1.0 - KNOWN * state.is_singular for state in (start, end))
     return np.sort(zeros[(-first < zeros) & (zeros < last)])
 
 
