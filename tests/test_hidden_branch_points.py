@@ -163,6 +163,19 @@ def test_two_curves_that_cross_a_path_at_one_point_are_announced(name):
     assert "curves touch, or more than two cross, at alpha = 0.13" in words
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("beyond", [0.03, 0.2, 0.5])
+def test_curves_that_cross_at_one_point_before_another_branch_point_are_announced(beyond):
+    places = np.array([0.13, 0.13, 0.13 + beyond])
+
+    def residual(z, alpha, sw):
+        t = alpha - places
+        return [z[0] * (z[0] - t[0]), z[1] * (sw.abs(z[1]) - t[1]), z[2] * (z[2] ** 2 - t[2])]
+
+    graph = trace(Switched(3, residual), (np.zeros(3), -1.0), (-1.0, 1.0))
+    assert graph.count(END) == 18 or "touch, or more than two cross" in str(graph.guarantee)
+
+
 def test_nothing_is_seen_where_the_determinant_is_small_but_does_not_vanish():
     def residual(z, alpha, sw):
         return [z[0] * (z[0] ** 2 + (alpha - 0.1) ** 2 + 1e-3)]

@@ -231,9 +231,8 @@ MARGIN = 0.2
 #: How far before and behind a place a step is looked at again, as parts of the step: unlike, so
 #: that the Jacobian in the middle is regular.
 CLOSER = -0.05, 0.03
-#: The shortest step that is refused, and the longest in which zeros together are one place: in a
-#: shorter one the rank of all Jacobians may look like that at the place.
-SHORTEST_REFUSED, ONE_PLACE = 1e-6, 1e-4
+#: The shortest step that is refused, and the longest in which zeros together are one place.
+SHORTEST_REFUSED = 1e-6
 #: Most unknowns for which all zeros of the quadratic are computed: the eigenvalues cost less than
 #: the step.
 MOST_WITH_ALL_ZEROS = 24
@@ -260,12 +259,12 @@ def hidden_in(segment: CurvedSegment) -> State | Failure | None:
         zeros = np.zeros(0) if _is_regular(segment) else _zeros(segment)
     if not len(zeros):
         return None  # nearly always
-    if end.is_singular or len(zeros) == 1 or np.ptp(zeros) > TOGETHER:
+    if len(zeros) == 1 or np.ptp(zeros) > TOGETHER:
         found = _apart(segment, zeros)
         if found or end.is_singular or not is_rough:
             return found
     middle = 0.5 * segment.length * (1.0 + float(zeros.mean()))
-    return (_singular_at if segment.length <= ONE_PLACE else _closer)(segment, middle)
+    return (_singular_at if segment.length <= SHORTEST_REFUSED else _closer)(segment, middle)
 
 
 def _apart(segment: CurvedSegment, zeros: Array) -> Failure | None:
@@ -285,7 +284,7 @@ def _is_regular(segment: CurvedSegment) -> bool:
     start = segment.start
     states = [state for state in (segment.behind, start, segment.end) if state]
     known = [dense(state.jacobian) for state in states if state.jacobian is not None]
-    factor = segment.factor or segment.end.located_by
+    factor = segment.factor_at_end or segment.end.located_by
     if len(known) < len(states) or factor is None:
         return False
     metric, first = segment.curve.metric, known[-2] - known[-1]
@@ -344,7 +343,7 @@ def _few_zeros(segment: CurvedSegment) -> Array:
     The line is M + s (after - before), with M at the end if a factorisation is known there.
     """
     curve, start, end = segment.curve, segment.start, segment.end
-    factor, after, place = segment.factor or end.located_by, end.jacobian, 1.0  # of M
+    factor, after, place = segment.factor_at_end or end.located_by, end.jacobian, 1.0  # of M
     if factor is None or after is None:
         here = curve.selection.jacobian(segment.near(0.5 * segment.length))
         factor = bordered(here, curve.metric.covector(segment.chord), curve.metric.binary)
@@ -399,5 +398,5 @@ def _singular_at(segment: CurvedSegment, at: float) -> State | None:
     x = segment.near(at)
     if not loses_rank(segment.curve, x):
         return None
-    error = TOGETHER * (segment.end.x - segment.start.x)[np.newaxis]
+    error = SHORTEST_REFUSED * (segment.end.x - segment.start.x)[np.newaxis]
     return State(x, segment.chord, error, segment.start.orientation, is_singular=True)

@@ -296,7 +296,7 @@ def accepted(
     segment = CurvedSegment.between(curve, state, end, length)
     if not (cosine >= step_size.least_cosine and segment.length > 0.0):  # also where not a number
         return Failure(FailureReason.JUMP)
-    segment.factor = corrected.factor
+    segment.factor_at_end = corrected.factor
     segment.gap = gap_of(step_size, curve.selection.system) if gap is None else gap
     measured = curve.metric.norm(end.x - predicted), corrected.contraction, length
     strain, noise, off = _strain(0.0, *measured, NEGLIGIBLE), NEGLIGIBLE, 0.0

@@ -97,7 +97,7 @@ class CurvedSegment(Segment):
         Length that the stepper would try next.
     gap : float
         Distance between the places at which was looked into the step; zero for no look.
-    factor : Factor, optional
+    factor_at_end : Factor, optional
         A factorisation of [J; border] from right beside the end.
     behind : State, optional
         The state before ``start`` on the same piece.
@@ -112,7 +112,7 @@ class CurvedSegment(Segment):
     length: float
     suggestion: float
     gap: float = 0.0
-    factor: Factor | None = None
+    factor_at_end: Factor | None = None
     behind: State | None = None
 
     def __repr__(self) -> str:
