@@ -245,7 +245,7 @@ VECTORS, NO_EIGENVALUE, NO_PART = 10, 0.5, 0.1
 def hidden_in(segment: CurvedSegment) -> State | Failure | None:
     """Return a state within a segment at which the determinant vanishes and keeps its sign.
 
-    A Failure if the determinant vanishes at several places: a shorter step is needed. None if the
+    A Failure if the sign differs at places between: a shorter step is needed. None if the
     determinant does not vanish, and where the signs at both ends differ.
     """
     selection, start, end = segment.curve.selection, segment.start, segment.end
@@ -340,22 +340,19 @@ def _zeros(segment: CurvedSegment) -> Array:
 def _few_zeros(segment: CurvedSegment) -> Array:
     """Return zeros as :func:`_zeros`, of the line through two Jacobians, for many unknowns.
 
-    The line is M + s (after - before), with M at the end if a factorisation is known there.
+    The line is M + (s - known_at) / 2 (after - before), where M is factorised: at the end if a
+    factorisation is known there, else in the middle.
     """
     curve, before, after = segment.curve, segment.start.jacobian, segment.end.jacobian
-    factor, at_end = segment.factor or segment.end.located_by, 1.0
+    factor, known_at = segment.factor or segment.end.located_by, 1.0
     if factor is None or after is None:
-        here, after = map(
-            curve.selection.jacobian, (segment.near(0.5 * segment.length), segment.end.x)
-        )
-        factor, at_end = (
-            bordered(here, curve.metric.covector(segment.chord), curve.metric.binary),
-            0.0,
-        )
+        here = curve.selection.jacobian(segment.near(0.5 * segment.length))
+        after, known_at = curve.selection.jacobian(segment.end.x), 0.0
+        factor = bordered(here, curve.metric.covector(segment.chord), curve.metric.binary)
     values = _dominant(factor, before, after, curve.metric.binary)
     if len(values) and all(loses_rank(curve, each.x) for each in (segment.start, segment.end)):
         return np.zeros(0)
-    zeros = at_end - 2.0 / values[np.abs(values) > 0.5]
+    zeros = known_at - 2.0 / values[np.abs(values) > 0.5]
     zeros = zeros.real[np.abs(zeros.imag) < TOGETHER]
     first, last = (1.0 - KNOWN * state.is_singular for state in (segment.start, segment.end))
     return np.sort(zeros[(-first < zeros) & (zeros < last)])
