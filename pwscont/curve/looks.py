@@ -326,8 +326,10 @@ def _zeros(segment: CurvedSegment) -> Array:
     curve, length = segment.curve, segment.length
     places = segment.start.x, segment.near(0.5 * length), segment.end.x
     before, here, after = known = [dense(curve.selection.jacobian(x)) for x in places]
+    if not np.isfinite(here).all():  # H may be undefined beside the curve
+        here = known[1] = 0.5 * (before + after)
     if not np.isfinite(known).all():
-        return np.zeros(0)  # H may be undefined beside the curve
+        return np.zeros(0)
     if all(_rank_is_rounding(each * curve.metric.binary) for each in known):
         return np.zeros(0)
     factor = bordered(here, curve.metric.covector(segment.chord), curve.metric.binary)
