@@ -97,6 +97,13 @@ def test_a_solution_dropped_is_not_proved():
         assert not prove(Solutions(moved, whole.guarantee, whole.system, whole.alpha)).holds
 
 
+def test_a_solution_of_another_alpha_is_refused():
+    found = enumerate_solutions(LCP([[1, 2], [2, 1]], q=[-1, -1], d=[1, 0]), 0.0)
+    found[0] = replace(found[0], alpha=0.5)
+    with pytest.raises(InvalidInputError, match="is listed among those at alpha = 0"):
+        prove(found)
+
+
 def test_data_moved_by_rounding_across_a_kink_moves_the_count():
     """min(z, z - q) = 0 with z >= 0: z = q, or z = 0 if q <= 0; tied at q = 0."""
     game = Switched(1, lambda z, t, sw: sw.abs(z) - t, linear=True)

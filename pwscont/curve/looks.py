@@ -342,21 +342,21 @@ def _zeros(segment: CurvedSegment) -> Array:
 def _few_zeros(segment: CurvedSegment) -> Array:
     """Return zeros as :func:`_zeros`, of the line through two Jacobians, for many unknowns.
 
-    The line is M + (s - known_at) / 2 (after - before), where M is factorised: at the end if a
-    factorisation is known there, else in the middle.
+    The line is M + (s - place) / 2 (after - before), with M at the end if a factorisation is known
+    there, else in the middle.
     """
-    curve, before, after = segment.curve, segment.start.jacobian, segment.end.jacobian
-    factor, known_at = segment.factor or segment.end.located_by, 1.0
+    curve, start, end = segment.curve, segment.start, segment.end
+    factor, after, place = segment.factor or end.located_by, end.jacobian, 1.0  # of M
     if factor is None or after is None:
         here = curve.selection.jacobian(segment.near(0.5 * segment.length))
-        after, known_at = curve.selection.jacobian(segment.end.x), 0.0
         factor = bordered(here, curve.metric.covector(segment.chord), curve.metric.binary)
-    values = _dominant(factor, before, after, curve.metric.binary)
-    if len(values) and all(loses_rank(curve, each.x) for each in (segment.start, segment.end)):
+        after, place = curve.selection.jacobian(end.x), 0.0
+    values = _dominant(factor, start.jacobian, after, curve.metric.binary)
+    if len(values) and all(loses_rank(curve, each.x) for each in (start, end)):
         return np.zeros(0)
-    zeros = known_at - 2.0 / values[np.abs(values) > 0.5]
+    zeros = place - 2.0 / values[np.abs(values) > 0.5]
     zeros = zeros.real[np.abs(zeros.imag) < TOGETHER]
-    first, last = (1.0 - KNOWN * state.is_singular for state in (segment.start, segment.end))
+    first, last = (1.0 - KNOWN * state.is_singular for state in (start, end))
     return np.sort(zeros[(-first < zeros) & (zeros < last)])
 
 

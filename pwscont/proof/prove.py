@@ -47,7 +47,7 @@ def prove(given: Any, alpha: float | None = None) -> Certificate:
     ------
     InvalidInputError
         If ``given`` is something else, the system hands over no exact data, or
-        has too many cells.
+        has too many cells, or a solution is listed at another alpha.
 
     Examples
     --------
@@ -72,6 +72,10 @@ def prove(given: Any, alpha: float | None = None) -> Certificate:
             "formulas with linear=True; formulas of curved systems are proved by Everywhere"
         )
     if not is_graph:
+        if strange := [each.alpha for each in given if each.alpha != given.alpha]:
+            raise InvalidInputError(
+                f"a solution at alpha = {strange[0]} is listed among those at alpha = {given.alpha}"
+            )
         return certified_count(system, given.alpha, given, len(given))
     if alpha is not None:
         alpha = float(finite_array("alpha", alpha, ()))
