@@ -231,8 +231,9 @@ MARGIN = 0.2
 #: How far before and behind a place a step is looked at again, as parts of the step: unlike, so
 #: that the Jacobian in the middle is regular.
 CLOSER = -0.05, 0.03
-#: The shortest step that is refused, and the longest in which zeros together are one place.
-SHORTEST_REFUSED = 1e-6
+#: The shortest step that is refused, and the longest in which zeros together are one place: in a
+#: shorter one the rank of all Jacobians may look like that at the place.
+SHORTEST_REFUSED, ONE_PLACE = 1e-6, 1e-4
 #: Most unknowns for which all zeros of the quadratic are computed: the eigenvalues cost less than
 #: the step.
 MOST_WITH_ALL_ZEROS = 24
@@ -264,7 +265,7 @@ def hidden_in(segment: CurvedSegment) -> State | Failure | None:
         if found or end.is_singular or not is_rough:
             return found
     middle = 0.5 * segment.length * (1.0 + float(zeros.mean()))
-    return (_singular_at if segment.length <= SHORTEST_REFUSED else _closer)(segment, middle)
+    return (_singular_at if segment.length <= ONE_PLACE else _closer)(segment, middle)
 
 
 def _apart(segment: CurvedSegment, zeros: Array) -> Failure | None:
@@ -401,5 +402,5 @@ def _singular_at(segment: CurvedSegment, at: float) -> State | None:
     x = segment.near(at)
     if not loses_rank(segment.curve, x):
         return None
-    error = SHORTEST_REFUSED * (segment.end.x - segment.start.x)[np.newaxis]
+    error = TOGETHER * (segment.end.x - segment.start.x)[np.newaxis]
     return State(x, segment.chord, error, segment.start.orientation, is_singular=True)
