@@ -267,7 +267,7 @@ def _special_point(
     kind = _turning(node, *passed) if passed and node.kind in CROSSED else node.kind
     words, said = _messages(system, node, passed), ", ".join(also)
     digits = significant(place.error, place.x, metric.scale)
-    return SpecialPoint(number, kind, place, *words, None, digits, node.lost, events=said)
+    return SpecialPoint(number, kind, place, *words, digits=digits, lost=node.lost, events=said)
 
 
 def _covering(here: Place, others: Iterable[Place], metric: Metric) -> Place:

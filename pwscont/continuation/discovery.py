@@ -247,7 +247,7 @@ class Discovery:
         return TWICE if self._is_in_vain(ray) else ""
 
     def _leave(self, left: KnownRay, why: str) -> None:
-        """Say at the node of a ray why the ray is not followed; in a net, nor are all others."""
+        """Say at the node of a ray why the ray is not followed; in a net, all rays are left."""
         for known in (left, *self._queue) if why == REPEATS and self.is_net else (left,):
             if known.ray is not None:
                 self.nodes[known.node].stop(why)

@@ -328,7 +328,7 @@ class PieceFollower:
         return [*self._points, end.x]
 
     def _crawls(self) -> bool:
-        """Tell whether a piece has hardly moved, and where H has no rank but by rounding."""
+        """Tell whether a piece hardly moves while rounding flips the sign of the determinant."""
         gone = self._curve.metric.norm(self._state.x - self._points[0])
         return self._flips > MOST_FLIPS and gone < CRAWLING * len(self._points)
 

@@ -130,7 +130,8 @@ class MoorePenrose(Corrector):
         for iteration in range(1, self.most_iterations + 1):
             if not metric.admits(x):
                 return Failure(FailureReason.OUTSIDE)
-            factor = bordered(selection.jacobian(x), metric.covector(t), metric.binary)
+            jacobian = selection.jacobian(x)
+            factor = bordered(jacobian, metric.covector(t), metric.binary)
             if factor.failed:
                 return Failure(FailureReason.SINGULAR)
             dx = factor.solve(selection.residual_and(x, 0.0))
@@ -143,6 +144,7 @@ class MoorePenrose(Corrector):
             sizes.append(size)
             if size <= CONVERGED and metric.admits(x):
                 state = State(x, t, np.abs(dx)[np.newaxis], factor.sign)
+                state.jacobian = jacobian
                 return Corrected(state, iteration, factor, first_quotient(sizes))
         return Failure(FailureReason.NOT_CONVERGED)
 

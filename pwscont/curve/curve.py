@@ -119,7 +119,7 @@ class State:
         A factorisation of [J; gradient of the function], for a state at which a function vanishes;
         corrects points of the curve close by. A reversed state has none.
     jacobian : Matrix, optional
-        The Jacobian from before the last correction, for a state on the way.
+        The Jacobian here or right beside, as from before the last correction, where known.
     is_singular : bool
         Whether det[J; tangent^T] is known to vanish here, as at a branch point; the orientation is
         that of the way ahead, or of the way that led here.

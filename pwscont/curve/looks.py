@@ -245,7 +245,7 @@ VECTORS, NO_EIGENVALUE, NO_PART = 10, 0.5, 0.1
 def hidden_in(segment: CurvedSegment) -> State | Failure | None:
     """Return a state within a segment at which the determinant vanishes and keeps its sign.
 
-    A Failure if the determinant vanishes at several places: a shorter step is needed. None if the
+    A Failure if the sign differs at places between: a shorter step is needed. None if the
     determinant does not vanish, and where the signs at both ends differ.
     """
     selection, start, end = segment.curve.selection, segment.start, segment.end
@@ -326,8 +326,10 @@ def _zeros(segment: CurvedSegment) -> Array:
     curve, length = segment.curve, segment.length
     places = segment.start.x, segment.near(0.5 * length), segment.end.x
     before, here, after = known = [dense(curve.selection.jacobian(x)) for x in places]
+    if not np.isfinite(here).all():  # H may be undefined beside the curve
+        here = known[1] = 0.5 * (before + after)
     if not np.isfinite(known).all():
-        return np.zeros(0)  # H may be undefined beside the curve
+        return np.zeros(0)
     if all(_rank_is_rounding(each * curve.metric.binary) for each in known):
         return np.zeros(0)
     factor = bordered(here, curve.metric.covector(segment.chord), curve.metric.binary)
@@ -340,7 +342,8 @@ def _zeros(segment: CurvedSegment) -> Array:
 def _few_zeros(segment: CurvedSegment) -> Array:
     """Return zeros as :func:`_zeros`, of the line through two Jacobians, for many unknowns.
 
-    The line is M + s (after - before), with M at the end if a factorisation is known there.
+    The line is M + (s - place) / 2 (after - before), with M at the end if a factorisation is known
+    there, else in the middle.
     """
     curve, start, end = segment.curve, segment.start, segment.end
     factor, after, place = segment.factor_at_end or end.located_by, end.jacobian, 1.0  # of M

@@ -43,6 +43,8 @@ Border: TypeAlias = Callable[[Array], tuple[float, Matrix]]
 NEXT_IS_ROUNDING = CONVERGED**0.5
 #: Most corrections with the last factorisation, if expected to be enough.
 MOST_CHORDS = 2
+#: Relative size of a correction from which the next is none of these: x may have run far away.
+TOO_FAR_FOR_CHORDS = 0.5
 #: Most corrections with a factorisation from a point close by.
 MOST_CORRECTIONS = 6
 #: Largest ratio of two corrections that still converge.
@@ -102,7 +104,7 @@ def newton(curve: Curve, border: Border, x: Array, most_iterations: int) -> Root
         sizes.append(size)
         # quadratic: d -> c d^2, so that a ratio q is followed by q^2; at first c is taken for 1
         ratio, stale = size / before * (size / before) if before > 0.0 else size, False
-        if size > CONVERGED >= size * min(ratio, 1.0) ** MOST_CHORDS:  # a power may overflow
+        if TOO_FAR_FOR_CHORDS > size > CONVERGED >= size * ratio**MOST_CHORDS:
             stale = before == 0.0 or ratio > TURNED
             for _ in range(MOST_CHORDS):
                 if size > CONVERGED and metric.admits(x):

@@ -227,7 +227,7 @@ class Polyhedron:
     def farthest(self, way: Array) -> Array | None:
         """Return a point with the largest ``way @ w``, None where ``way @ w`` grows without end.
 
-        The point may violate inequalities by 1e-10, and the polyhedron be empty.
+        The point may violate inequalities by 1e-10, and the polyhedron may be empty.
         """
         found = self._largest(way)
         return None if found is None else found[0]

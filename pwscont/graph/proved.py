@@ -233,7 +233,7 @@ def _widest(ranges: list[Range]) -> float:
 
 
 def with_slack(solution: Solution, typical: Any, part: float = NEAR_A_PROVED_SOLUTION) -> Corners:
-    """Return the unknowns of a solution, and how far off: the error and a part of magnitudes."""
+    """Return the unknowns of a solution, and their slack: the error and a part of magnitudes."""
     z, error = solution.z, solution.error[: len(solution.z)]
     near = part * np.maximum(typical, np.abs(z))
     return z, near + CONFIDENCE * error if len(error) else near

@@ -302,7 +302,8 @@ def adopted(path: str | Path, contents: Contents, system: PiecewiseSystem) -> Pi
     """Return the system of a graph, fitted to the graph, or refuse another graph's system."""
     pieces, points, interval = (contents[name] for name in ("pieces", "points", "interval"))
     name, words = type(system).__name__, f"{path} is of another system: it has"
-    for point, piece in zip(points[:1], pieces, strict=False):
+    if pieces:
+        point, piece = points[0], pieces[0]
         if len(point.z) != (size := shown_size(system)):
             raise InvalidInputError(f"{words} {len(point.z)} unknowns, {name} has {size}")
         z, stored = completed(system, point.z, point.alpha), len(bytes(piece.character))

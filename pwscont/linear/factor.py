@@ -6,8 +6,8 @@ for z, and b the column for alpha. A matrix with entries of about 1 has an LU wi
 LU of the scaled matrix (:class:`ScaledFactor`). Other factors are made from factors: in bordered.py
 (around a factor of B) and in updates.py (a factor and changes).
 
-Signs and logarithms of determinants are computed, which do not overflow (docs/theory, F10). Scales
-are powers of two, which round nothing. B is singular at every fold, where the bordered matrix
+Only signs of determinants are computed, for determinants overflow (docs/theory, F10). Scales are
+powers of two, which round nothing. B is singular at every fold, where the bordered matrix
 [J; row] is not: a pivot of B that vanishes to rounding is moved to the size of a rounding error,
 for which :class:`~pwscont.linear.bordered.BorderedFactor` makes up.
 """

@@ -100,5 +100,7 @@ class SparseLU(Factor):
         return np.asarray(self._lu.solve(np.asfortranarray(rhs.T), trans).T)
 
     def is_singular(self) -> bool:
-        pivots = np.abs(self._pivots) if not self.failed else np.zeros(1)
+        if self.failed:
+            return True
+        pivots = np.abs(self._pivots)
         return bool(pivots.min() <= len(pivots) * EPS * pivots.max())

@@ -6,9 +6,9 @@ multiplied by the sign of each pivot (docs/theory, F10).
 
 - :class:`ProductForm`: any factorisation, and the vectors of all changes, multiplied out, as in the
   simplex method (Dantzig and Orchard-Hays 1954).
-- :class:`Updating` serves a family of matrices that differ in some rows (:class:`RowMatrix`) by an
-  explicit inverse, of which all changed rows are replaced at once (Woodbury). Every solve names the
-  matrix: rows are replaced back for a caller that solves with an older matrix.
+- :class:`Updating` serves a family of matrices that differ in some rows (:class:`RowMatrix`): an
+  explicit inverse is kept, and all changed rows are replaced at once (Woodbury). Every solve names
+  the matrix: rows are replaced back for a caller that solves with an older matrix.
 
 A change whose pivot is small beside the terms 1 and g.w loses digits: the matrix is factorised
 afresh. Rounding errors of the changes add up: the caller compares the residual with
@@ -154,7 +154,7 @@ class Updating(RowSolver):
     """A solver that keeps the LU of the last matrix, or the inverse once a change asks for it."""
 
     def __init__(self) -> None:
-        self.updates = self.factorisations = 0  #: How often rows were replaced, or all factorised.
+        self.updates = self.factorisations = 0  #: How often each was done.
         self._last: RowMatrix | None = None
         self._lu: DenseLU | None = None  # of the last matrix; None if the inverse is kept
         self._inverse: Array = np.empty((0, 0))

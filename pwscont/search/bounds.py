@@ -21,7 +21,7 @@ from pwscont.system.box import Box
 from pwscont.system.contract import jacobian_at, residual_at
 from pwscont.system.system import PiecewiseSystem
 
-#: How far from its only bound an unknown is looked for, in typical magnitudes.
+#: How far from its bound an unknown is looked for at most, in typical magnitudes.
 INWARDS = 4.0
 
 
@@ -41,7 +41,7 @@ class Exchanged(PiecewiseSystem):
         return y
 
     def _at(self, z: Array, alpha: float) -> tuple[Array, float]:
-        """Return the point of the system, the nearest in the interval: H is asked nowhere else."""
+        """Return z and alpha of the system, with alpha moved into the interval if it is outside."""
         x = self.exchanged(np.append(z, alpha))
         return x[:-1], float(np.clip(x[-1], *self._interval))
 
@@ -86,7 +86,7 @@ def on_bounds(
     count: int,
     turn: int,
 ) -> Iterator[Found]:
-    """Yield solutions on bounds of unknowns from so many starts, others in each turn.
+    """Yield solutions on bounds of unknowns from ``count`` starts in all, others in each turn.
 
     If there are more bounds than starts, the first bounds have one start each.
     """

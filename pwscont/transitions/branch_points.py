@@ -103,8 +103,8 @@ class SmoothBranchPoints(TransitionDetector):
             segment = CurvedSegment.between(own, segment.start, segment.end, segment.suggestion)
         found = _locate(segment, bracket, before)
         if isinstance(found, Crossing):
-            state = State(found.x, _own(segment, found), found.error, orientation)
-            state.is_singular = True
+            way = _own(segment, found)
+            state = State(found.x, way, found.error, orientation, is_singular=True)
             is_seen = index < OWN_SIGNS or _ways_across(segment.curve, state)
             return state if is_seen else None
         return found if index < OWN_SIGNS or isinstance(found, State) else None
@@ -157,8 +157,8 @@ def branch_point_on_interface(curve: Curve, state: State) -> SpecialPointFound |
     if not (rays or _across(curve, state)):
         return None
     after = _sign_beside(curve, state.x, state.tangent, 1.0)
-    onward = State(state.x, state.tangent, state.error, after or -state.orientation)
-    onward.is_singular = True
+    after = after or -state.orientation
+    onward = State(state.x, state.tangent, state.error, after, is_singular=True)
     path = [_along(curve, Ray(curve, state).reversed()), _along(curve, Ray(curve, onward))]
     kind, does = (Kind.BRANCH_POINT, "") if rays else (Kind.TRANSITION, ", outside of all cells")
     message = f"curves cross on the boundary of {curve.selection.label}{does}"
@@ -243,8 +243,8 @@ def _crossing_rays(path: Curve, cells: Iterable[Curve], state: State) -> list[Ra
 def _crossing_ray(way: Array, owners: list[Curve], state: State) -> Ray:
     """Return the ray along a way that leads into some cells, or along their common boundary."""
     first = owners[0]
-    onward = State(state.x, way, state.error, _sign_before(first, state.x, state.tangent))
-    onward.is_singular = True
+    sign = _sign_before(first, state.x, state.tangent)
+    onward = State(state.x, way, state.error, sign, is_singular=True)
     if len(owners) == 1:
         return Ray(first, onward)
     cells, here = tuple(own.selection.character for own in owners), first.selection
