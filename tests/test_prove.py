@@ -92,16 +92,12 @@ def test_a_solution_dropped_is_not_proved():
     assert (proof.holds, proof.statements[0]) == (False, said)
     twice = Solutions([whole[0], whole[0], whole[1]], whole.guarantee, whole.system, whole.alpha)
     assert not prove(twice).holds
+    other = Solutions([replace(whole[0], alpha=0.5), *whole[1:]], "", whole.system, whole.alpha)
+    with pytest.raises(InvalidInputError, match="is listed among those at alpha = 0"):
+        prove(other)
     for by in (1e-6, 1e-12):
         moved = [replace(whole[0], z=whole[0].z + by), *whole[1:]]
         assert not prove(Solutions(moved, whole.guarantee, whole.system, whole.alpha)).holds
-
-
-def test_a_solution_of_another_alpha_is_refused():
-    found = enumerate_solutions(LCP([[1, 2], [2, 1]], q=[-1, -1], d=[1, 0]), 0.0)
-    found[0] = replace(found[0], alpha=0.5)
-    with pytest.raises(InvalidInputError, match="is listed among those at alpha = 0"):
-        prove(found)
 
 
 def test_data_moved_by_rounding_across_a_kink_moves_the_count():
