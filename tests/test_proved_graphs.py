@@ -20,6 +20,7 @@ from pwscont import (
     Limits,
     PiecewiseSystem,
     Switched,
+    enumerate_solutions,
     explore,
     prove,
     trace,
@@ -443,3 +444,10 @@ def test_a_vertical_piece_where_a_number_is_counted_is_not_proved():
     pieces = [replace(piece, det_sign=piece.det_sign or 1) for piece in graph.pieces]
     counted = BranchGraph(graph.nodes, pieces, graph.interval, system=graph.system)
     assert prove(counted).open[0].endswith("where a number is counted")
+
+
+def test_a_solution_of_another_alpha_is_refused():
+    found = enumerate_solutions(LCP([[1, 2], [2, 1]], q=[-1, -1], d=[1, 0]), 0.0)
+    found[0] = replace(found[0], alpha=0.5)
+    with pytest.raises(InvalidInputError, match="is listed among those at alpha = 0"):
+        prove(found)
