@@ -60,7 +60,7 @@ BUDGET = {
     "system": (10, 2102),
     "linear": (11, 1336),
     "notation": (13, 2912),
-    "curve": (13, 3351),
+    "curve": (13, 3357),
     "enumeration": (11, 2559),
     "transitions": (13, 4076),
     "graph": (10, 2576),

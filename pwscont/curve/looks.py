@@ -313,9 +313,19 @@ def _real_zeros(forth: Array, bend: Array, first: float, last: float, imaginary:
         return np.zeros(0)  # nearly always
     k = len(forth)
     values = np.linalg.eigvals(np.block([[-forth, -bend], [np.eye(k), np.zeros((k, k))]]))
-    zeros = 1.0 / values[np.abs(values) > 0.5 / farthest]
-    zeros = zeros.real[np.abs(zeros.imag) < imaginary]
-    return np.sort(zeros[(first < zeros) & (zeros < last)])
+    return _from_to(1.0 / values[np.abs(values) > 0.5 / farthest], first, last, imaginary)
+
+
+def _from_to(zeros: Array, first: float, last: float, imaginary: float) -> Array:
+    """Return the real parts of zeros with a small imaginary part, from first to last, in order."""
+    real = zeros.real[np.abs(zeros.imag) < imaginary]
+    return np.sort(real[(first < real) & (real < last)])
+
+
+def _range(segment: CurvedSegment) -> tuple[float, float]:
+    """Return between which places zeros count: -1 and 1, without known branch points there."""
+    first, last = (1.0 - KNOWN * state.is_singular for state in (segment.start, segment.end))
+    return -first, last
 
 
 def _zeros(segment: CurvedSegment) -> Array:
@@ -335,8 +345,7 @@ def _zeros(segment: CurvedSegment) -> Array:
     factor = bordered(here, curve.metric.covector(segment.chord), curve.metric.binary)
     changes = 0.5 * (after - before), 0.5 * (after + before) - here
     forth, bend = _solved(factor, curve.metric.binary, *changes)
-    first, last = (1.0 - KNOWN * state.is_singular for state in (segment.start, segment.end))
-    return _real_zeros(forth, bend, -first, last, TOGETHER)
+    return _real_zeros(forth, bend, *_range(segment), TOGETHER)
 
 
 def _few_zeros(segment: CurvedSegment) -> Array:
@@ -354,10 +363,7 @@ def _few_zeros(segment: CurvedSegment) -> Array:
     values = _dominant(factor, start.jacobian, after, curve.metric.binary)
     if len(values) and all(loses_rank(curve, each.x) for each in (start, end)):
         return np.zeros(0)
-    zeros = place - 2.0 / values[np.abs(values) > 0.5]
-    zeros = zeros.real[np.abs(zeros.imag) < TOGETHER]
-    first, last = (1.0 - KNOWN * state.is_singular for state in (start, end))
-    return np.sort(zeros[(-first < zeros) & (zeros < last)])
+    return _from_to(place - 2.0 / values[np.abs(values) > 0.5], *_range(segment), TOGETHER)
 
 
 def _dominant(factor: Factor, before: Matrix, after: Matrix, scale: Array) -> Array:
