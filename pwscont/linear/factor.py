@@ -30,9 +30,6 @@ from pwscont.basics.rounding import EPS
 
 #: Most rows, and most right-hand sides, for solutions one after the other, see :func:`_solved`.
 ROWS_IN_TURN, COLUMNS_IN_TURN = 32, 8
-#: Number of columns of an inverse that LAPACK computes together, the block size of ``dgetri``:
-#: with less room ``dgetri`` works column by column.
-COLUMNS_AT_ONCE = 64
 
 
 class Factor(ABC):
@@ -196,8 +193,3 @@ class DenseLU(Factor):
 
     def is_singular(self) -> bool:
         return not self.reciprocal_condition >= len(self.lu) * EPS  # True for nan
-
-    def turned_into_inverse(self) -> Array:
-        """Return the inverse matrix in the room of the factorisation, which is lost."""
-        room = COLUMNS_AT_ONCE * len(self.lu)
-        return np.asarray(lapack.dgetri(self.lu, self.pivots, room, 1)[0])
