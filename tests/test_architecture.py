@@ -58,7 +58,7 @@ LONGEST_FILE = 500
 BUDGET = {
     "basics": (10, 1136),
     "system": (10, 2102),
-    "linear": (11, 1167),
+    "linear": (10, 1153),
     "notation": (13, 2912),
     "curve": (13, 3357),
     "enumeration": (11, 2559),
@@ -67,7 +67,7 @@ BUDGET = {
     "search": (8, 1810),
     "continuation": (8, 2757),
     "kit": (4, 955),
-    "proof": (9, 2155),
+    "proof": (8, 2142),
     "scenes": (14, 2652),
     "view": (6, 942),
     "evolution": (14, 2999),
