@@ -35,6 +35,16 @@ def test_a_truss_without_hardening_collapses():
     assert loss.t == pytest.approx(0.5, rel=1e-14)  # both bars yield under 2
 
 
+def test_a_load_that_rests_at_yield_has_one_state():
+    """Rounding alone may leave and meet the yield force again a moment later."""
+    top = 0.00019516036824067859
+    load = LoadHistory([[0.0], [top], [top], [-top]], [1e4, 10009.999999999998, 20010.0, 70010.0])
+    truss = PlasticTruss([[1.0]], load, 0.63192298, 0.00011887, 0.30193672)
+    evolution = evolve(truss, load.interval)
+    assert [evolution.count(t) for t in load.times] == [1, 1, 1, 1]
+    assert evolution.multiplicity() == [(*load.interval, 1)]
+
+
 def test_many_bars_that_yield_at_once_are_certain():
     """Thirty equal bars yield together: hardening makes every rate unique."""
     load = LoadHistory([[0.0], [50.0], [-50.0]])
@@ -295,6 +305,29 @@ def test_an_interrupted_run_goes_on(tmp_path, branching):
     other = QuasiStaticCoulomb(one_node(), system.history, 3.0)
     with Journal(file) as journal, pytest.raises(InvalidInputError, match="another run"):
         evolve(other, (0.0, 3.0), journal=journal)
+
+
+@pytest.mark.parametrize(
+    ("system", "begun"),
+    [
+        (lambda load: PlasticTruss([[1.0], [1.0]], load, [1.0, 2.0], 1.0, 0.5), [0.0, 4.0, -3.0]),
+        (lambda load: QuasiStaticCoulomb(one_node(), load, 0.5), [[3, 0], [3, 3], [3, -3]]),
+    ],
+)
+def test_a_journal_of_a_history_with_another_end_is_refused(tmp_path, system, begun):
+    def along(factor):
+        loads = np.vstack([np.reshape(begun, (3, -1)), np.ravel(begun[1]) * factor])
+        return system(LoadHistory(loads))
+
+    with Journal(tmp_path / "journal") as journal:
+        first = evolve(along(0.5), (0.0, 3.0), journal=journal)
+    with Journal(tmp_path / "journal") as journal:
+        assert evolve(along(0.5), (0.0, 3.0), journal=journal).to_dict() == first.to_dict()
+    with (
+        Journal(tmp_path / "journal") as journal,
+        pytest.raises(InvalidInputError, match="went on"),
+    ):
+        evolve(along(2.0), (0.0, 3.0), journal=journal)
 
 
 @pytest.mark.parametrize("seed", [88, 99, 112])
