@@ -71,7 +71,7 @@ BUDGET = {
     "scenes": (14, 2661),
     "view": (6, 942),
     "evolution": (14, 3025),
-    "two_parameters": (16, 3653),
+    "two_parameters": (16, 3654),
     "studies": (11, 2254),
     "bench": (15, 1840),
     "commands": (10, 1158),
