@@ -35,16 +35,6 @@ def test_a_truss_without_hardening_collapses():
     assert loss.t == pytest.approx(0.5, rel=1e-14)  # both bars yield under 2
 
 
-def test_a_load_that_rests_at_yield_has_one_state():
-    """Rounding alone may leave and meet the yield force again a moment later."""
-    top = 0.00019516036824067859
-    load = LoadHistory([[0.0], [top], [top], [-top]], [1e4, 10009.999999999998, 20010.0, 70010.0])
-    truss = PlasticTruss([[1.0]], load, 0.63192298, 0.00011887, 0.30193672)
-    evolution = evolve(truss, load.interval)
-    assert [evolution.count(t) for t in load.times] == [1, 1, 1, 1]
-    assert evolution.multiplicity() == [(*load.interval, 1)]
-
-
 def test_many_bars_that_yield_at_once_are_certain():
     """Thirty equal bars yield together: hardening makes every rate unique."""
     load = LoadHistory([[0.0], [50.0], [-50.0]])
