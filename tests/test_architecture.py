@@ -70,7 +70,7 @@ BUDGET = {
     "proof": (9, 2155),
     "scenes": (14, 2663),
     "view": (6, 938),
-    "evolution": (14, 3039),
+    "evolution": (14, 3044),
     "two_parameters": (16, 3654),
     "studies": (11, 2254),
     "bench": (15, 1840),

@@ -96,3 +96,20 @@ def test_an_evolution_does_not_go_on_beyond_its_history(kind, interval):
     }
     with pytest.raises(InvalidInputError, match=r"leaves the times \[0, 1\] of the load history"):
         evolve(systems[kind], interval)
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_a_cycle_is_what_the_swing_of_its_springs_says(seed):
+    """A spring yields in each cycle if its force would swing by more than twice its strength."""
+    rng = np.random.default_rng([3, seed])
+    m, (length, force) = int(rng.integers(1, 5)), 10.0 ** rng.integers(-9, 10, 2)
+    k, y, H = rng.uniform(0.5, 2.0, m), rng.uniform(0.3, 1.0, m), rng.uniform(0.1, 1.0, m)
+    mean, swing = rng.uniform(-1.0, 1.0), rng.uniform(0.2, 3.0)
+    loads = LoadHistory(force * np.array([[0.0], *[[mean + swing], [mean - swing]] * 4]))
+    truss = PlasticTruss(np.ones((m, 1)), loads, k * force / length, y * force, H * force / length)
+    evolution = evolve(truss, loads.interval)
+    (high,), (low,) = evolution.states(7.0), evolution.states(8.0)
+    yields = (k * abs(high.z[0] - low.z[0]) > 2.000001 * y * length).any()
+    assert [cycle.kind for cycle in evolution.cycle(2.0)] == [
+        "cyclic slip" if yields else "shakedown"
+    ]
