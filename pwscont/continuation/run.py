@@ -61,7 +61,7 @@ from pwscont.search.default_search import default_search
 from pwscont.search.search import KnownBranches, scope_of
 from pwscont.system.abilities import Reducible, Reduction, formula_of, shown_size
 from pwscont.system.box import Box
-from pwscont.system.contract import check_attributes
+from pwscont.system.contract import check_attributes, residual_at
 from pwscont.system.selection import Selection
 from pwscont.system.system import PiecewiseLinearSystem, PiecewiseSystem
 from pwscont.transitions import TransitionDetector
@@ -443,9 +443,29 @@ def _check(journal: Journal, plan: Plan) -> None:
         "events": plan.events.names if plan.events else "",
     }
     sums, system, (lo, hi) = [], plan.reduced_system, plan.interval
-    for shift, alpha in enumerate((lo, 0.5 * (lo + hi), hi)):
-        z = plan.metric.scale[:-1] * generic(system.size, shift)
-        tests = system.test_functions(z, alpha)
-        residual = system.residual(z, alpha, Character.of(tests))
-        sums += [float(generic(len(v), shift) @ v) for v in (tests, residual)]
+    with np.errstate(all="ignore"):
+        for shift, alpha in enumerate((lo, 0.5 * (lo + hi), hi)):
+            z = plan.metric.scale[:-1] * generic(system.size, shift)
+            tests = system.test_functions(z, alpha)
+            sums.append(float(generic(len(tests), shift) @ tests))
+            cells = (Character.of(tests), *_characters(len(tests)))
+            sums += [_sum_of(system, z, alpha, cell, shift) for cell in cells]
     journal.check(facts, sums)
+
+
+def _characters(m: int) -> Iterator[Character]:
+    """Yield characters of m tests; any two tests have each pair of signs in one of these."""
+    digits = np.arange(m) >> np.arange(m.bit_length())[:, np.newaxis] & 1 > 0
+    for signs in (np.ones(m, bool), *digits):
+        yield Character(signs)
+        yield Character(~signs)
+
+
+def _sum_of(
+    system: PiecewiseSystem, z: Array, alpha: float, character: Character, shift: int
+) -> float:
+    """Return a generic sum of H, nan where H is not defined: characters may name no cell."""
+    try:
+        return float(generic(system.size, shift) @ residual_at(system, z, alpha, character))
+    except Exception:
+        return np.nan
