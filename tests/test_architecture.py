@@ -60,7 +60,7 @@ BUDGET = {
     "system": (10, 2102),
     "linear": (10, 1153),
     "notation": (13, 2912),
-    "curve": (13, 3392),
+    "curve": (13, 3404),
     "enumeration": (11, 2559),
     "transitions": (13, 4056),
     "graph": (10, 2579),

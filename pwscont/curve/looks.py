@@ -21,9 +21,10 @@ zeros within the step say where the determinant vanishes, and how often.
 
 - Three Jacobians cost a tenth of a step. They are computed unless the quadratic through the
   Jacobians of the last corrections, which are known, has no zero near the step.
-- Several zeros apart: if the sign between two of them is another one, a shorter step is asked for,
-  until each step has one zero at most.
-- Several zeros together: the step around them is looked at again, ever closer, until the zeros are
+- Zeros apart: if the sign between two of them is another one, a shorter step is asked for, until
+  each step has one zero at most.
+- Zeros together, and zeros without a change of sign, which may be multiple ones (Arnoldi's method
+  shows these once): the step around them is looked at again, ever closer, until the zeros are
   apart, or vanish, or are one place to rounding.
 - A branch point that is known, at the beginning of a piece or where a step ends, is no other zero.
 - Many unknowns: Arnoldi's method computes the dominant zeros, of the line through two Jacobians
@@ -259,10 +260,14 @@ def hidden_in(segment: CurvedSegment, *, is_part: bool = False) -> State | Failu
     zeros = (_all_zeros if _has_few(segment) else _dominant_zeros)(segment)
     if not len(zeros) or not (is_part or _has_full_rank(segment)):
         return None
-    if len(zeros) == 1 or np.ptp(zeros) > TOGETHER:
-        return _apart(segment, zeros)
-    middle = 0.5 * segment.length * (1.0 + float(zeros.mean()))
-    return (_singular_at if segment.length <= SHORTEST_REFUSED else _closer)(segment, middle)
+    if (len(zeros) == 1 or np.ptp(zeros) > TOGETHER) and (apart := _apart(segment, zeros)):
+        return apart
+    closer = _singular_at if segment.length <= SHORTEST_REFUSED else _closer
+    groups = np.split(zeros, np.flatnonzero(np.diff(zeros) > TOGETHER) + 1)
+    for group in groups:
+        if found := closer(segment, 0.5 * segment.length * (1.0 + float(group.mean()))):
+            return found
+    return None
 
 
 def _has_few(segment: CurvedSegment) -> bool:
@@ -410,7 +415,7 @@ def _dominant(apply: Callable[[Array], Array], size: int, *small: float) -> Arra
     the first vectors, one after the other, below which all eigenvalues count as small.
     """
     basis, matrix = np.zeros((VECTORS + 1, size)), np.zeros((VECTORS + 1, VECTORS))
-    basis[0] = generic(size) / np.linalg.norm(generic(size))
+    basis[0] = _unit(size)
     for j in range(VECTORS):
         image = apply(basis[j])
         parts = basis[: j + 1].dot(image)
@@ -423,6 +428,13 @@ def _dominant(apply: Callable[[Array], Array], size: int, *small: float) -> Arra
             break
         basis[j + 1] = image / matrix[j + 1, j]
     return np.asarray(np.linalg.eigvals(matrix[: j + 1, : j + 1]))
+
+
+@lru_cache(maxsize=4)
+def _unit(size: int) -> Array:
+    """Return a unit vector with parts of all frequencies: a single wave has no part of others."""
+    vector = np.random.default_rng(0).standard_normal(size)
+    return np.asarray(vector / np.linalg.norm(vector))
 
 
 def _closer(segment: CurvedSegment, middle: float) -> State | Failure | None:
