@@ -65,7 +65,7 @@ BUDGET = {
     "transitions": (13, 4056),
     "graph": (10, 2579),
     "search": (8, 1810),
-    "continuation": (8, 2757),
+    "continuation": (8, 2767),
     "kit": (4, 955),
     "proof": (8, 2142),
     "scenes": (14, 2663),
