@@ -66,7 +66,7 @@ from pwscont.system.selection import Selection
 from pwscont.system.system import PiecewiseLinearSystem, PiecewiseSystem
 from pwscont.transitions import TransitionDetector
 from pwscont.transitions.detector import SpecialPointFound
-from pwscont.transitions.ends import Bounds, departures, ended_by_system
+from pwscont.transitions.ends import Bounds, departures, ended_by_system, solves
 from pwscont.transitions.events import Events, checked_events
 from pwscont.transitions.rays import Corner, Ray
 from pwscont.transitions.user_event import Stop
@@ -320,6 +320,8 @@ def _follow_from(
             continue
         if plan.gauge:
             plan.gauge.begin()
+        if not solves(plan.reduced_system, plan.metric, x):
+            continue
         corner = Corner.of_start(plan.reduced_system, plan.metric, x, error)
         arrival = departures(corner)
         for each in plan.foreign:  # a start may be a special point of a detector
