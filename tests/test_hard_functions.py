@@ -257,6 +257,20 @@ def test_a_periodic_equation_without_periods_ends_in_words():
     assert graph.count(1.5) == 0
 
 
+@pytest.mark.slow
+def test_islands_that_repeat_without_end_are_not_all_found():
+    """For z0 < 0 the first equation is exp(sin(2 z1)) = -alpha: z1 repeats itself with z0."""
+
+    def equations(z, a, sw):
+        first = z[0] + sw.abs(z[0]) - np.exp(np.sin(2.0 * z[1])) - a
+        return [first, z[1] - np.exp(np.sin(2.0 * z[0]))]
+
+    graph = explore(Switched(2, equations), (-1.0, 2.0))
+    assert "there may be more" in graph.guarantee
+    for solution in graph.solutions(-0.7):
+        assert np.abs(equations(solution.z, -0.7, Numbers)).max() < 1e-9
+
+
 #: Unbounded periodic equations of two unknowns, whose solutions are infinitely many.
 PERIODIC = {
     "paths that branch": lambda z, a, sw: [
