@@ -26,10 +26,10 @@ import numpy as np
 from figures import store
 from pwscont_coulomb import CoulombFriction, CoulombLoad
 from pwscont_coulomb.contact_matrix import ContactMatrix
+from pwscont_coulomb.row_updates import Updating
 from strip import strip
 
 from pwscont import trace
-from pwscont.linear.updates import Updating
 
 INTERVAL = (0.0, 1.0)
 MANY = 1000  # transitions of the target

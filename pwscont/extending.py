@@ -52,10 +52,9 @@ from pwscont.graph.queries import fine_points
 from pwscont.graph.records import FEW_DIGITS, Piece, Solution, SpecialPoint, attempted
 from pwscont.linear.balance import balanced
 from pwscont.linear.bordered import BorderedFactor, Interior, row_scale
-from pwscont.linear.factor import Factor, ScaledFactor
+from pwscont.linear.factor import DenseLU, Factor, ScaledFactor
 from pwscont.linear.jacobian import StructuredJacobian
 from pwscont.linear.threads import THREADS, one_thread
-from pwscont.linear.updates import RowMatrix, RowSolver, Updating, drifted
 from pwscont.search.search import KnownBranches, Search
 from pwscont.system.abilities import (
     BringsSearches,
@@ -125,6 +124,7 @@ __all__ = [
     "Curve",
     "CurvedSegment",
     "DecidesCorners",
+    "DenseLU",
     "Differences",
     "Ending",
     "EvolutionPath",
@@ -161,8 +161,6 @@ __all__ = [
     "Reducible",
     "Reduction",
     "Report",
-    "RowMatrix",
-    "RowSolver",
     "Runnable",
     "ScaledCore",
     "ScaledFactor",
@@ -181,7 +179,6 @@ __all__ = [
     "StraightSegment",
     "StructuredJacobian",
     "TransitionDetector",
-    "Updating",
     "Way",
     "WaysOn",
     "accepted",
@@ -199,7 +196,6 @@ __all__ = [
     "completed",
     "counted",
     "dense",
-    "drifted",
     "enumerate_cells",
     "fine_points",
     "finite_array",

@@ -116,6 +116,8 @@ COMPUTED = [
     ("x = 0.1:1.1; mpc.bus(2,3) = x(1,end);", (1.1, 20)),
     ("x = 0:-0.5; mpc.bus(x, 3) = 5;", (10, 20)),
     ("mpc.version = 'a; % b'';', mpc.bus(2,3) = 5;", (5, 20)),
+    *((f"% a comment {sign} mpc.bus(2,3) = 5;", (10, 20)) for sign in "\v\f\x1c\x85\u2028"),
+    ("mpc.bus(+(mpc.bus(2:3,3) > 5), 4) = 5; k = abs(1 < 2); mpc.bus(k,3) = 0;", (10, 20)),
 ]
 
 
@@ -129,6 +131,7 @@ def test_statements_mean_what_they_mean_in_matlab(tmp_path, statement, loads):
 
 
 REFUSED = [
+    ("%{ \nmpc.bus(2,3) = 5;", "the comment that begins with '%{' has no end"),
     ("mpc.genfuel = {'a'}'; mpc.bus(2,3) = 5; %'", "is no part of a statement"),
     ("mpc.genfuel = {'a'} '; mpc.bus(2,3) = 5; %'", "has no place in this field"),
     ("mpc.gencost = [2 0\nmpc.bus(2,3) = 5;\n];", "'=' has no place in this field"),

@@ -297,6 +297,14 @@ def test_a_netlist_with_comments_and_lines_that_go_on_is_read():
     )
 
 
+@pytest.mark.parametrize("sign", ["\v", "\f", "\x1c", "\x85", "\u2028"])
+def test_only_the_end_of_a_line_ends_a_comment(sign):
+    read = parse_netlist(
+        f"title\r\nV1 a 0 1\rR1 a 0 1\n* no {sign} R2 a 0 1\nR3 a 0 1 ; {sign}R4 a 0 1"
+    )
+    assert [element.name for element in read.circuit.elements] == ["V1", "R1", "R3"]
+
+
 def test_a_netlist_is_read_from_a_file(tmp_path):
     assert read_netlist(INVERTER).sweep == ("VIN", 0.0, 5.0)
     with pytest.raises(InvalidInputError, match=r"cannot read .*nothing\.cir: No such file"):
@@ -315,6 +323,7 @@ def test_a_netlist_is_read_from_a_file(tmp_path):
         ("R1 a 0", "R1 needs 2 nodes and a value"),
         ("R1 a 0 -5", "R1: resistance must be positive, got -5"),
         ("V0 a 0 1", "the name V0 is used a second time"),
+        ("R1 a 0 1x", "'1x' is no number"),  # a million in some programs
         ("R1 a 0 10mil", "'10mil' is no number"),
         ("R1 a 0 10mils", "'10mils' is no number"),
         ("R1 a 0 1e3Millis", "'1e3Millis' is no number"),

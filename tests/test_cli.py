@@ -309,6 +309,7 @@ def test_wrong_usage_ends_with_status_2(capsys, arguments):
         (["run", "fig7", "--ta", "0.3"], "did you mean --at?"),
         (["run", "fig7", "--interval", "2", "-2"], "unrecognized arguments: --interval 2 -2\n"),
         (["scenes", "fig7"], "usage: pwscont scenes"),
+        (["run", "block", "-s", "nodes=2", "nodes=3"], "argument -s/--set: nodes is set twice"),
     ],
 )
 def test_unknown_arguments_are_refused_by_their_command(capsys, arguments, words):
@@ -398,6 +399,7 @@ def test_resolution_is_what_was_asked_for(capsys, tmp_path):
         (["fig7", "--format", "pdf"], "--format needs -o DIR"),
         (["fig7", "-o", "out", "--panels", "u_s"], "did you mean u_ν or u_t?"),
         (["fig7", "-o", "out", "--panels", "4"], "there is no '4'; names are u_ν, u_t, λ_ν, λ_t"),
+        (["fig7", "-o", "out", "--panels", "-1"], "there is no '-1'; names are u_ν, u_t"),
         (["fig5", "-o", "out", "--panels", "u_t"], "scene fig5 draws no quantity over a parameter"),
     ],
 )

@@ -19,6 +19,7 @@ from pwscont_coulomb.elastic import (
     Traction,
     Young,
 )
+from pwscont_coulomb.elastic.meshes import check_elements
 from pwscont_coulomb.elastic.scenes import press_body
 
 from pwscont import MissingPackageError
@@ -221,3 +222,18 @@ def test_a_missing_library_is_named(missing, monkeypatch):
     words = rf"{missing} cannot be imported: pip install scikit-fem meshio, or .* '\.\[fem\]'"
     with pytest.raises(MissingPackageError, match=words):
         press_body()
+
+
+@pytest.mark.parametrize("unit", [1e-9, 1.0, 1e6])
+@pytest.mark.parametrize("slit", [0.0, 1e-12])
+def test_elements_that_touch_without_common_nodes_are_refused(unit, slit):
+    """A seam with nodes of its own on either side, and a node in the middle of a longer facet."""
+    left, right = ([[0, 1, 1, 0], [0, 0, 1, 1]], [[1 + slit, 2, 2, 1 + slit], [0, 0, 1, 1]])
+    seam = skfem.MeshQuad(unit * np.hstack([left, right]), np.arange(8).reshape(2, 4).T)
+    corners = [[0, 1, 1, 0, 2, 2, 1 + slit], [0, 0, 1, 1, 0, 1, 0.5]]
+    triangles = np.array([[0, 1, 2], [0, 2, 3], [1, 4, 6], [4, 5, 6], [5, 2, 6]]).T
+    hanging = skfem.MeshTri(unit * np.array(corners, dtype=float), triangles)
+    for mesh, words in ((seam, "2 of 2 elements are not joined"), (hanging, "1 of 5 elements")):
+        with pytest.raises(InvalidInputError, match=words):
+            check_elements(mesh)
+    check_elements(skfem.MeshQuad(seam.p + 1e-3 * unit * (np.arange(8) > 3), seam.t))

@@ -297,6 +297,29 @@ def test_an_interrupted_run_goes_on(tmp_path, branching):
         evolve(other, (0.0, 3.0), journal=journal)
 
 
+@pytest.mark.parametrize(
+    ("system", "begun"),
+    [
+        (lambda load: PlasticTruss([[1.0], [1.0]], load, [1.0, 2.0], 1.0, 0.5), [0.0, 4.0, -3.0]),
+        (lambda load: QuasiStaticCoulomb(one_node(), load, 0.5), [[3, 0], [3, 3], [3, -3]]),
+    ],
+)
+def test_a_journal_of_a_history_with_another_end_is_refused(tmp_path, system, begun):
+    def along(factor):
+        loads = np.vstack([np.reshape(begun, (3, -1)), np.ravel(begun[1]) * factor])
+        return system(LoadHistory(loads))
+
+    with Journal(tmp_path / "journal") as journal:
+        first = evolve(along(0.5), (0.0, 3.0), journal=journal)
+    with Journal(tmp_path / "journal") as journal:
+        assert evolve(along(0.5), (0.0, 3.0), journal=journal).to_dict() == first.to_dict()
+    with (
+        Journal(tmp_path / "journal") as journal,
+        pytest.raises(InvalidInputError, match="went on"),
+    ):
+        evolve(along(2.0), (0.0, 3.0), journal=journal)
+
+
 @pytest.mark.parametrize("seed", [88, 99, 112])
 @pytest.mark.sweep(2)
 def test_a_resumed_run_repeats_every_bit(tmp_path, seed):

@@ -138,18 +138,23 @@ def test_three_and_four_branch_points_close_together(count, apart, seed):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(4))
-def test_two_branch_points_with_many_unknowns(seed):
-    """Beside the two, 38 springs y + y^3 = 0, all mixed by matrices."""
-    n, pair, rng = 40, Cluster(seed, 2, 0.01), np.random.default_rng(seed)
+@pytest.mark.parametrize(
+    ("count", "apart"), [(2, 1e-2), (2, 1e-3), (2, 1e-4), (3, 1e-2), (4, 1e-2)]
+)
+def test_branch_points_close_together_with_many_unknowns(count, apart, seed):
+    """Beside the branch points springs y + y^3 = 0, all mixed by matrices."""
+    n, cluster, rng = 40, Cluster(seed, count, apart), np.random.default_rng(seed)
     rows, columns = np.eye(n) + 0.05 * rng.normal(size=(2, n, n))
 
     def residual(z, alpha, sw):
-        y = columns @ z
-        beyond = pair.beyond(alpha)
-        return rows @ np.concatenate([y[:2] * (y[:2] ** 2 - beyond), y[2:] * (1.0 + y[2:] ** 2)])
+        y, springs = np.split(columns @ z, [count])
+        pitchforks = y * (y**2 - cluster.beyond(alpha))
+        return rows @ np.concatenate([pitchforks, springs * (1.0 + springs**2)])
 
     graph = trace(Switched(n, residual), (np.zeros(n), -1.0), (-1.0, 1.0))
-    assert (graph.count(-0.95), graph.count(0.97)) == (1, 9)
+    is_right = (graph.count(-0.95), graph.count(0.97)) == (1, 3**count)
+    assert is_right or str(graph.guarantee).startswith("not balanced")
+    assert is_right or count > 2
 
 
 def test_two_branch_points_where_a_piece_begins_at_another_one():

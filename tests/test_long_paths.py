@@ -18,14 +18,13 @@ from pwscont.linear.banded import BandLU
 from pwscont.linear.factor import DenseLU
 from pwscont.linear.factorise import factor
 from pwscont.linear.sparse import SparseLU
-from pwscont.linear.updates import RowSolver
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
 from scale_parts import plain
 from strip import strip
 
 
-class Afresh(RowSolver):
+class Afresh:
     """Solves with every matrix from the beginning, as numpy does."""
 
     def solve(self, matrix, rhs):

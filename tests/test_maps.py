@@ -459,3 +459,9 @@ def test_other_units_leave_loci_as_they_are(unit):
 def test_a_family_is_a_function():
     with pytest.raises(InvalidInputError, match="family must be a function of mu, got Hinge"):
         plane(Hinge(3.0, 0.0), UNIT, UNIT)
+
+
+def test_the_corners_of_a_window_far_from_zero_belong_to_the_window():
+    alphas, mus = (0.009998, 0.010001999999999999), (999.8000000000001, 1000.2)
+    found = plane(lambda mu: Hinge(3.0, mu - 1000.0), alphas, mus)
+    assert [found.count(alpha, mu) for alpha in alphas for mu in mus] == [1, 1, 1, 1]

@@ -430,6 +430,10 @@ WRONG = {
     "feature b2 is zero in all": lambda: Lasso([[1.0, 0.0]], [1.0]),
     "names must be 2 texts, got 1": lambda: Lasso(np.eye(2), np.ones(2), ["a"]),
     "Q must be symmetric": lambda: QuadraticProgram([[1, 1], [0, 1]], [0, 0], [[1, 0]], [1]),
+    "Q must be symmetric, and": lambda: QuadraticProgram(
+        [[1e9, 1e-3], [-1e-3, 1]], [0, 0], [[1, 0]], [1]
+    ),
+    "gram must be symmetric": lambda: Lasso.from_products([[2.0, 1.0], [0.5, 2.0]], [1.0, 1.0]),
     "constraint g1 is on no variable": lambda: QuadraticProgram([[1]], [0], [[0]], [1]),
     r"A has shape \(1, 2\), expected \(1, 1\)": lambda: QuadraticProgram([[1]], [0], [[1, 2]], [1]),
     "constraints must be 1 texts": lambda: QuadraticProgram(

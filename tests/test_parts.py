@@ -1,11 +1,15 @@
 """Systems that fall into parts: slices and corners against brute force and closed forms."""
 
+from fractions import Fraction
 from itertools import product
 
 import numpy as np
 import pytest
 
 from pwscont import Block, Character, PiecewiseLinearSystem, enumerate_solutions, explore, trace
+from pwscont.basics.rounding import CONFIDENCE
+from pwscont.curve.metric import Metric
+from pwscont.enumeration import slices
 from pwscont.enumeration.by_parts import most_cells, parts_of_table
 from pwscont.enumeration.options import Table
 
@@ -168,6 +172,64 @@ def parts_of(pattern, tests, blocks):
     rows, values = (np.zeros(len(matrix)) for matrix in (pattern, tests))
     table = Table([(pattern.astype(float), rows)], (tests.astype(float), values), blocks, [])
     return parts_of_table(table)
+
+
+class Sums(PiecewiseLinearSystem):
+    """Each unknown, or each two, is about the sum of those before; the second is nearly zero.
+
+    The rounding of the first unknowns is most of the error of all others, and grows with them.
+    """
+
+    def __init__(self, size, n=30):
+        self.size = n
+        weights = np.random.default_rng(size).uniform(0.9, 1.1, (n, n))
+        self.A = np.eye(n) - np.tril(weights, -1)
+        self.A[1:, 0], self.A[0, 0], self.A[1, 0] = 0.0, 3.0, -1.0
+        if size == 2:
+            first = np.arange(2, n, 2)
+            self.A[first, first + 1], self.A[first + 1, first] = 0.3, -0.4
+        self.rest = np.zeros(n)
+        self.rest[:2] = -0.7, 0.7 / 3.0 - 1e-6
+
+    def test_functions(self, z, alpha):
+        return z
+
+    def residual(self, z, alpha, character):
+        return self.A @ z + self.rest
+
+    def blocks(self):
+        return tuple(Block((k,), (k,), ((True,), (False,))) for k in range(self.size))
+
+    def solution(self):
+        """Return the solution in rational numbers."""
+        rows = [
+            [Fraction(x) for x in row] for row in np.column_stack([self.A, -self.rest]).tolist()
+        ]
+        for i, pivot in enumerate(rows):
+            for j, row in enumerate(rows):
+                if j != i and row[i]:
+                    part = row[i] / pivot[i]
+                    rows[j] = [a - part * b for a, b in zip(row, pivot, strict=True)]
+        return [row[-1] / row[i] for i, row in enumerate(rows)]
+
+
+@pytest.mark.parametrize("size", [1, 2])
+def test_errors_of_parts_grow_with_those_of_parts_before(size, monkeypatch):
+    system, found = Sums(size), []
+
+    def kept(*given):
+        found.extend(solve_parts(*given))
+        return found
+
+    solve_parts = slices.solve_parts
+    monkeypatch.setattr(slices, "solve_parts", kept)
+    slices.solve_slice(system, Metric(np.ones(system.size + 1)), 0.0)
+    (partial,) = found
+    pairs = zip(partial.z.tolist(), system.solution(), strict=True)
+    far = [float(abs(Fraction(x) - y)) for x, y in pairs]
+    error = np.hypot.reduce(partial.error, axis=0)
+    assert (np.array(far) <= CONFIDENCE * error).all()
+    assert (error <= 1e-3 * np.abs(partial.z)).all()
 
 
 def test_parts_come_after_what_they_need():

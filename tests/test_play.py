@@ -3,10 +3,11 @@
 import numpy as np
 import pytest
 from play_operators import springs, stops
+from pwscont_coulomb import ContactBody, QuasiStaticCoulomb
 from pwscont_structures import PlasticTruss
 from sweeps import swept
 
-from pwscont import Switched, SystemWithMemory, evolve
+from pwscont import InvalidInputError, LoadHistory, Switched, SystemWithMemory, evolve
 
 
 @pytest.mark.parametrize("seed", swept(range(25), range(25, 200)))
@@ -72,3 +73,43 @@ def test_equal_stops_in_one_law_follow_the_stop_operators(seed):
     for t, expected in zip(history.times, stops(truss, plastic), strict=True):
         (state,) = evolution.states(t)
         assert np.abs(state.z - expected).max() < 1e-11 * max(1.0, np.abs(expected).max())
+
+
+def test_a_load_that_rests_at_yield_has_one_state():
+    """Rounding alone may leave and meet the yield force again a moment later."""
+    top = 0.00019516036824067859
+    load = LoadHistory([[0.0], [top], [top], [-top]], [1e4, 10009.999999999998, 20010.0, 70010.0])
+    truss = PlasticTruss([[1.0]], load, 0.63192298, 0.00011887, 0.30193672)
+    evolution = evolve(truss, load.interval)
+    assert [evolution.count(t) for t in load.times] == [1, 1, 1, 1]
+    assert evolution.multiplicity() == [(*load.interval, 1)]
+
+
+@pytest.mark.parametrize("interval", [(0.0, 9.0), (-1.0, 1.0)])
+@pytest.mark.parametrize("kind", ["truss", "body"])
+def test_an_evolution_does_not_go_on_beyond_its_history(kind, interval):
+    history = LoadHistory([[3.0, 0.0], [3.0, 1.0]])
+    body = ContactBody([[2, -1], [-1, 2]], [[1, 0]], [[0, 1]])
+    systems = {
+        "truss": PlasticTruss(np.eye(2), history, 1.0, 1.0, 1.0),
+        "body": QuasiStaticCoulomb(body, history, 0.5),
+    }
+    with pytest.raises(InvalidInputError, match=r"leaves the times \[0, 1\] of the load history"):
+        evolve(systems[kind], interval)
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_a_cycle_is_what_the_swing_of_its_springs_says(seed):
+    """A spring yields in each cycle if its force would swing by more than twice its strength."""
+    rng = np.random.default_rng([3, seed])
+    m, (length, force) = int(rng.integers(1, 5)), 10.0 ** rng.integers(-9, 10, 2)
+    k, y, H = rng.uniform(0.5, 2.0, m), rng.uniform(0.3, 1.0, m), rng.uniform(0.1, 1.0, m)
+    mean, swing = rng.uniform(-1.0, 1.0), rng.uniform(0.2, 3.0)
+    loads = LoadHistory(force * np.array([[0.0], *[[mean + swing], [mean - swing]] * 4]))
+    truss = PlasticTruss(np.ones((m, 1)), loads, k * force / length, y * force, H * force / length)
+    evolution = evolve(truss, loads.interval)
+    (high,), (low,) = evolution.states(7.0), evolution.states(8.0)
+    yields = (k * abs(high.z[0] - low.z[0]) > 2.000001 * y * length).any()
+    assert [cycle.kind for cycle in evolution.cycle(2.0)] == [
+        "cyclic slip" if yields else "shakedown"
+    ]

@@ -103,6 +103,7 @@ WRONG = [
     ({"branch_g": [1.0]}, "'branch_g' must be one finite number for each of 3 branches"),
     ({"svc": [[1.0]]}, "the case has 'svc', which is not read"),
     ({"dcline": [[10, 20, 1, 5, 5]]}, "the case has DC lines in service"),
+    ({"dcline": [[10, 20]]}, "the case has DC lines in service"),
     ({"bus": [[10, 7, 0, 0, 0, 0]]}, "types of buses are 1, 2, 3 and 4"),
     ({"bus": [[10.5, 3, 0, 0, 0, 0]]}, "numbers of buses must be whole"),
     ({"bus": CASE["bus"][:2]}, "'gen' names bus 30, which 'bus' does not have"),

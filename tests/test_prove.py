@@ -29,7 +29,7 @@ from pwscont.extending import ExactMode, Kind
 from pwscont.graph.records import Place
 from pwscont.proof.cells import ExactCells, Ranges, segment_of
 from pwscont.proof.interval import Interval
-from pwscont.proof.pieces import certified_pieces, proved_solutions
+from pwscont.proof.prove import certified_pieces, proved_solutions
 from pwscont.search.enumeration import Solutions
 
 GAME = LCP([[1, 2], [2, 1]], q=[-1, -1], d=[1, 0])

@@ -9,11 +9,11 @@ from pwscont_coulomb import AffineLoad, ContactBody, CoulombFriction, CoulombLoa
 from pwscont_coulomb.contact_algebra import ContactAlgebra
 from pwscont_coulomb.contact_matrix import ContactMatrix
 from pwscont_coulomb.modes import SIGNS
+from pwscont_coulomb.row_updates import Updating, drifted
 
 from pwscont import Character, check_system
 from pwscont.linear.factor import ScaledFactor
 from pwscont.linear.factorise import bordered, column
-from pwscont.linear.updates import RowMatrix, Updating, drifted
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
 from scale_parts import plain
@@ -142,7 +142,7 @@ def test_contract():
         assert report, str(report)
 
 
-class Table(RowMatrix):
+class Table:
     """Every row is one of a few of a table."""
 
     def __init__(self, table, choice):

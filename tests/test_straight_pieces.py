@@ -12,7 +12,7 @@ from random_bodies import contact_body, random_body
 from pwscont import InvalidSystemError, PiecewiseLinearSystem, trace
 from pwscont.basics.rounding import CONFIDENCE
 from pwscont.bench.calls import counted
-from pwscont.linear.updates import ProductForm
+from pwscont.linear.factor import ProductForm
 from pwscont.transitions import straight
 from pwscont.transitions.detector import FARTHEST_ZERO, ratio_test
 

@@ -5,11 +5,13 @@ import re
 import numpy as np
 import pytest
 
-from pwscont import Switched, check_system, explore
+from pwscont import Panel, Scene, Switched, check_system, explore, plot
 from pwscont.commands.cli import main
+from pwscont.graph.exports import as_html
 from pwscont.kit.inspection import Defect
 from pwscont.kit.system import Report
 from pwscont.scenes.registry import load_scene
+from pwscont.scenes.table import report
 
 
 def slow(*names):
@@ -82,3 +84,14 @@ def test_one_defect_is_no_plural():
     report = check_system(Switched(1, lambda z, t, sw: z - sw.relu(t)), [([0.0], 0.5)])
     assert str(report) == "no defects found at 1 point"
     assert str(Report((Defect("H jumps", np.zeros(1), 0.5, 1.0),), 1)).startswith("1 defect:\n")
+
+
+def test_numbers_far_from_zero_have_the_digits_that_tell_them_apart():
+    """abs(z) = alpha - 1e9 - 1/8 has a fold an eighth beyond the beginning of the interval."""
+    system, interval = Switched(1, lambda z, t, sw: sw.abs(z) + 1e9 + 0.125 - t), (1e9, 1e9 + 1)
+    scene = Scene("far", "far from zero", system, interval, panels=(Panel(0),))
+    table = report(scene, graph := scene.run(), ())
+    assert "piece 0: " in table
+    assert table.count("1000000000.125") == 6  # fold, two pieces, three numbers of solutions
+    assert [text.get_text() for text in plot(graph).axes.texts] == ["1000000000.125"]
+    assert "1000000000.125" in as_html(graph, "")

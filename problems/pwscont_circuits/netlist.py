@@ -34,7 +34,7 @@ from pwscont_circuits.elements import Element
 from pwscont_circuits.stamps import GROUND
 
 NUMBER = re.compile(
-    r"([+-]?(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?)(t|g|meg|k|m|u|\u03bc|n|p|f)?[a-z\u03c9]*"
+    r"([+-]?(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?)(t|g|meg|k|m|u|\u03bc|n|p|f)?[a-wyz\u03c9]*"
 )
 #: A thousandth of an inch, in SPICE.
 MIL = re.compile(r"[-+.\d]+(e[+-]?\d+)?mil|.*mils?$")
@@ -146,7 +146,7 @@ def parse_netlist(text: str) -> Netlist:
         raise InvalidInputError(
             f"a netlist must be a text, got {text!r}; read_netlist takes a path"
         )
-    every = text.removeprefix("\ufeff").splitlines()
+    every = re.split("\r\n?|\n", text.removeprefix("\ufeff"))  # no other sign ends a comment
     before = next((i for i, line in enumerate(every) if line.strip()), 0)
     title, *rest = every[before:] or [""]
     reader = _Reader()

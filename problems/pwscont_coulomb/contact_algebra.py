@@ -23,7 +23,7 @@ Failure modes and answers
 - Stiffnesses of different magnitudes: M is scaled by powers of two from the diagonal of A, and
   slip rows by the friction; results do not depend on units.
 - M is singular at folds and on vertical pieces, where the bordered matrix is not: see
-  :mod:`pwscont.linear.updates` and :mod:`pwscont.linear.bordered`.
+  :mod:`~pwscont_coulomb.row_updates` and :mod:`pwscont.linear.bordered`.
 - A multiplier is the difference of elastic force and load, with the rounding errors of the two, as
   in the solution of the whole system.
 """
@@ -37,14 +37,8 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.linalg import blas
 
-from pwscont.extending import (
-    Array,
-    Indices,
-    Matrix,
-    RowMatrix,
-    RowSolver,
-    power_of_two,
-)
+from pwscont.extending import Array, Indices, Matrix, power_of_two
+from pwscont_coulomb.row_updates import RowMatrix, Updating
 
 if TYPE_CHECKING:
     from pwscont_coulomb.body import ContactBody
@@ -63,11 +57,11 @@ class ContactAlgebra:
         With a dense A and with N and T that pick single displacements.
     r : ndarray, shape (p,)
         Scale of the augmented multipliers.
-    solver : RowSolver
+    solver : Updating
         Solves with M.
     """
 
-    def __init__(self, body: ContactBody, r: Array, solver: RowSolver) -> None:
+    def __init__(self, body: ContactBody, r: Array, solver: Updating) -> None:
         self.A, self.r, self.solver = body.A, r, solver
         self.n, self.p = body.n, body.p
         self.slides = ~body.guided

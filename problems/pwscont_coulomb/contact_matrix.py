@@ -15,12 +15,12 @@ from pwscont.extending import (
     Interior,
     ScaledFactor,
     StructuredJacobian,
-    drifted,
     power_of_two,
     row_scale,
 )
 from pwscont_coulomb.contact_algebra import ContactAlgebra, Displacements
 from pwscont_coulomb.modes import STICKS, TOUCHES
+from pwscont_coulomb.row_updates import drifted
 
 #: Sign of the slip in each mode.
 SIDES = np.array([0.0, 0.0, 1.0, -1.0])

@@ -42,7 +42,6 @@ from pwscont.extending import (
     Matrix,
     Reducible,
     Reduction,
-    Updating,
     counted,
 )
 from pwscont_coulomb import modes as contact
@@ -59,6 +58,7 @@ from pwscont_coulomb.modes import SIGNS
 from pwscont_coulomb.names import names
 from pwscont_coulomb.necessary import necessary
 from pwscont_coulomb.per_node import positive
+from pwscont_coulomb.row_updates import Updating
 from pwscont_coulomb.rows import (
     DenseGradients,
     SparseGradients,

@@ -12,7 +12,7 @@ from typing import ClassVar
 import numpy as np
 
 from pwscont import Block, Character, PiecewiseLinearSystem
-from pwscont.extending import Array, Indices
+from pwscont.extending import EPS, Array, Indices
 
 #: Most active parts that a label names; a label gives the number of more parts.
 MOST_NAMED = 12
@@ -128,6 +128,13 @@ class ActiveSets(PiecewiseLinearSystem):
         old, new = self.active_set(before), self.active_set(after)
         words = [f"{part} {self.leaves}" for part in old if part not in new]
         return ", ".join(words + [f"{part} {self.enters}" for part in new if part not in old])
+
+
+def is_symmetric(matrix: Array) -> bool:
+    """Tell whether a matrix is symmetric to half of the digits, also where rows differ in units."""
+    sizes = np.abs(matrix).max(axis=1, initial=0.0)
+    allowed = EPS**0.5 * np.sqrt(np.multiply.outer(sizes, sizes))
+    return bool((np.abs(matrix - matrix.T) <= allowed).all())
 
 
 def _values(rows: Array, z: Array, alpha: float) -> Array:

@@ -9,7 +9,7 @@ import numpy as np
 
 from pwscont import InvalidInputError
 from pwscont.extending import EPS, Array, finite_array
-from pwscont_optimisation.active_sets import ActiveSets
+from pwscont_optimisation.active_sets import ActiveSets, is_symmetric
 from pwscont_optimisation.numbered import numbered
 
 
@@ -77,6 +77,8 @@ class Lasso(ActiveSets):
         system = cls.__new__(cls)
         products = finite_array("products", products)
         gram = finite_array("gram", gram, (products.size,) * 2)
+        if not is_symmetric(gram):
+            raise InvalidInputError("gram must be symmetric: it is X^T X")
         system._set_up(gram, products, names, None)
         return system
 

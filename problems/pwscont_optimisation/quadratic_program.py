@@ -9,7 +9,7 @@ import numpy as np
 
 from pwscont import InvalidInputError
 from pwscont.extending import EPS, Array, finite_array
-from pwscont_optimisation.active_sets import ActiveSets
+from pwscont_optimisation.active_sets import ActiveSets, is_symmetric
 from pwscont_optimisation.numbered import numbered
 
 
@@ -99,7 +99,7 @@ def _is_unique(Q: Array, A: Array) -> bool:
 
 
 def _check(Q: Array, A: Array, constraints: Sequence[str]) -> None:
-    if not np.allclose(Q, Q.T, rtol=0.0, atol=EPS**0.5 * np.abs(Q).max()) or not Q.any():
+    if not is_symmetric(Q) or not Q.any():
         raise InvalidInputError("Q must be symmetric, and not zero; (Q + Q.T) / 2 has the same x")
     empty = ~A.any(axis=1)
     if empty.any():

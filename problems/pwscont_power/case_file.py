@@ -66,13 +66,17 @@ def read_case_file(file: Path) -> dict[str, Array]:
 
 def _without_comments(text: str) -> str:
     """Return a text with as many lines, without comments and with continued lines joined."""
-    lines, depth = [], 0
-    for line in text.splitlines():
+    lines, depth, opened = [], 0, 0
+    every = text.removesuffix("\n").split("\n")  # no other sign ends a comment
+    for number, line in enumerate(every, 1):
+        opened = opened if depth else number
         depth += line.strip() == "%{"
         found = CODE.match(line)
         lines.append("" if depth or not found else found[0])
         lines[-1] += " \f" if found and line[found.end() :].startswith("...") else "\n"
         depth -= depth > 0 and line.strip() == "%}"
+    if depth:
+        refuse(opened, "the comment that begins with '%{' has no end")
     return "".join(lines)
 
 

@@ -192,7 +192,7 @@ class Reader:
         if self.taken("-"):
             return -1.0 * self._signed()
         if self.taken("+"):
-            return self._signed()
+            return 1.0 * self._signed()
         if self.taken("~"):
             return np.logical_not(self._signed())
         value = self._atom()
@@ -251,7 +251,7 @@ class Reader:
         if field is None and token.text in FUNCTIONS and self._is_called():
             self.take("(")
             with np.errstate(all="ignore"):
-                return np.asarray(FUNCTIONS[token.text](self._inside(self.expression, ")")))
+                return np.asarray(FUNCTIONS[token.text](1.0 * self._inside(self.expression, ")")))
         name = token.text if field is None else f"{token.text}.{field}"
         refuse(token.line, f"{name!r} is not known here")
 

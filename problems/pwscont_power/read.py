@@ -165,7 +165,7 @@ def _check_all_is_read(tables: Mapping[str, Any]) -> None:
         if name not in known and not name.startswith("_") and np.size(table):
             raise InvalidInputError(f"the case has {name!r}, which is not read")
     lines = np.atleast_2d(np.asarray(tables.get("dcline", ()), dtype=float))
-    if lines.size and (lines[:, 2] > 0).any():
+    if lines.size and (lines.shape[1] < 3 or not (lines[:, 2] <= 0.0).all()):
         raise InvalidInputError(
             "the case has DC lines in service, in the table 'dcline', which are not read; take "
             "them out of service, as MATPOWER does by default, or write them as generators"

@@ -82,6 +82,10 @@ class PlasticTruss(SystemWithMemory):
         """Return no plastic elongation."""
         return np.zeros(len(self.B))
 
+    def evolver(self, interval: tuple[float, float]) -> None:
+        """Refuse an interval that leaves the history; the ways on are those of the cone problem."""
+        self.history.refuse_beyond(interval)
+
     def dissipation(self, before: EvolutionState, after: EvolutionState) -> float:
         """Return the plastic work between two states of one piece, exact on straight pieces.
 

@@ -193,4 +193,4 @@ def look_of(options: argparse.Namespace, scene: Runnable) -> Look:
 
 def with_panels(options: argparse.Namespace, scene: Runnable) -> Runnable:
     """Return the scene with the panels that the user asks for."""
-    return scene.with_panels(options.panels) if options.panels else scene
+    return scene.with_panels([*map(str.strip, options.panels)]) if options.panels else scene

@@ -298,8 +298,7 @@ class PieceFollower:
         """Return the piece that an event on the last step ends, with the ways on allowed there."""
         if end := self._ended_by_user(step, event.position):
             return end
-        watch, events = self._watch, self._events
-        arrival = watch.ended(event.arrive(self._curve))
+        arrival, events = event.arrive(self._curve), self._events
         arrival = events.ended(arrival) if events else arrival
         arrival = arrival.adding(TWOFOLD) if self._flips else arrival
         final = ended_by_system(arrival)

@@ -325,8 +325,6 @@ def _follow_from(
             continue
         corner = Corner.of_start(plan.reduced_system, plan.metric, x, error)
         arrival = departures(corner)
-        for each in plan.foreign:  # a start may be a special point of a detector
-            arrival = each.begun(arrival)
         arrival = plan.events.begun(arrival) if plan.events else arrival
         discovery.add(ended_by_system(arrival), corner)
         if discovery.is_net:  # every start would lead to another part of it

@@ -26,8 +26,8 @@ zeros within the step say where the determinant vanishes, and how often.
 - Several zeros together: the step around them is looked at again, ever closer, until the zeros are
   apart, or vanish, or are one place to rounding.
 - A branch point that is known, at the beginning of a piece or where a step ends, is no other zero.
-- Many unknowns: Arnoldi's method computes the dominant zeros of the line through two Jacobians; one
-  or two vectors show nearly always that there is none. Zeros together are told apart only closer.
+- Many unknowns: Arnoldi's method computes the dominant zeros, of the line through two Jacobians
+  first; one or two vectors show nearly always that there is none.
 - Along a curve on which H vanishes twice the determinant is rounding: where the Jacobians lose
   rank, nothing is told.
 
@@ -37,20 +37,20 @@ eigenvalue that vanishes twice within a part of the step in which three Jacobian
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import lru_cache
 from math import ceil, inf, isfinite, nan, sqrt
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Matrix, dense, generic, joined, largest, product, smallest
+from pwscont.basics.arrays import Array, dense, generic, joined, largest, product, smallest
 from pwscont.basics.outcome import Failure, FailureReason
 from pwscont.basics.rounding import CONVERGED
 from pwscont.curve.crossing import FULL_RANK, loses_rank
 from pwscont.curve.curve import State
 from pwscont.curve.step_size import StepSize
 from pwscont.curve.stepper import INSIDE, CurvedSegment
-from pwscont.linear.factor import Factor, row_divisors
+from pwscont.linear.factor import Factor
 from pwscont.linear.factorise import bordered
 from pwscont.system.system import PiecewiseSystem, SlicewiseLinearSystem
 
@@ -242,29 +242,31 @@ MOST_WITH_ALL_ZEROS = 24
 VECTORS, NO_EIGENVALUE, NO_PART = 10, 0.5, 0.1
 
 
-def hidden_in(segment: CurvedSegment) -> State | Failure | None:
+def hidden_in(segment: CurvedSegment, *, is_part: bool = False) -> State | Failure | None:
     """Return a state within a segment at which the determinant vanishes and keeps its sign.
 
     A Failure if the sign differs at places between: a shorter step is needed. None if the
-    determinant does not vanish, and where the signs at both ends differ.
+    determinant does not vanish, and where the signs at both ends differ. ``is_part``: whether the
+    segment is a part of a segment in which the Jacobian has full rank.
     """
     selection, start, end = segment.curve.selection, segment.start, segment.end
     if selection.is_straight or start.orientation != end.orientation:
         return None
     if start.jacobian is None:  # at the beginning of a piece
         start.jacobian = selection.jacobian(start.x)
-    if is_rough := selection.system.size > MOST_WITH_ALL_ZEROS:
-        zeros = _few_zeros(segment)
-    else:
-        zeros = np.zeros(0) if _is_regular(segment) else _zeros(segment)
-    if not len(zeros):
+    if (_is_regular if _has_few(segment) else _line_is_regular)(segment):
         return None  # nearly always
+    zeros = (_all_zeros if _has_few(segment) else _dominant_zeros)(segment)
+    if not len(zeros) or not (is_part or _has_full_rank(segment)):
+        return None
     if len(zeros) == 1 or np.ptp(zeros) > TOGETHER:
-        found = _apart(segment, zeros)
-        if found or end.is_singular or not is_rough:
-            return found
+        return _apart(segment, zeros)
     middle = 0.5 * segment.length * (1.0 + float(zeros.mean()))
     return (_singular_at if segment.length <= SHORTEST_REFUSED else _closer)(segment, middle)
+
+
+def _has_few(segment: CurvedSegment) -> bool:
+    return segment.curve.selection.system.size <= MOST_WITH_ALL_ZEROS
 
 
 def _apart(segment: CurvedSegment, zeros: Array) -> Failure | None:
@@ -322,25 +324,39 @@ def _from_to(zeros: Array, first: float, last: float, imaginary: float) -> Array
     return np.sort(real[(first < real) & (real < last)])
 
 
+def _three(segment: CurvedSegment) -> tuple[Array, Array, Array]:
+    """Return points at the start, nearly in the middle and at the end of a segment."""
+    return segment.start.x, segment.near(0.5 * segment.length), segment.end.x
+
+
+def _has_full_rank(segment: CurvedSegment) -> bool:
+    """Tell whether the Jacobian is not everywhere as near to a lower rank as at a double root."""
+    metric = segment.curve.metric
+    for jacobian in map(segment.curve.selection.jacobian, _three(segment)):
+        rows = abs(jacobian) @ metric.binary
+        factor = bordered(jacobian, metric.covector(segment.chord), metric.binary)
+        solution = factor.solve(joined(rows * generic(len(rows)), 0.0)) / metric.binary
+        if largest(np.abs(solution)) < 1.0 / FULL_RANK:
+            return True
+    return False
+
+
 def _range(segment: CurvedSegment) -> tuple[float, float]:
     """Return between which places zeros count: -1 and 1, without known branch points there."""
     first, last = (1.0 - KNOWN * state.is_singular for state in (segment.start, segment.end))
     return -first, last
 
 
-def _zeros(segment: CurvedSegment) -> Array:
+def _all_zeros(segment: CurvedSegment) -> Array:
     """Return where the quadratic through three Jacobians is singular, between -1 and 1.
 
     The quadratic is M + s D + s^2 E, with s = -1 at the start and s = 1 at the end of the segment.
     """
-    curve, length = segment.curve, segment.length
-    places = segment.start.x, segment.near(0.5 * length), segment.end.x
-    before, here, after = known = [dense(curve.selection.jacobian(x)) for x in places]
+    curve = segment.curve
+    before, here, after = known = [dense(curve.selection.jacobian(x)) for x in _three(segment)]
     if not np.isfinite(here).all():  # H may be undefined beside the curve
         here = known[1] = 0.5 * (before + after)
     if not np.isfinite(known).all():
-        return np.zeros(0)
-    if all(_rank_is_rounding(each * curve.metric.binary) for each in known):
         return np.zeros(0)
     factor = bordered(here, curve.metric.covector(segment.chord), curve.metric.binary)
     changes = 0.5 * (after - before), 0.5 * (after + before) - here
@@ -348,8 +364,8 @@ def _zeros(segment: CurvedSegment) -> Array:
     return _real_zeros(forth, bend, *_range(segment), TOGETHER)
 
 
-def _few_zeros(segment: CurvedSegment) -> Array:
-    """Return zeros as :func:`_zeros`, of the line through two Jacobians, for many unknowns.
+def _line_is_regular(segment: CurvedSegment) -> bool:
+    """Tell whether the line through the Jacobians at both ends has no zero near the segment.
 
     The line is M + (s - place) / 2 (after - before), with M at the end if a factorisation is known
     there, else in the middle.
@@ -360,35 +376,53 @@ def _few_zeros(segment: CurvedSegment) -> Array:
         here = curve.selection.jacobian(segment.near(0.5 * segment.length))
         factor = bordered(here, curve.metric.covector(segment.chord), curve.metric.binary)
         after, place = curve.selection.jacobian(end.x), 0.0
-    values = _dominant(factor, start.jacobian, after, curve.metric.binary)
-    if len(values) and all(loses_rank(curve, each.x) for each in (start, end)):
-        return np.zeros(0)
-    return _from_to(place - 2.0 / values[np.abs(values) > 0.5], *_range(segment), TOGETHER)
+    before, scale = start.jacobian, curve.metric.binary
+
+    def change(x: Array) -> Array:
+        image = product(before, scale * x) - product(after, scale * x)
+        return factor.solve(joined(image, 0.0)) / scale
+
+    values = _dominant(change, len(scale), NO_PART / sqrt(len(scale)), NO_EIGENVALUE)
+    near = 1.0 + 2.0 * MARGIN
+    return not len(_from_to(place + 2.0 / values[np.abs(values) > 0.5], -near, near, 2.0 * MARGIN))
 
 
-def _dominant(factor: Factor, before: Matrix, after: Matrix, scale: Array) -> Array:
-    """Return the largest eigenvalues of M^-1 [after - before; 0], none if all are well below 1."""
-    n, small = len(scale), (NO_PART / sqrt(len(scale)), NO_EIGENVALUE)
-    basis, matrix = np.zeros((VECTORS + 1, n)), np.zeros((VECTORS + 1, VECTORS))
-    basis[0] = generic(n) / np.linalg.norm(generic(n))
+def _dominant_zeros(segment: CurvedSegment) -> Array:
+    """Return zeros as :func:`_all_zeros`, those with the least distance from the middle."""
+    curve, scale = segment.curve, segment.curve.metric.binary
+    before, here, after = (curve.selection.jacobian(x) for x in _three(segment))
+    factor = bordered(here, curve.metric.covector(segment.chord), scale)
+
+    def companion(both: Array) -> Array:
+        x, y = np.split(both, 2)
+        forth = product(after, scale * (y + x)) + product(before, scale * (y - x))
+        image = product(here, scale * y) - 0.5 * forth
+        return np.concatenate([factor.solve(joined(image, 0.0)) / scale, x])
+
+    values = _dominant(companion, 2 * len(scale))
+    return _from_to(1.0 / values[np.abs(values) > 0.5], *_range(segment), TOGETHER)
+
+
+def _dominant(apply: Callable[[Array], Array], size: int, *small: float) -> Array:
+    """Return the largest eigenvalues of a matrix of some size, by Arnoldi's method.
+
+    ``apply``: returns the matrix times a vector. ``small``: norms of the matrix in the space of
+    the first vectors, one after the other, below which all eigenvalues count as small.
+    """
+    basis, matrix = np.zeros((VECTORS + 1, size)), np.zeros((VECTORS + 1, VECTORS))
+    basis[0] = generic(size) / np.linalg.norm(generic(size))
     for j in range(VECTORS):
-        vector = scale * basis[j]
-        image = factor.solve(joined(product(after, vector) - product(before, vector), 0.0)) / scale
+        image = apply(basis[j])
         parts = basis[: j + 1].dot(image)
         image -= parts.dot(basis[: j + 1])
         matrix[: j + 1, j], matrix[j + 1, j] = parts, np.linalg.norm(image)
-        if j < len(small) and not np.linalg.norm(matrix) >= small[j]:
+        least = small[j] if j < len(small) else 0.0
+        if not least <= np.linalg.norm(matrix) < inf:
             return np.zeros(0)  # nearly always
         if not matrix[j + 1, j] > 0.0:
             break
         basis[j + 1] = image / matrix[j + 1, j]
     return np.asarray(np.linalg.eigvals(matrix[: j + 1, : j + 1]))
-
-
-def _rank_is_rounding(jacobian: Array) -> bool:
-    """Tell whether a Jacobian, in the units of the metric, looks like that at a double root."""
-    sizes = np.linalg.svd(jacobian / row_divisors(np.asfortranarray(jacobian))[:, np.newaxis])[1]
-    return bool(sizes[-1] <= FULL_RANK * sizes[0])
 
 
 def _closer(segment: CurvedSegment, middle: float) -> State | Failure | None:
@@ -399,7 +433,8 @@ def _closer(segment: CurvedSegment, middle: float) -> State | Failure | None:
         return Failure(FailureReason.SINGULAR)
     if start.orientation != segment.start.orientation or end.orientation != start.orientation:
         return Failure(FailureReason.SINGULAR)
-    return hidden_in(CurvedSegment.between(segment.curve, start, end, segment.suggestion))
+    part = CurvedSegment.between(segment.curve, start, end, segment.suggestion)
+    return hidden_in(part, is_part=True)
 
 
 def _singular_at(segment: CurvedSegment, at: float) -> State | None:

@@ -136,8 +136,8 @@ class PartSlice(SlicewiseLinearSystem):
         known = np.abs(before.z)
         #: Sizes of the terms of the constants, the largest of all modes.
         self._terms = np.max([np.abs(J) @ known + np.abs(r) for J, r in rows], axis=0)
-        #: For every mode, the errors of the constants by the samples of the error before.
-        self._errors = [J @ before.error.T for J, _ in rows]
+        #: For every mode, the errors that the samples of the error before make on the right side.
+        self._errors = [-J @ before.error.T for J, _ in rows]
         spread = np.abs(np.hypot.reduce(K @ before.error.T, axis=1))
         #: The error of the tests that the error of the parts before makes.
         self.inherited_slack: Array = EPS * (np.abs(K) @ known + np.abs(tests)) + spread
@@ -174,7 +174,7 @@ class PartSlice(SlicewiseLinearSystem):
         return [block.modes.index(tuple(signs[i] for i in block.tests)) for block in blocks]
 
     def _in_cell(self, character: Character) -> list[Array]:
-        """Return the rows of a cell: the matrix, the constants and the errors of the constants."""
+        """Return the rows of a cell: the matrix, the constants and the errors of the right side."""
         modes, rows = self._modes(character), [block.rows for block in self.table.blocks]
         parts = *zip(*self.table.rows, strict=True), self._errors
         return [in_modes(part, rows, modes) for part in parts]
@@ -186,8 +186,8 @@ class PartSlice(SlicewiseLinearSystem):
         if slope == 0.0:
             return None
         x = -float(constants[0]) / slope
-        errors = np.append(inherited[0], EPS * self._terms[0])
-        error = np.append(errors / slope, EPS * abs(x))
+        errors = np.append(EPS * self._terms[0], inherited[0])  # those of parts before come last
+        error = np.append(EPS * abs(x), errors / slope)
         gradients, values = self.table.tests[0][:, 0], self.table.tests[1]
         off = EPS * np.abs(gradients * x) + np.abs(gradients) * float(np.hypot.reduce(error))
         slack = CONFIDENCE * (off + self.inherited_slack) + EPS * scale * np.abs(gradients)

@@ -87,6 +87,20 @@ class LoadHistory:
         corners: Array = self.times[1:-1]
         return corners
 
+    def refuse_beyond(self, interval: tuple[float, float]) -> None:
+        """Refuse an interval that leaves the history.
+
+        Raises
+        ------
+        InvalidInputError
+            If the interval leaves the history.
+        """
+        lo, hi = self.interval
+        if interval[0] < lo or interval[1] > hi:
+            raise InvalidInputError(
+                f"the interval {interval} leaves the times [{lo:g}, {hi:g}] of the load history"
+            )
+
     def __call__(self, t: float) -> Array:
         """Return the load at a time, shape (n,).
 

@@ -52,18 +52,23 @@ def cycle_of(path: EvolutionPath, end: float, period: float) -> Cycle:
         return Cycle("not yet", 0, np.zeros(0))
     size = max(float(np.abs(state.memory).max(initial=0.0)) for state in states)
     drift = states[0].memory - states[1].memory
-    same = [k for k in range(1, len(states)) if _same(states[0], states[k], size)]
-    if same and same[0] == 1 and _is_at_rest(path, end - period, end, size):
+    again = [k for k in range(1, len(states)) if _have_same_z(states[0], states[k])]
+    same = [k for k in again if _have_same_memory(states[0], states[k], size)]
+    # what is left behind may be rounding, in which no digit repeats itself
+    if again[:1] == [1] and _is_at_rest(path, end - period, end, size):
         return Cycle("shakedown", 1, drift)
     if same:
         return Cycle("cyclic slip", same[0], drift)
     return Cycle("ratchetting" if _drifts(states, drift, size) else "not yet", 0, drift)
 
 
-def _same(a: EvolutionState, b: EvolutionState, size: float) -> bool:
-    near = bool((np.abs(a.memory - b.memory) <= ADDED * SAME_STATE * size).all())
+def _have_same_memory(a: EvolutionState, b: EvolutionState, size: float) -> bool:
+    return bool((np.abs(a.memory - b.memory) <= ADDED * SAME_STATE * size).all())
+
+
+def _have_same_z(a: EvolutionState, b: EvolutionState) -> bool:
     largest = np.maximum(np.abs(a.z), np.abs(b.z)).max(initial=0.0)
-    return near and bool((np.abs(a.z - b.z) <= ADDED * SAME_STATE * largest).all())
+    return bool((np.abs(a.z - b.z) <= ADDED * SAME_STATE * largest).all())
 
 
 def _is_at_rest(path: EvolutionPath, t0: float, t1: float, size: float) -> bool:

@@ -68,8 +68,7 @@ class ByRays(Evolver):
         self._apart = self._differs_elsewhere()
         law = self._stated(self._first)
         self._size, self._shown_size = law.size, shown_size(law)
-        law, guess = law.within(*interval), np.zeros(law.size)
-        self._magnitudes = None if law.gives_scale else rough_magnitudes(law, interval, guess)
+        self._magnitudes = None if law.gives_scale else typical(law, interval)
         self._metric = Metric.of(self.law(self._first), interval)
 
     def _stated(self, memory: Array) -> PiecewiseLinearSystem:
@@ -132,7 +131,7 @@ class ByRays(Evolver):
         memory = np.asarray(self.system.memory(shown, t), dtype=float)
         law = self.law(memory)
         z = completed(law, shown, t)
-        if not _holds(law, z, t, self.sizes()):
+        if not holds(law, z, t, self.sizes()):
             kind = type(self.system).__name__
             raise InvalidInputError(f"start is no state of {kind} at t = {t:.10g}: {shown}")
         return Moment(t, z, memory)
@@ -166,7 +165,7 @@ class ByRays(Evolver):
         """Return the rays in the direction of growing t."""
         law = self.law(moment.memory)
         x, error = _found(moment, self._metric)
-        if not _holds(law, moment.z, moment.t, self.sizes()):
+        if not holds(law, moment.z, moment.t, self.sizes()):
             raise InvalidSystemError(
                 f"{type(self.system).__name__}.remembering(memory(z, t)) does not hold in the "
                 f"state z it was made from, at t = {moment.t:.10g}"
@@ -224,7 +223,14 @@ def _found(moment: Moment, metric: Metric | None = None) -> Found:
     return x, GUARD * EPS * (np.abs(x) + scale)[np.newaxis]
 
 
-def _holds(law: PiecewiseLinearSystem, z: Array, t: float, sizes: Array) -> bool:
+def typical(law: PiecewiseLinearSystem, interval: tuple[float, float]) -> Array:
+    """Return typical magnitudes of the unknowns of a law, as the law gives or from its terms."""
+    law = law.within(*interval)
+    given = law.gives_scale
+    return law.scale(*interval) if given else rough_magnitudes(law, interval, np.zeros(law.size))
+
+
+def holds(law: PiecewiseLinearSystem, z: Array, t: float, sizes: Array) -> bool:
     """Tell whether a law holds in a state, in one of the cells to which the state belongs."""
     x = np.append(z, t)
     selection = Selection(law, law.character(z, t))

@@ -16,7 +16,7 @@ from collections.abc import Callable, Iterator, Sequence
 from hashlib import blake2b
 from heapq import heappop, heappush
 from math import inf
-from typing import TYPE_CHECKING, final
+from typing import TYPE_CHECKING, NoReturn, final
 
 import numpy as np
 
@@ -27,8 +27,10 @@ from pwscont.basics.rounding import SAME_STATE
 from pwscont.continuation.journal import Journal
 from pwscont.continuation.run import Report
 from pwscont.evolution.memory import Evolver, Moment, Way, WaysOn, closeness
+from pwscont.evolution.rays import holds, typical
 from pwscont.evolution.rules import Jumps, UserEvents
 from pwscont.evolution.states import EvolutionNode, EvolutionPiece, same_time
+from pwscont.system.abilities import completed
 
 if TYPE_CHECKING:
     from pwscont.evolution.memory import SystemWithMemory
@@ -263,6 +265,7 @@ class RecordedWays:
         interval: tuple[float, float],
     ) -> None:
         self._evolver, self._journal, self._number = evolver, journal, 0
+        self._system, self._interval = system, interval
         facts = {"evolution of": type(system).__name__, "interval": repr(interval)}
         memory = np.asarray(system.initial_memory(), dtype=float)
         law = system.remembering(memory)
@@ -282,11 +285,24 @@ class RecordedWays:
             return found
         text, rows = known
         if not text.startswith(place):
-            raise InvalidInputError(
-                f"cannot use the journal {self._journal.path}: it is of another run: event "
-                f"{number + 1} began elsewhere; remove it, or write elsewhere"
-            )
-        return _read(text.removeprefix(place), rows)
+            self._refuse(number, "began elsewhere")
+        found = _read(text.removeprefix(place), rows)
+        if not all(self._holds(moment, way) for way in found.ways):
+            self._refuse(number, "went on elsewhere")
+        return found
+
+    def _holds(self, moment: Moment, way: Way) -> bool:
+        """Tell whether the law holds where a recorded way ends, as under the recorded loads."""
+        t = min(way.until, self._interval[1])
+        law = self._system.remembering(moment.memory)
+        z = self._evolver.shown(way.z + (t - moment.t) * way.rate, t)
+        return holds(law, completed(law, z, t), t, typical(law, self._interval))
+
+    def _refuse(self, number: int, why: str) -> NoReturn:
+        raise InvalidInputError(
+            f"cannot use the journal {self._journal.path}: it is of another run: event "
+            f"{number + 1} {why}; remove it, or write elsewhere"
+        )
 
 
 def _place(moment: Moment) -> str:

@@ -11,7 +11,7 @@ from typing import Any, final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, finite_array
+from pwscont.basics.arrays import Array, Signs, finite_array
 from pwscont.basics.errors import InvalidInputError, SystemNeededError
 from pwscont.basics.printing import card, short
 from pwscont.basics.printing import state as in_words
@@ -198,11 +198,15 @@ class EvolutionStructure:
         same = same_time(self.interval)
         if not lo - same <= t <= hi + same:
             raise InvalidInputError(f"t = {t} lies outside the interval [{lo}, {hi}]")
-        times = self._times
-        at = np.flatnonzero(np.abs(times - t) <= same).tolist()
+        is_near = np.abs(self._times - t) <= same
+        at = [i for i in np.flatnonzero(is_near).tolist() if not self._goes_on(i, is_near)]
         begins, ends = self._spans
         inside = np.flatnonzero((begins < t - same) & (t + same < ends)).tolist()
         return [*at, *(self.pieces[i] for i in inside)]
+
+    def _goes_on(self, number: int, is_near: Signs) -> bool:
+        """Tell whether a node is the state of a node just before: rounding alone set them apart."""
+        return any(is_near[p.start] and not p.is_jump for p in self.into[number])
 
     @cached_property
     def _times(self) -> Array:

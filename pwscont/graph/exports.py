@@ -9,7 +9,7 @@ import json
 from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 from importlib import import_module
-from math import isinf
+from math import isinf, log10
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -18,6 +18,7 @@ from pwscont.basics.arrays import Array
 from pwscont.basics.errors import InvalidInputError, MissingPackageError
 from pwscont.basics.outcome import NOTHING_FOUND
 from pwscont.basics.printing import apart, counted
+from pwscont.curve.metric import Range
 from pwscont.graph.balance import balance_values
 from pwscont.graph.queries import multiplicity, runs
 from pwscont.graph.records import Piece, SpecialPoint, attempted
@@ -194,9 +195,11 @@ DUST = 1e-12
 Attempt = Mapping[str, float | str]
 
 
-def number(value: float) -> str:
-    """Return a number as users read it: at most eight digits, no rounding dust."""
-    return f"{value:.8g}"
+def number(value: float, interval: Range = (0.0, 1.0), digits: int = 8) -> str:
+    """Return a number as users read it; values of an interval far from zero get further digits."""
+    lo, hi = interval
+    further = int(log10(max(abs(lo), abs(hi)) / (hi - lo)))
+    return f"{value:.{digits + further}g}"
 
 
 def as_text(graph: ConnectedPieces, guarantee: str) -> str:
@@ -220,7 +223,7 @@ def as_html(graph: ConnectedPieces, guarantee: str) -> str:
     """Return the summary and the pieces as an HTML table."""
     rows = "".join(
         f"<tr><td>{piece.id}</td><td>{escape(piece.label)}</td>"
-        f"<td>{number(piece.alpha[0])} → {number(piece.alpha[-1])}</td>"
+        f"<td>{' → '.join(number(piece.alpha[i], graph.interval) for i in (0, -1))}</td>"
         f"<td>{piece.det_sign:+d}</td></tr>"
         for piece in graph.pieces
     )

@@ -4,7 +4,7 @@ A Jacobian J has shape (n, n + 1) and columns for the unknowns z and for alpha; 
 for z, and b the column for alpha. A matrix with entries of about 1 has an LU with partial pivoting:
 :class:`DenseLU` by LAPACK, and others in sparse.py and in banded.py. A matrix in any units has the
 LU of the scaled matrix (:class:`ScaledFactor`). Other factors are made from factors: in bordered.py
-(around a factor of B) and in updates.py (a factor and changes).
+(around a factor of B), and from a factor and changes of the matrix (:class:`ProductForm`).
 
 Only signs of determinants are computed, for determinants overflow (docs/theory, F10). Scales are
 powers of two, which round nothing. B is singular at every fold, where the bordered matrix
@@ -23,16 +23,14 @@ from operator import ne
 from typing import final
 
 import numpy as np
-from scipy.linalg import lapack
+from scipy.linalg import blas, lapack
 
 from pwscont.basics.arrays import Array, Indices, power_of_two
 from pwscont.basics.rounding import EPS
+from pwscont.linear.vectors import add_multiples
 
 #: Most rows, and most right-hand sides, for solutions one after the other, see :func:`_solved`.
 ROWS_IN_TURN, COLUMNS_IN_TURN = 32, 8
-#: Number of columns of an inverse that LAPACK computes together, the block size of ``dgetri``:
-#: with less room ``dgetri`` works column by column.
-COLUMNS_AT_ONCE = 64
 
 
 class Factor(ABC):
@@ -197,7 +195,68 @@ class DenseLU(Factor):
     def is_singular(self) -> bool:
         return not self.reciprocal_condition >= len(self.lu) * EPS  # True for nan
 
-    def turned_into_inverse(self) -> Array:
-        """Return the inverse matrix in the room of the factorisation, which is lost."""
-        room = COLUMNS_AT_ONCE * len(self.lu)
-        return np.asarray(lapack.dgetri(self.lu, self.pivots, room, 1)[0])
+
+#: Least pivot of a change, as a part of the sum of the magnitudes of the pivot's terms. A change
+#: multiplies rounding errors by the inverse of the part: ten of sixteen digits are left.
+SMALL_PIVOT = 1e-6
+#: Number of changes that are kept as vectors before a fresh factorisation is due: two products with
+#: 48 vectors cost as much as a solve with a matrix of about a hundred rows.
+MOST_CHANGES_KEPT = 48
+
+
+@final
+class ProductForm(Factor):
+    """A factorisation of M_0, and the changes of the matrix since: M^-1 = (I - V D) M_0^-1.
+
+    A change c g^T with w = M^-1 c multiplies the inverse by I - w g^T / (1 + g.w) (Sherman and
+    Morrison), and the sign of the determinant by that of the *pivot* 1 + g.w (docs/theory, F10).
+    The rows of D are the vectors g, and the columns of V are multiplied in the same way, so that no
+    system has to be solved for V. ``size``: the number of rows.
+    """
+
+    def __init__(self, factor: Factor, size: int) -> None:
+        self._v = np.empty((MOST_CHANGES_KEPT, size))  # the columns of V
+        self._d = np.empty_like(self._v)
+        self.renew(factor)
+
+    def renew(self, factor: Factor) -> None:
+        """Take a factorisation of the matrix with all changes."""
+        self._factor, self.count = factor, 0
+        self._turn = 1  # the sign of the product of all pivots
+
+    @property
+    def is_full(self) -> bool:
+        """Whether a fresh factorisation is due before the next change."""
+        return self.count == MOST_CHANGES_KEPT
+
+    @property
+    def sign(self) -> int:
+        return self._turn * self._factor.sign
+
+    def solve(self, rhs: Array) -> Array:
+        return self._changed(self._factor.solve(rhs))
+
+    def solve_all(self, rhs: Array) -> Array:
+        return self._changed(self._factor.solve_all(rhs))
+
+    def _changed(self, vectors: Array) -> Array:
+        """Return (I - V D) x for vectors x."""
+        k = self.count
+        if not k:
+            return vectors
+        return vectors - vectors.dot(self._d[:k].T).dot(self._v[:k])
+
+    def change(self, w: Array, g: Array) -> float:
+        """Change the matrix by c g^T, with the known w = M^-1 c, and return the pivot 1 + g.w.
+
+        The pivot is zero, and the matrix not changed, where the change loses too many digits.
+        """
+        k, pivot = self.count, 1.0 + float(g.dot(w))
+        if not abs(pivot) > SMALL_PIVOT * (1.0 + blas.dasum(g * w)):
+            return 0.0
+        self._v[k], self._d[k] = w / pivot, g
+        if k:
+            add_multiples(self._v[:k], -self._v[:k].dot(g), self._v[k])
+        self.count += 1
+        self._turn *= -1 if pivot < 0.0 else 1
+        return pivot

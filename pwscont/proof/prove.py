@@ -1,20 +1,324 @@
-"""The door to proofs from exact data, and proofs that evolutions are the only ones."""
+"""Proofs from exact data: counts at one alpha, pieces and transitions of graphs, unique rates.
+
+The systems are of linear pieces. What doubles do not decide goes to rational numbers. The theorems
+stand on the page "Proofs".
+"""
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cache
 from itertools import product
-from typing import Any
+from math import inf
+from typing import Any, final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, finite_array
+from pwscont.basics.arrays import Array, Indices, finite_array
 from pwscont.basics.errors import InvalidInputError
 from pwscont.basics.printing import counted
+from pwscont.basics.rounding import EPS, GUARD
+from pwscont.enumeration.echelon import independent
 from pwscont.graph.branch_graph import BranchGraph
+from pwscont.graph.proved import are_matched, with_slack
+from pwscont.graph.records import Piece, Solution
+from pwscont.proof.cells import MOST_CELLS, Choice, ExactCells, Point, Ranges, segment_of, value
 from pwscont.proof.interval import Interval, upper
-from pwscont.proof.pieces import ASSUMED, Certificate, certified_count, certified_pieces
 from pwscont.search.enumeration import Solutions
-from pwscont.system.abilities import ExactData, ExactRates
+from pwscont.system.abilities import ExactData, ExactMode, ExactRates, completed_point, shown_size
+
+ASSUMED = "assumed: arithmetic of IEEE 754 to nearest; {} count as the doubles that they are"
+#: An end of a cell is the end of a piece within this part of the typical magnitudes.
+NEAR = 2.0**-20
+#: An equation holds, to tell modes apart, within this part of the sizes of the terms.
+HOLDS = 1e-7
+#: An unknown that is always smaller than this part of the largest unknown is rounding.
+DUST = 1e-6
+#: Most unknowns of a piece that is looked at in rational numbers.
+MOST_RATIONAL = 80
+
+
+@final
+@dataclass(frozen=True, slots=True, repr=False)
+class Certificate:
+    """What :func:`pwscont.prove` has proved.
+
+    Attributes
+    ----------
+    holds : bool
+        Whether all that was given is proved: solutions and their number at one alpha, all pieces
+        and transitions of a graph, or that there is exactly one evolution.
+    statements : tuple of str
+        A sentence for what is proved, and a sentence for the data of the proof.
+    open : sequence
+        What is not decided: at one alpha, cells (for every part of the system, the number of a
+        mode); of a graph, pieces, special points and cells in words; of an evolution, what stands
+        in the way.
+    count : int or None
+        The proved number of solutions at one alpha; None where a cell is not decided.
+    is_complete : bool
+        Whether a graph is proved to have all solutions on its interval.
+    """
+
+    holds: bool
+    statements: tuple[str, str]
+    open: Sequence[Any]
+    count: int | None = None
+    is_complete: bool = False
+
+    def __repr__(self) -> str:
+        return f"Certificate({self.statements[0]})"
+
+
+def certified_count(
+    system: Any, alpha: float, known: Sequence[Solution], number: float
+) -> Certificate:
+    """Return what is proved of all solutions at alpha, and of the known ones, ``number`` in all."""
+    cells, size = ExactCells(*system.exact_rows(alpha)), shown_size(system)
+    if cells.number > MOST_CELLS:
+        raise InvalidInputError(
+            f"{cells.number} cells are too many: at most {MOST_CELLS} are proved"
+        )
+    boxes, points, undecided = proved_solutions(cells, alpha)
+    centres = [each.middle()[:size] for each in boxes.values()]
+    centres += [np.array(point[:size], dtype=float) for point in points]
+    count = None if undecided else len(centres)
+    found = [with_slack(each, np.abs(each.z).max(initial=0.0), GUARD * EPS) for each in known]
+    holds = count == number and are_matched([(x, x) for x in centres], found)
+    words = f"exactly {counted(len(centres), 'solution')} at alpha = {alpha:.8g}, proved"
+    if not holds:
+        given = "infinitely many" if number == inf else number
+        words += f"; the {given} given are not these"
+    if undecided:
+        words = f"not proved: {counted(len(undecided), 'cell')} undecided at alpha = {alpha:.8g}"
+    return Certificate(holds, (words, ASSUMED.format("the data")), undecided, count)
+
+
+@np.errstate(all="ignore")
+def proved_solutions(
+    cells: ExactCells, alpha: float
+) -> tuple[dict[Choice, Interval], set[Point], list[Choice]]:
+    """Return enclosures of solutions by cells, all other solutions, and cells that are undecided.
+
+    A cell off all its inequalities has one solution in floating point. Rational numbers decide all
+    other cells that may have solutions, and cells whose solution may be that of another cell.
+    """
+    at = np.array([alpha])
+    found = [
+        (choice, cells.unknowns(line, at)[:, 0], is_decided)
+        for choice, line, is_decided in cells.left((alpha, alpha))
+    ]
+    lo, hi = (np.array([getattr(box, end) for _, box, _ in found]) for end in ("lo", "hi"))
+    boxes, points, undecided = dict[Choice, Interval](), set[Point](), list[Choice]()
+    for choice, box, is_decided in found:
+        if is_decided and ((lo > box.hi) | (hi < box.lo)).any(axis=1).sum() == len(found) - 1:
+            boxes[choice] = box
+            continue
+        ends = segment_of(*cells.of(choice), (alpha, alpha))
+        if ends is not None and len(ends) == 2 and ends[0] == ends[1]:
+            points.add(ends[0][:-1])
+        elif ends is not None:
+            undecided.append(choice)
+    return boxes, points, undecided
+
+
+def certified_pieces(
+    graph: BranchGraph, rows: tuple[Array, Sequence[Sequence[ExactMode]]]
+) -> Certificate:
+    """Return what is proved of the pieces and transitions of a graph from the exact rows."""
+    proof = _Pieces(graph, ExactCells(*rows))
+    undecided = [f"piece {graph.pieces[k].id}" for k in proof.left_pieces()]
+    is_few = proof.cells.number <= MOST_CELLS
+    cells = list(proof.left_cells()) if is_few and not undecided else None
+    undecided += [f"special point {node}" for node in proof.inner if not proof.is_joined(node)]
+    if cells == []:
+        undecided += proof.doubtful_infinities()
+    words = f"{counted(len(graph.pieces), 'piece')} and {counted(proof.transitions, 'transition')}"
+    if cells == []:
+        words = f"complete, proved: {words}"
+    else:
+        others = "too many cells" if cells is None else f"{counted(len(cells), 'cell')} undecided"
+        words += f", proved; of other solutions nothing is proved: {others}"
+    if proof.rays:
+        places = ", ".join(f"{float(x[-1]):.8g}" for x in sorted(proof.rays, key=lambda x: x[-1]))
+        words += f"; solutions without end at alpha = {places}"
+    if undecided:
+        more = f" and {len(undecided) - 3} more" if len(undecided) > 3 else ""
+        words = f"not proved: {', '.join(undecided[:3])}{more} undecided"
+    return Certificate(
+        not undecided,
+        (words, ASSUMED.format("the data, loads affine in alpha included,")),
+        [*undecided, *(f"cell {choice}" for choice in cells or ())],
+        is_complete=cells == [] and not undecided,
+    )
+
+
+@final
+class _Pieces:
+    """The pieces of a graph beside the cells in which the pieces lie.
+
+    ``inner`` are the pieces at every special point but those where one piece ends exactly at an end
+    of the interval; ``rays`` are the places where rays without end begin.
+    """
+
+    def __init__(self, graph: BranchGraph, cells: ExactCells) -> None:
+        self._graph, self.cells = graph, cells
+        met: dict[int, list[int]] = {node.id: [] for node in graph.nodes}
+        for k, piece in enumerate(graph.pieces):
+            for node in (piece.start, piece.end):
+                met[node].append(k)
+        self.inner = {
+            node: pieces
+            for node, pieces in met.items()
+            if len(pieces) != 1 or graph.point(node).alpha not in graph.interval
+        }
+        self.transitions = sum(len(pieces) > 1 for pieces in self.inner.values())
+        self.rays: set[Point] = set()
+        self._rational_ends = cache(self._ends_of)
+        self._points, self._magnitudes = self._full_points()
+        lo, hi = graph.interval
+        self._near = NEAR * np.append(self._magnitudes[:-1], hi - lo)
+        self._choices = self._modes()
+        #: The inequality that vanishes at the end of a piece, by piece and node.
+        self._vanishing: dict[tuple[int, int], Array] = {}
+
+    def _is_drawn(self, piece: Piece) -> bool:
+        """Tell whether a piece is straight, from special point to special point."""
+        ends = [self._graph.point(node).place.x for node in (piece.start, piece.end)]
+        points = piece.points  # of the unknowns that are shown
+        near = np.append(self._near[: points.shape[1] - 1], self._near[-1])
+        return len(points) == 2 and bool((np.abs(points - ends) <= near).all())
+
+    def _full_points(self) -> tuple[Array, Array]:
+        """Return both ends (z, alpha) of each piece, shape (k, 2, n + 1), and magnitudes."""
+        system: Any = self._graph.system
+        points = [each.points for each in self._graph.pieces]
+        full = [[completed_point(system, each[k]) for k in (0, -1)] for each in points]
+        ends = np.array(full).reshape(-1, 2, self.cells.size + 1)
+        sizes = np.abs(ends).max(axis=(0, 1), initial=0.0)
+        sizes[:-1] = np.maximum(sizes[:-1], DUST * sizes[:-1].max(initial=0.0))
+        return ends, sizes
+
+    def _modes(self) -> Indices:
+        """Return the modes of each piece, as the middle of the piece shows them, shape (k, p)."""
+        x, rows = self._points.mean(axis=1), self.cells.rows
+        values = rows[:, :-1] @ x.T + rows[:, -1:]
+        sizes = np.abs(rows[:, :-1]) @ self._magnitudes + np.abs(rows[:, -1])
+        off = np.abs(values) <= HOLDS * sizes[:, np.newaxis]
+        room = values / (sizes + (sizes == 0.0))[:, np.newaxis]
+
+        pairs = zip(self.cells.equations, self.cells.sides, strict=True)
+        marks = [  # most room of those that hold
+            2.0 * off[own].all(axis=1) + room[sides].min(axis=1, initial=1.0)
+            for own, sides in pairs
+        ]
+        return np.array([np.argmax(each, axis=0) for each in marks]).T
+
+    def left_pieces(self) -> list[int]:
+        """Return the pieces that are not proved, and note inequalities that vanish at ends."""
+        first = set(np.unique(self._choices, axis=0, return_index=True)[1].tolist())
+        left = []
+        for some in self.cells.portions(len(self._choices)):
+            x, sides = self.cells.lines(self._choices[some])
+            ranges = Ranges.of((x, sides), self._graph.interval)
+            for i, k in enumerate(range(some.start, some.stop)):
+                is_proved = bool(ranges.decided[i]) and self._is_range(k, x[i], ranges, i)
+                is_drawn = k in first and self._is_drawn(self._graph.pieces[k])
+                if not (is_drawn and (is_proved or self._rational_ends(k))):
+                    left.append(k)  # a cell has one piece: a second piece repeats the first
+        return left
+
+    def _is_range(self, k: int, line: Interval, ranges: Ranges, i: int) -> bool:
+        """Tell whether a piece is the range of its cell, and note what vanishes at the ends."""
+        points, piece = self._points[k], self._graph.pieces[k]
+        order = np.argsort(points[:, -1], kind="stable")
+        ends = np.array([ranges.first.middle()[i], ranges.last.middle()[i]])[order]
+        found = np.vstack([self.cells.unknowns(line, points[:, -1]).middle(), ends]).T
+        if not (np.abs(found - points) <= self._near).all():
+            return False
+        for end, node in zip(order, (piece.start, piece.end), strict=True):
+            number = int(ranges.sides[end, i])
+            if node not in self.inner and number != -1:
+                return False
+            if number >= 0:
+                self._vanishing[k, node] = self.cells.of(self._choices[k])[1][number]
+        return True
+
+    def is_joined(self, node: int) -> bool:
+        """Tell whether proved pieces certainly end in one point, or one piece where rays begin.
+
+        At the end of the first of two pieces one more row vanishes. If the rows of the second piece
+        and its vanishing row are sums of multiples of these rows, both pieces end there.
+        """
+        pieces = self.inner[node]
+        if len(pieces) == 2 and all((k, node) in self._vanishing for k in pieces):
+            pair = self._choices[pieces]
+            differ, tables = np.flatnonzero(pair[0] != pair[1]), self.cells.equations
+            rows = [
+                [*(self.cells.rows[tables[i][choice[i]]] for i in differ), self._vanishing[k, node]]
+                for choice, k in zip(pair, pieces, strict=True)
+            ]
+            one, other = map(np.vstack, rows)
+            return not any(independent(np.vstack([one, other]))[len(one) :])
+        ends = [self._rational_ends(k) for k in pieces]
+        starts = [self._graph.pieces[k].start == node for k in pieces]
+        places = {pair[not first] for pair, first in zip(ends, starts, strict=True) if pair}
+        is_end = len(pieces) > 1 or places <= self.rays
+        return is_end and all(ends) and len(places) == 1
+
+    def _ends_of(self, k: int) -> tuple[Point, ...]:
+        """Return both ends of a piece in rational numbers; nothing if not decided, or elsewhere."""
+        if self.cells.size > MOST_RATIONAL:
+            return ()
+        cell, piece = self.cells.of(self._choices[k]), self._graph.pieces[k]
+        ends = segment_of(*cell, self._graph.interval) or ()
+        for pair in (ends, ends[::-1]) if len(set(ends)) == 2 else ():
+            near = np.abs(np.array(pair, dtype=float) - self._points[k]) <= self._near
+            nodes = zip((piece.start, piece.end), pair, strict=True)
+            outer = [x[-1] in self._graph.interval for node, x in nodes if node not in self.inner]
+            if near.all() and all(outer):
+                return pair
+        return ()
+
+    def left_cells(self) -> Iterator[Choice]:
+        """Yield the cells that may hold solutions that are on no piece, and on no ray."""
+        proved = set(map(tuple, self._choices.tolist()))
+        for choice, *_ in self.cells.left(self._graph.interval):
+            if choice not in proved and not self._is_on_pieces(choice):
+                yield choice
+
+    def _is_on_pieces(self, choice: Choice) -> bool:
+        """Tell in rational numbers whether a cell is empty, or has solutions on pieces only.
+
+        Or on a ray from a piece, at an alpha where the graph has infinitely many solutions.
+        """
+        ends = segment_of(*self.cells.of(choice), self._graph.interval)
+        if not ends:
+            return ends is None
+        is_on = any(all(self._holds(k, x) for x in ends) for k in range(len(self._choices)))
+        if len(ends) == 1 and is_on:
+            is_on = self._graph.count(float(ends[0][-1])) == inf
+            self.rays |= {ends[0]} if is_on else set()
+        return is_on
+
+    def doubtful_infinities(self) -> list[str]:
+        """Return where the graph counts other than its vertical pieces and rays say."""
+        graph, ranges = self._graph, (piece.interval for piece in self._graph.pieces)
+        places = [p.interval[0] for p in graph.verticals] + [float(x[-1]) for x in self.rays]
+        finite = (lo for lo, hi in ranges if lo == hi and graph.count(lo) < inf)
+        return [f"a piece at alpha = {at:.8g}, where a number is counted" for at in finite] + [
+            f"infinitely many solutions for alpha in ({lo:.8g}, {hi:.8g})"
+            for lo, hi, _ in graph.infinite
+            if not any(graph.same(lo, at) and graph.same(hi, at) for at in places)
+        ]
+
+    def _holds(self, k: int, x: Point) -> bool:
+        """Tell whether a solution of the common rows is a solution of the cell of a piece."""
+        equations, sides = self.cells.of(self._choices[k])
+        on_line = not any(value(row, x) for row in equations)
+        return on_line and all(value(row, x) >= 0 for row in sides)
+
 
 #: Most nodes with friction, whose signs are all tried.
 MOST_NODES = 10

@@ -146,7 +146,7 @@ def _label(graph: BranchGraph, point: SpecialPoint) -> str:
     if point.kind in UNLABELLED or point.kind == Kind.EVENT:
         return point.name
     dust = DUST * float(np.ptp(graph.interval))
-    number = number_of(point.alpha if abs(point.alpha) > dust else 0.0)
+    number = number_of(point.alpha if abs(point.alpha) > dust else 0.0, graph.interval)
     return f"{number}, {point.name}" if point.name else number
 
 

@@ -63,7 +63,8 @@ def draw_path(ax: Axes, graph: BranchGraph, path: ParameterPath) -> None:
 
 def _ends(graph: BranchGraph, points: Array) -> list[tuple[tuple[float, float], str]]:
     """Return the ends of a path, each with a label; a single end and label for a closed path."""
-    (first, last), name = map(number_of, graph.interval), symbol(graph.parameter)
+    first, last = (number_of(end, graph.interval) for end in graph.interval)
+    name = symbol(graph.parameter)
     begin, end = (tuple(map(float, points[i])) for i in (0, -1))
     if np.abs(points[0] - points[-1]).max() <= AT_REST * np.abs(points).max():
         return [((begin[0], begin[1]), f"{name} = {first} and {last}")]

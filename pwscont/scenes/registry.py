@@ -32,13 +32,22 @@ def add_settings(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "-s",
         "--set",
-        action="append",
+        action=_Settings,
         type=_setting,
         default=[],
         dest="settings",
         metavar="NAME=VALUE",
         help="settings of the scene, listed by 'pwscont scenes': -s A=1 B=2, or -s A=1 -s B=2",
     )
+
+
+class _Settings(argparse.Action):
+    """Collects settings, and refuses a setting that is given twice."""
+
+    def __call__(self, parser: Any, namespace: Any, values: Any, option: Any = None) -> None:
+        if values[0] in dict(namespace.settings):
+            parser.error(f"argument -s/--set: {values[0]} is set twice")
+        namespace.settings = [*namespace.settings, values]
 
 
 def _setting(text: str) -> tuple[str, str]:

@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from pwscont.extending import spelled
+from pwscont.extending import number, spelled
 
 #: The Greek letter for each word.
 GREEK = {spelled(letter): letter for letter in "αβγδεζηθικλμνξοπρστυφχψωΓΔΘΛΞΠΣΦΨΩ"}
@@ -32,9 +32,9 @@ def symbol(name: str) -> str:
     return f"${name}$" if len(name) == 1 else name
 
 
-def number_of(value: float) -> str:
-    """Return a number with four digits and a true minus sign."""
-    return f"{value:.4g}".replace("-", "\N{MINUS SIGN}")
+def number_of(value: float, interval: tuple[float, float] = (0.0, 1.0)) -> str:
+    """Return a number with four digits, more far from zero, and a true minus sign."""
+    return number(value, interval, 4).replace("-", "\N{MINUS SIGN}")
 
 
 #: Colours that colour-blind readers tell apart (Okabe and Ito 2008), without the yellow; then dark

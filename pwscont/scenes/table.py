@@ -94,7 +94,8 @@ def _branch(
         first, last = (piece.start, piece.end)[::orientation]
         if first != previous:
             yield _point(graph, first, orientation)
-        a, b = (number(alpha) for alpha in (piece.alpha[0], piece.alpha[-1])[::orientation])
+        ends = (piece.alpha[0], piece.alpha[-1])[::orientation]
+        a, b = (number(alpha, graph.interval) for alpha in ends)
         extent = f"{graph.parameter} {a} → {b}" if not piece.is_vertical else "vertical"
         yield f"    piece {piece.id}: {short(piece.label)}, {extent}, det {_sign(piece.det_sign)}"
         yield _point(graph, last, orientation)
@@ -103,7 +104,7 @@ def _branch(
 
 def _point(graph: BranchGraph, node: int, orientation: int) -> str:
     point = graph.point(node)
-    where = f"{graph.parameter} = {number(point.alpha)}{_plus_minus(point)}"
+    where = f"{graph.parameter} = {number(point.alpha, graph.interval)}{_plus_minus(point)}"
     message = "" if point.kind in ("start", "end") else point.passed(orientation)
     notes = "; ".join(filter(None, [_named(graph, message), point.events, _few(point.digits)]))
     return f"  {point.kind:<15} {where:<30} {notes}".rstrip()
@@ -124,7 +125,7 @@ def _counts(graph: BranchGraph) -> Iterator[str]:
     previous = None
     for stretch in (row for row in graph.multiplicity() if row[0] < row[1]):
         if previous is not None and not (previous.hi_closed or stretch.lo_closed):
-            yield f"  {number(stretch[0])}: {_between(graph, stretch[0])}"
+            yield f"  {number(stretch[0], graph.interval)}: {_between(graph, stretch[0])}"
         yield f"  {stretch.ends}: {'infinitely many' if isinf(stretch[2]) else stretch[2]}"
         previous = stretch
     yield from _vertical_pieces(graph)
@@ -142,7 +143,7 @@ def _between(graph: BranchGraph, alpha: float) -> str:
 
 def _vertical_pieces(graph: BranchGraph) -> Iterator[str]:
     for alpha in sorted({p.interval[0] for p in graph.pieces if p.is_vertical}):
-        yield f"  {number(alpha)}: infinitely many, a vertical piece"
+        yield f"  {number(alpha, graph.interval)}: infinitely many, a vertical piece"
 
 
 def _balance(graph: BranchGraph) -> str:

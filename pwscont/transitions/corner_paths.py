@@ -22,8 +22,8 @@ from pwscont.basics.arrays import Array, generic
 from pwscont.basics.budget import check_budget
 from pwscont.basics.character import Character
 from pwscont.basics.rounding import EPS, GUARD
+from pwscont.linear.factor import ProductForm
 from pwscont.linear.factorise import bordered, kink_by_columns, last_unit
-from pwscont.linear.updates import ProductForm
 from pwscont.linear.vectors import Rows
 from pwscont.system.selection import Selection
 from pwscont.transitions.rays import ASTRAY, Corner, Direction

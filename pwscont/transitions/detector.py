@@ -293,20 +293,6 @@ class TransitionDetector(ABC):
             return SpecialPointFound("my kind", state.x, "what happened", (forth.reversed(), forth))
         """
 
-    def begun(self, arrival: SpecialPointFound) -> SpecialPointFound:
-        """Return the start of a component, changed if it is a special point of this detector.
-
-        Default: unchanged.
-        """
-        return arrival
-
-    def ended(self, arrival: SpecialPointFound) -> SpecialPointFound:
-        """Return a special point of another detector, changed to an end if the branch ends there.
-
-        Default: unchanged.
-        """
-        return arrival
-
 
 def values_on(detector: TransitionDetector, ray: Segment, s: float) -> Array:
     """Return the values of the watched functions on a straight segment, at distance s."""

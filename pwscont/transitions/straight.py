@@ -40,9 +40,9 @@ from pwscont.curve.error_samples import magnitude, samples
 from pwscont.curve.metric import Range
 from pwscont.curve.stepper import Segment
 from pwscont.linear.bordered import GROWTH
+from pwscont.linear.factor import ProductForm
 from pwscont.linear.factorise import column, inner, kink_by_columns, last_unit
 from pwscont.linear.jacobian import StructuredJacobian
-from pwscont.linear.updates import ProductForm
 from pwscont.linear.vectors import Rows, add_multiples
 from pwscont.system.abilities import Ending
 from pwscont.system.box import Box

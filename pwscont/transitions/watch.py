@@ -190,12 +190,6 @@ class Watch:
             farthest = min(farthest, distances[-1].min(initial=np.inf))
         return np.concatenate(distances)
 
-    def ended(self, arrival: SpecialPointFound) -> SpecialPointFound:
-        """Return a special point, or the end of the branch if a detector ends the branch there."""
-        for detector in self._detectors:
-            arrival = detector.ended(arrival)
-        return arrival
-
     def owner(self, reading: Reading, index: int) -> tuple[TransitionDetector, int]:
         """Return the detector of a function, and the number of the function in that detector."""
         place = bisect_right(reading.begins, index) - 1

@@ -174,12 +174,13 @@ class ExactPlane(Plane):
         """Return the point (s, t) of the square for a point of the window."""
         window = self._known[0].window
         point = window.squared(finite_array("(alpha, mu)", [alpha, mu], (2,)))
-        if np.abs(point).max() > 1.0 + GUARD * EPS:
+        rounding = GUARD * EPS * (1.0 + np.abs(window.centre) / window.half)  # far from zero
+        if (np.abs(point) > 1.0 + rounding).any():
             raise InvalidInputError(
                 f"(alpha, mu) = ({alpha:.10g}, {mu:.10g}) lies outside the window of the map, "
                 f"{window.alphas} x {window.mus}"
             )
-        return point
+        return np.clip(point, -1.0, 1.0)
 
 
 def _those(parts: Sequence[LocusPart], kind: Passing) -> tuple[LocusPart, ...]:

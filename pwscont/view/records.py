@@ -5,7 +5,6 @@ from __future__ import annotations
 from base64 import b64encode
 from collections.abc import Callable, Mapping, Sequence
 from itertools import cycle
-from math import ceil, log10
 from typing import Any
 
 import numpy as np
@@ -40,8 +39,6 @@ MINUS = "\N{MINUS SIGN}"
 #: A cubic is off by 1e-5 of typical magnitudes at most where a step was looked at; the width of the
 #: interval, the typical magnitude of the parameter, may be twice the largest value.
 CORRECTED, UNCORRECTED = (4, 2.5e-5), (3, 3e-3)
-#: Number of digits of the parameter at a special point.
-DIGITS = 8
 #: Most transitions of a graph that are drawn with marks of full size, and the least size in pixels.
 FEW, SMALLEST = 12, 4.0
 #: More transitions than this are drawn as plain dots: outlines would take most of the drawing time.
@@ -158,8 +155,7 @@ def _words(graph: BranchGraph, point: SpecialPoint) -> list[str]:
 
 def _alpha(graph: BranchGraph, alpha: float) -> str:
     """Return a parameter value as text, with more digits in an interval far from zero."""
-    further = ceil(log10(max(map(abs, graph.interval)) / np.ptp(graph.interval)))
-    return f"{graph.clean(alpha):.{DIGITS + max(further, 0)}g}".replace("-", MINUS)
+    return number(graph.clean(alpha), graph.interval).replace("-", MINUS)
 
 
 def _value(value: float | str) -> str:

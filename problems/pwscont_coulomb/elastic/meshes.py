@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from pwscont import InvalidInputError
 from pwscont.extending import Array, Indices
@@ -16,6 +17,9 @@ from pwscont_coulomb.elastic.repetition import ONCE, copies, in_words, repeated
 #: Smallest Jacobian of an element, as a part of the element's size: below, an element is
 #: degenerate.
 FLAT = 1e-12
+#: A slit narrower than this part of a facet's length is a facet without neighbour.
+SLIT = 1e-6
+CUT = "not joined to the elements across a facet: nodes lie on the facet that are not its own"
 
 
 def library() -> Any:
@@ -73,7 +77,7 @@ def element_for(mesh: Any, order: int | None) -> Any:
 
 
 def check_elements(mesh: Any) -> None:
-    """Refuse repeated, inverted and degenerate elements, and elements that overlap at a facet.
+    """Refuse elements that are repeated, inverted, degenerate, not joined, or overlap at a facet.
 
     Raises
     ------
@@ -87,6 +91,7 @@ def check_elements(mesh: Any) -> None:
     _refuse(mesh, again, f"listed again{in_words(_subdomains(mesh, again))}", ONCE)
     _refuse(mesh, _crowded(mesh), "at a facet of more than two elements: they overlap")
     _refuse(mesh, _folded(mesh), "inverted: they overlap a neighbour")
+    _refuse(mesh, _unjoined(mesh), CUT, "give elements that touch the same nodes")
 
 
 def _refuse(mesh: Any, elements: Indices, words: str, remedy: str = "mend the mesh") -> None:
@@ -154,6 +159,25 @@ def _folded(mesh: Any) -> Indices:
     votes = np.bincount(bad.ravel(), minlength=mesh.nelements)
     # an inverted element disagrees with all neighbours, a neighbour only with the inverted element
     return np.flatnonzero((votes == votes.max()) & (votes > 0))
+
+
+def _unjoined(mesh: Any) -> Indices:
+    """Return the elements at whose outer facets other nodes of the boundary lie.
+
+    Between such elements and their neighbours the body is cut, though no gap is to be seen.
+    """
+    facets = mesh.boundary_facets()
+    ends = mesh.facets[:, facets]
+    nodes, (start, end) = np.unique(ends), mesh.p[:, ends].transpose(1, 0, 2)
+    half = 0.5 * np.hypot(*(end - start))
+    tree = cKDTree(mesh.p[:, nodes].T)
+    near = tree.query_ball_point(0.5 * (start + end).T, (1.0 + SLIT) * half)
+    facet = np.repeat(np.arange(len(facets)), [len(some) for some in near])
+    node = nodes[np.concatenate([np.zeros(0), *near]).astype(int)]
+    along, beside = (end - start)[:, facet], mesh.p[:, node] - start[:, facet]
+    is_on = np.abs(_cross(along, beside)) <= SLIT * 4.0 * half[facet] ** 2
+    strange = is_on & (node != ends[0, facet]) & (node != ends[1, facet])
+    return np.unique(mesh.f2t[0, facets[facet[strange]]])
 
 
 def _cross(a: Array, b: Array) -> Array:

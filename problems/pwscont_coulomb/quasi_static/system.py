@@ -105,11 +105,7 @@ class QuasiStaticCoulomb(Fixed, SystemWithMemory, ExactRates):
 
     def evolver(self, interval: tuple[float, float]) -> CoulombEvolver:
         """Return the evolver that works in the contact unknowns."""
-        lo, hi = self.history.interval
-        if interval[0] < lo or interval[1] > hi:
-            raise InvalidInputError(
-                f"the interval {interval} leaves the times [{lo:g}, {hi:g}] of the load history"
-            )
+        self.history.refuse_beyond(interval)
         return CoulombEvolver(self.problem, interval)
 
     def dissipation(self, before: EvolutionState, after: EvolutionState) -> float:

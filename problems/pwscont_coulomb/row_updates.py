@@ -1,39 +1,26 @@
-"""Factorisations of a matrix that changes by a few rows or by terms of rank 1.
+"""Solutions with matrices that differ in some rows, as those of contact nodes that change modes do.
 
-With B' = B + c g^T and w = B^-1 c, the inverse becomes B'^-1 = (I - w g^T / (1 + g.w)) B^-1
-(Sherman and Morrison); 1 + g.w is the *pivot* of the change. The sign of the determinant is
-multiplied by the sign of each pivot (docs/theory, F10).
-
-- :class:`ProductForm`: any factorisation, and the vectors of all changes, multiplied out, as in the
-  simplex method (Dantzig and Orchard-Hays 1954).
-- :class:`Updating` serves a family of matrices that differ in some rows (:class:`RowMatrix`): an
-  explicit inverse is kept, and all changed rows are replaced at once (Woodbury). Every solve names
-  the matrix: rows are replaced back for a caller that solves with an older matrix.
-
-A change whose pivot is small beside the terms 1 and g.w loses digits: the matrix is factorised
-afresh. Rounding errors of the changes add up: the caller compares the residual with
-:func:`drifted`, and asks for a fresh factorisation.
+An explicit inverse is kept, and all changed rows are replaced at once (Woodbury). Every solve names
+the matrix: rows are replaced back for a caller that solves with an older matrix. Rounding errors of
+the changes add up: the caller compares the residual with :func:`drifted`, and asks for a fresh
+factorisation.
 """
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
-from typing import final
+from typing import Protocol, final
 
 import numpy as np
-from scipy.linalg import blas
+from scipy.linalg import blas, lapack
 
-from pwscont.basics.arrays import Array, Indices
-from pwscont.basics.rounding import EPS
-from pwscont.linear.factor import DenseLU, Factor
-from pwscont.linear.vectors import add_multiples
+from pwscont.extending import EPS, Array, DenseLU, Indices
 
 #: Least pivot of a change, as a part of the sum of the magnitudes of the pivot's terms. A change
 #: multiplies rounding errors by the inverse of the part: ten of sixteen digits are left.
 SMALL_PIVOT = 1e-6
-#: Number of changes that are kept as vectors before a fresh factorisation is due: two products with
-#: 48 vectors cost as much as a solve with a matrix of about a hundred rows.
-MOST_CHANGES_KEPT = 48
+#: Number of columns of an inverse that LAPACK computes together, the block size of ``dgetri``:
+#: with less room ``dgetri`` works column by column.
+COLUMNS_AT_ONCE = 64
 #: Largest residual of a solution, as a part of the largest entry of solution and right-hand side.
 #: The solutions are corrections and directions, whose points are corrected afterwards: nine digits
 #: are enough.
@@ -53,94 +40,16 @@ LEAST_UPDATES = 8
 MOST_BEFORE_INVERSE = 8
 
 
-@final
-class ProductForm(Factor):
-    """A factorisation of M_0, and the changes of the matrix since: M^-1 = (I - V D) M_0^-1.
-
-    The rows of D are the vectors g. With every change the columns of V are multiplied by
-    I - w g^T / (1 + g.w), so that no system has to be solved for V. ``size``: the number of rows.
-    """
-
-    def __init__(self, factor: Factor, size: int) -> None:
-        self._v = np.empty((MOST_CHANGES_KEPT, size))  # the columns of V
-        self._d = np.empty_like(self._v)
-        self.renew(factor)
-
-    def renew(self, factor: Factor) -> None:
-        """Take a factorisation of the matrix with all changes."""
-        self._factor, self.count = factor, 0
-        self._turn = 1  # the sign of the product of all pivots
-
-    @property
-    def is_full(self) -> bool:
-        """Whether a fresh factorisation is due before the next change."""
-        return self.count == MOST_CHANGES_KEPT
-
-    @property
-    def sign(self) -> int:
-        return self._turn * self._factor.sign
-
-    def solve(self, rhs: Array) -> Array:
-        return self._changed(self._factor.solve(rhs))
-
-    def solve_all(self, rhs: Array) -> Array:
-        return self._changed(self._factor.solve_all(rhs))
-
-    def _changed(self, vectors: Array) -> Array:
-        """Return (I - V D) x for vectors x."""
-        k = self.count
-        if not k:
-            return vectors
-        return vectors - vectors.dot(self._d[:k].T).dot(self._v[:k])
-
-    def change(self, w: Array, g: Array) -> float:
-        """Change the matrix by c g^T, with the known w = M^-1 c, and return the pivot 1 + g.w.
-
-        The pivot is zero, and the matrix not changed, where the change loses too many digits.
-        """
-        k, pivot = self.count, 1.0 + float(g.dot(w))
-        if not abs(pivot) > SMALL_PIVOT * (1.0 + blas.dasum(g * w)):
-            return 0.0
-        self._v[k], self._d[k] = w / pivot, g
-        if k:
-            add_multiples(self._v[:k], -self._v[:k].dot(g), self._v[k])
-        self.count += 1
-        self._turn *= -1 if pivot < 0.0 else 1
-        return pivot
-
-
-class RowMatrix(ABC):
+class RowMatrix(Protocol):
     """A square matrix with entries of about 1 and with a key, a number, for each row."""
 
     keys: Array  #: Shape (m,): rows of two matrices of a family are equal if the keys are equal.
 
-    @abstractmethod
     def rows(self, which: Indices) -> Array:
         """Return some rows, shape (k, m)."""
 
-    @abstractmethod
     def dense(self) -> Array:
         """Return a new array of the whole matrix, shape (m, m), in Fortran order."""
-
-
-class RowSolver(ABC):
-    """Solves with the matrices of a family; a solver remembers the last matrix."""
-
-    @abstractmethod
-    def solve(self, matrix: RowMatrix, rhs: Array) -> Array:
-        """Return the solution for a right-hand side, shape (m,), or several, shape (l, m)."""
-
-    @abstractmethod
-    def solve_transposed(self, matrix: RowMatrix, rhs: Array) -> Array:
-        """Return the solution with the transposed matrix."""
-
-    @abstractmethod
-    def sign(self, matrix: RowMatrix) -> int:
-        """Return the sign of the determinant of a matrix, or of a nearby matrix if singular."""
-
-    @abstractmethod
-    def renew(self, matrix: RowMatrix) -> bool:
-        """Factorise a matrix afresh after drift; False where the factorisation is fresh."""
 
 
 def drifted(rhs: Array, solution: Array, product: Array) -> bool:
@@ -150,8 +59,8 @@ def drifted(rhs: Array, solution: Array, product: Array) -> bool:
 
 
 @final
-class Updating(RowSolver):
-    """A solver that keeps the LU of the last matrix, or the inverse once a change asks for it."""
+class Updating:
+    """Solves with the matrices of a family: keeps the last LU, or the inverse once rows change."""
 
     def __init__(self) -> None:
         self.updates = self.factorisations = 0  #: How often each was done.
@@ -163,14 +72,17 @@ class Updating(RowSolver):
         self._replaced = 0  # rows, since the last factorisation
 
     def solve(self, matrix: RowMatrix, rhs: Array) -> Array:
+        """Return the solution for a right-hand side, shape (m,), or several, shape (l, m)."""
         self._take(matrix)
         return rhs @ self._inverse.T if self._lu is None else self._lu.solve(rhs)
 
     def solve_transposed(self, matrix: RowMatrix, rhs: Array) -> Array:
+        """Return the solution with the transposed matrix."""
         self._take(matrix)
         return rhs @ self._inverse if self._lu is None else self._lu.solve_transposed(rhs)
 
     def sign(self, matrix: RowMatrix) -> int:
+        """Return the sign of the determinant of a matrix, or of a nearby matrix if singular."""
         self._take(matrix)
         return self._sign
 
@@ -221,7 +133,9 @@ class Updating(RowSolver):
         if self._lu is not None and self._is_invertible:
             self._is_invertible = self._lu.reciprocal_condition >= INVERTIBLE
             if self._is_invertible:
-                self._inverse, self._lu = self._lu.turned_into_inverse(), None
+                room = COLUMNS_AT_ONCE * len(self._lu.lu)
+                self._inverse = np.asarray(lapack.dgetri(self._lu.lu, self._lu.pivots, room, 1)[0])
+                self._lu = None
         return self._lu is None
 
     def _replace(self, matrix: RowMatrix, which: Indices) -> bool:
