@@ -60,7 +60,7 @@ BUDGET = {
     "system": (10, 2104),
     "linear": (10, 1153),
     "notation": (13, 2912),
-    "curve": (13, 3392),
+    "curve": (13, 3396),
     "enumeration": (11, 2559),
     "transitions": (13, 4071),
     "graph": (10, 2579),
