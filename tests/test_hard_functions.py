@@ -193,6 +193,58 @@ def test_powers_whose_exponent_changes_its_sign_raise_nothing(equation, counts):
             assert abs(equation(z, alpha, Numbers)) < 1e-7 * (1.0 + abs(z) ** 2.7)
 
 
+@pytest.mark.slow
+def test_a_jump_of_a_power_is_no_solution():
+    """At alpha = -1, z |z|^alpha is the sign of z: H is 2 for z < 0, and 4 for z > 0."""
+
+    def equation(z, a, sw):
+        return z * sw.abs(z) ** a - 2.0 * a + 1.0
+
+    graph = explore(Switched(1, equation), (-1.0, 2.0), limits=Limits(pieces=20))
+    assert graph.count(-1.0) == 0
+    for piece in graph.pieces:
+        for *z, a in piece.points:
+            assert abs(equation(z[0], a, Numbers)) < 1e-2
+
+
+def test_a_piece_that_stops_where_slopes_are_infinite_ends_on_a_solution():
+    def equation(z, a, sw):
+        return sw.abs(z) ** a - 2.0 - z
+
+    graph = trace(Switched(1, equation), ([-0.382], -0.5), (-1.0, -0.01))
+    for piece in graph.pieces:
+        for *z, a in piece.points:
+            assert abs(equation(z[0], a, Numbers)) < 1e-6
+
+
+#: Slope of a band of solutions, and steepness of H below the band.
+BANDS = [(0.8515441136060014, 1.9873988935975446), (0.8397174795825509, 0.8070434864400049)]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("slope", "steepness"), BANDS)
+def test_slopes_that_vanish_on_both_sides_of_a_kink_are_no_jump(slope, steepness):
+    """relu(z - s a)^2 (z - 3) - relu(s a - 1 - z) k (z + 4): solutions fill the band in between."""
+
+    class Band(PiecewiseSystem):
+        size = 1
+
+        def __init__(self, slope, steepness):
+            self.slope, self.steepness = slope, steepness
+
+        def test_functions(self, z, alpha):
+            return np.array([z[0] - self.slope * alpha, self.slope * alpha - 1.0 - z[0]])
+
+        def residual(self, z, alpha, character):
+            above, below = character.signs
+            place = z[0] - self.slope * alpha
+            up = place**2 * (z[0] - 3.0) if above else 0.0
+            down = -(place + 1.0) * self.steepness * (z[0] + 4.0) if below else 0.0
+            return np.array([up - down])
+
+    assert explore(Band(slope, steepness), (-1.0, 1.3)).count(0.4) == np.inf
+
+
 # -- endless repetition ----------------------------------------------------------------------------
 
 
@@ -203,6 +255,20 @@ def test_a_periodic_equation_without_periods_ends_in_words():
     for solution in graph.solutions(0.3):
         assert np.sin(solution.z[0]) == pytest.approx(0.3, abs=1e-9)
     assert graph.count(1.5) == 0
+
+
+@pytest.mark.slow
+def test_islands_that_repeat_without_end_are_not_all_found():
+    """For z0 < 0 the first equation is exp(sin(2 z1)) = -alpha: z1 repeats itself with z0."""
+
+    def equations(z, a, sw):
+        first = z[0] + sw.abs(z[0]) - np.exp(np.sin(2.0 * z[1])) - a
+        return [first, z[1] - np.exp(np.sin(2.0 * z[0]))]
+
+    graph = explore(Switched(2, equations), (-1.0, 2.0))
+    assert "there may be more" in graph.guarantee
+    for solution in graph.solutions(-0.7):
+        assert np.abs(equations(solution.z, -0.7, Numbers)).max() < 1e-9
 
 
 #: Unbounded periodic equations of two unknowns, whose solutions are infinitely many.

@@ -181,6 +181,30 @@ def test_curves_that_cross_at_one_point_before_another_branch_point_are_announce
     assert graph.count(END) == 18 or "touch, or more than two cross" in str(graph.guarantee)
 
 
+@pytest.mark.parametrize("size", [5, 6, 8, 9])
+@pytest.mark.parametrize("coupling", [0.15, 0.27, 0.4])
+@pytest.mark.sweep(3)
+def test_a_ring_loses_rank_twice_on_its_uniform_path(size, coupling):
+    """z_i (alpha - z_i^2) + k (z_{i-1} - 2 z_i + z_{i+1}) = b at z = (u, ..., u): cosine and sine.
+
+    Both eigenvalues are alpha - 3 u^2 - 2 k (1 - cos(2 pi / n)).
+    """
+    unequal = 2.0 * coupling * (1.0 - np.cos(2.0 * np.pi / size))
+    u = min(x.real for x in np.roots([2.0, 0.0, unequal, -0.02]) if abs(x.imag) < 1e-12)
+    place = unequal + 3.0 * u**2
+
+    def residual(z, alpha, sw):
+        beside = [z[i - 1] - 2.0 * z[i] + z[(i + 1) % size] for i in range(size)]
+        return [z[i] * (alpha - z[i] ** 2) + coupling * beside[i] - 0.02 for i in range(size)]
+
+    end = place + 0.1
+    start = min((x.real for x in np.roots([-1.0, 0.0, end, -0.02])), key=lambda x: abs(x - u))
+    graph = trace(Switched(size, residual), (np.full(size, start), end), (-0.3, end))
+    (point,) = graph.special_points("degenerate")
+    assert abs(point.alpha - place) < 1e-4
+    assert "curves touch, or more than two cross" in graph.guarantee
+
+
 def test_nothing_is_seen_where_the_determinant_is_small_but_does_not_vanish():
     def residual(z, alpha, sw):
         return [z[0] * (z[0] ** 2 + (alpha - 0.1) ** 2 + 1e-3)]

@@ -41,7 +41,7 @@ from pwscont.search.search import scope_of, starts_of
 from pwscont.system.abilities import completed, shown_size
 from pwscont.system.contract import check_declaration
 from pwscont.system.promises import check_start, refuse_undefined
-from pwscont.system.system import PiecewiseSystem
+from pwscont.system.system import PiecewiseLinearSystem, PiecewiseSystem
 from pwscont.transitions import TransitionDetector
 from pwscont.transitions.ends import settled
 from pwscont.transitions.user_event import Stop
@@ -150,16 +150,26 @@ def _measured(
     try:
         plan = plan.with_magnitudes(rough_magnitudes(plan.system, plan.interval, guess))
         starts = starts_of(plan)
-        first += islice(starts, FIRST)
+        # of straight pieces the second start may take as long as all others
+        is_straight = isinstance(plan.system, PiecewiseLinearSystem)
+        for count in FIRST * (1,) if is_straight else (FIRST,):
+            first += islice(starts, count)
+            sizes = _sizes(plan, first)
+            if not are_alike(sizes, plan.metric.scale[:-1]):
+                plan = plan.with_magnitudes(sizes)
+                starts = starts_of(plan)
+                break
     except KeyboardInterrupt as why:  # or the budget is spent: the starts found so far are followed
         # a journal begins with magnitudes that the run that goes on measures as well
         return replace(plan, journal=None), chain(first, _raising(why))
-    if first:
-        sizes = rounded_to_one(magnitudes_of(plan.system, plan.metric, first))
-        if not are_alike(sizes, plan.metric.scale[:-1]):
-            plan = plan.with_magnitudes(sizes)
-            starts = starts_of(plan)
     return plan, chain(first, starts)
+
+
+def _sizes(plan: Plan, first: list[Found]) -> Array:
+    """Return magnitudes of the unknowns, those of the plan before any solution is known."""
+    if not first:
+        return plan.metric.scale[:-1]
+    return rounded_to_one(magnitudes_of(plan.system, plan.metric, first))
 
 
 def _raising(error: BaseException) -> Iterator[Found]:

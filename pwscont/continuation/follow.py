@@ -12,7 +12,7 @@ from typing import TypeAlias, final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, are_finite, generic
+from pwscont.basics.arrays import Array, generic
 from pwscont.basics.budget import Budget, check_budget, current_budget
 from pwscont.basics.errors import InvalidInputError
 from pwscont.basics.outcome import TWOFOLD, Failure, FailureReason, Kind
@@ -25,7 +25,7 @@ from pwscont.system.differences import FINEST_PART, REFINEMENT, STEP
 from pwscont.transitions.bounding import BoundingTests
 from pwscont.transitions.branch_points import DISTANCE_TO_SIGN, SmoothBranchPoints, crossing_on_end
 from pwscont.transitions.detector import Reading, SpecialPointFound, TransitionDetector
-from pwscont.transitions.ends import Bounds, IntervalEnds, ended_by_system
+from pwscont.transitions.ends import Bounds, IntervalEnds, ended_by_system, solves
 from pwscont.transitions.events import Events, EventsAlong
 from pwscont.transitions.rays import Ray
 from pwscont.transitions.smooth_folds import SmoothFolds, leaning
@@ -84,7 +84,7 @@ MOST_STEPS = 20_000
 #: hundred steps.
 MANY_STEPS, STRETCHED_FROM = 150, 2.0
 #: After every such number of steps a piece is checked for running to infinity.
-ENDLESS_CHECK_EVERY = 200
+ENDLESS_CHECK_EVERY = 50
 #: A piece runs to infinity if z is this far away, in typical magnitudes, and, between these parts
 #: of z and at the end, alpha changes by at most this part of the change before,
 ENDLESS_FROM, PARTS, ENDLESS_RATIO = 20.0, (0.7, 0.85), 0.8
@@ -93,7 +93,7 @@ ENDLESS_FROM, PARTS, ENDLESS_RATIO = 20.0, (0.7, 0.85), 0.8
 ENDLESS_REST, ENDLESS_CHANGE = 13.0, 1e-3
 #: or the piece has more steps than these. Such a piece may run to infinity nearer by, too, where
 #: alpha approaches a limit evenly, and all changes to come are at most this part of the interval.
-ENDLESS_STEPS, LONG_CHANGE = 600, 1e-2
+ENDLESS_STEPS, LONG_CHANGE = 450, 1e-2
 #: Between three successive parts of the way of such a piece, z grows by the same factor, at most by
 #: the inverse of LONG_PART, at least by the inverse of MOST_PART, and by EXCESS more than from the
 #: beginning; changes must shrink at least as this power of 1 / z, and between parts closer than
@@ -358,7 +358,8 @@ class PieceFollower:
         self._curve.selection.system.refine_differences(self._part)
         if piece := self._up_to_crossing():
             return piece
-        if why == str(Failure(FailureReason.NOT_FINITE)) and len(self._points) > 2:
+        is_end = why == str(Failure(FailureReason.NOT_FINITE))
+        if len(self._points) > 2 and (is_end or not self._ends_on_solution()):
             self._end_inside(part)
         back = Ray(self._curve, self._state).reversed()
         arrival = SpecialPointFound(Kind.STOPPED, self._state.x, why, (back,))
@@ -378,13 +379,17 @@ class PieceFollower:
         rays = sorted(point.rays, key=lambda ray: float(way.dot(ray.state.tangent)))
         return [*points, point.x], point.leading(tuple(rays))
 
+    def _ends_on_solution(self) -> bool:
+        curve = self._curve
+        return solves(curve.selection.system, curve.metric, self._points[-1])
+
     def _end_inside(self, part: float) -> None:
-        """End at the last point at which H is finite; the end of the model is a few steps farther.
+        """End at the last solution; where H is not finite, the model ends a few steps farther.
 
         ``part``: of the usual steps, which differences took, and at whose ends H is not finite.
         """
-        last, residual = self._state, self._curve.selection.residual
-        while len(self._points) > 2 and not are_finite(residual(self._points[-1])):
+        last = self._state
+        while len(self._points) > 2 and not self._ends_on_solution():
             last = self._before or last
             self._points.pop()
         steps = [self._points[-1] - self._points[-2]]

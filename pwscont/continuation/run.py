@@ -63,10 +63,10 @@ from pwscont.system.abilities import Reducible, Reduction, formula_of, shown_siz
 from pwscont.system.box import Box
 from pwscont.system.contract import check_attributes, residual_at
 from pwscont.system.selection import Selection
-from pwscont.system.system import PiecewiseLinearSystem, PiecewiseSystem
+from pwscont.system.system import PiecewiseLinearSystem, PiecewiseSystem, SlicewiseLinearSystem
 from pwscont.transitions import TransitionDetector
 from pwscont.transitions.detector import SpecialPointFound
-from pwscont.transitions.ends import Bounds, departures, ended_by_system
+from pwscont.transitions.ends import Bounds, departures, ended_by_system, solves
 from pwscont.transitions.events import Events, checked_events
 from pwscont.transitions.rays import Corner, Ray
 from pwscont.transitions.user_event import Stop
@@ -311,6 +311,7 @@ def _follow_from(
 ) -> None:
     """Follow the starts within the bounds, and collect starts without a certain digit."""
     scale = plan.metric.scale
+    is_curved = not isinstance(plan.reduced_system, SlicewiseLinearSystem)
     for x, given in starts:
         error = np.atleast_2d(given)  # searches may give one sample as a vector
         if not has_digits(x, error, scale):
@@ -320,6 +321,8 @@ def _follow_from(
             continue
         if plan.gauge:
             plan.gauge.begin()
+        if is_curved and not solves(plan.reduced_system, plan.metric, x):
+            continue
         corner = Corner.of_start(plan.reduced_system, plan.metric, x, error)
         arrival = departures(corner)
         arrival = plan.events.begun(arrival) if plan.events else arrival

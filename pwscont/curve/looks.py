@@ -446,13 +446,17 @@ def _closer(segment: CurvedSegment, middle: float) -> State | Failure | None:
     if start.orientation != segment.start.orientation or end.orientation != start.orientation:
         return Failure(FailureReason.SINGULAR)
     part = CurvedSegment.between(segment.curve, start, end, segment.suggestion)
-    return hidden_in(part, is_part=True)
+    found = hidden_in(part, is_part=True)
+    return found or _singular_at(segment, middle, CLOSER[1] - CLOSER[0])
 
 
-def _singular_at(segment: CurvedSegment, at: float) -> State | None:
-    """Return the state at a place of a short segment if the Jacobian loses rank there."""
+def _singular_at(segment: CurvedSegment, at: float, part: float = SHORTEST_REFUSED) -> State | None:
+    """Return the state at a place of a segment if the Jacobian loses rank there.
+
+    ``part``: of the segment, the error of the place.
+    """
     x = segment.near(at)
     if not loses_rank(segment.curve, x):
         return None
-    error = SHORTEST_REFUSED * (segment.end.x - segment.start.x)[np.newaxis]
+    error = part * (segment.end.x - segment.start.x)[np.newaxis]
     return State(x, segment.chord, error, segment.start.orientation, is_singular=True)

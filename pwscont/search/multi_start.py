@@ -199,6 +199,7 @@ class Throughout(Search):
                     return
             if count == before and (turn or known.extremes()):
                 return
+        known.leave_off()  # the last round found more, as of branches that repeat themselves
 
     def _between(self, pursuit: Pursuit, interval: Range, turn: int) -> Iterator[Found]:
         """Yield solutions from starts inside the interval, at other alphas and states each turn."""

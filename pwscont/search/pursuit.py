@@ -31,7 +31,7 @@ from pwscont.curve.curve import LEAN, Curve
 from pwscont.curve.error_samples import Found, has_digits, is_inside
 from pwscont.curve.magnitudes import nonlinear_reach
 from pwscont.curve.metric import Metric, Range, deflation, stretch
-from pwscont.curve.newton import is_solved, newton
+from pwscont.curve.newton import newton
 from pwscont.curve.semismooth import semismooth_newton
 from pwscont.enumeration.continua import equations_in_magnitudes, is_one_of_many, underflows
 from pwscont.linear.factorise import last_unit
@@ -42,7 +42,7 @@ from pwscont.system.contract import NOT_ON_CHANCE, residual_at
 from pwscont.system.selection import Selection
 from pwscont.system.system import PiecewiseSystem
 from pwscont.system.values import broken
-from pwscont.transitions.ends import settled
+from pwscont.transitions.ends import settled, solves
 
 #: Most iterations at fixed alpha, and again with alpha free.
 MOST_PURSUIT_STEPS = 40
@@ -295,12 +295,7 @@ class Pursuit:
         error, scale = np.atleast_2d(error), metric.scale
         if not has_digits(x, error, scale) or not is_inside(self._box, x, error, scale):
             return None
-        tests = self._system.test_functions(x[:-1], float(x[-1]))
-        if not np.isfinite(tests).all():
-            return None
-        own = Selection(self._system, Character.of(tests))  # of the cell in which the root lies
-        is_root = is_solved(own, metric, x, own.jacobian(x), own.residual(x))
-        return (x, error) if is_root else None
+        return (x, error) if solves(self._system, metric, x) else None
 
     # -- pursuits by rough Newton steps, all in typical magnitudes ------------------------------
 

@@ -220,6 +220,8 @@ def refuse_jump(one: Selection, other: Selection, x: Array, error: Array, scale:
     for side in (one, other) if (excess > 0.0).any() else ():
         sizes = abs(side.test_gradients(x)) @ typical
         near |= set(side.bounding[np.abs(side.tests(x)) <= AT_CORNER * sizes].tolist())
+        terms = abs(side.jacobian(np.append((x + generic(len(x)) * scale)[:-1], x[-1]))) @ typical
+        excess -= GUARD * EPS * np.nan_to_num(terms)  # slopes may vanish together at the point
     if len(near) > 1:  # the signs of these tests may name a cell across a corner
         excess -= AT_CORNER * (jump + sum(each @ typical for each in slopes))
     row = int(np.argmax(excess))

@@ -22,14 +22,15 @@ from typing import final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Matrix, Signs
+from pwscont.basics.arrays import Array, Matrix, Signs, are_finite
+from pwscont.basics.character import Character
 from pwscont.basics.outcome import FILL, FILL_CURVES, Failure, FailureReason, Kind
 from pwscont.basics.rounding import CONFIDENCE, EPS, GUARD, SAME_ALPHA
 from pwscont.curve.crossing import loses_rank
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.error_samples import Found, magnitude
 from pwscont.curve.metric import Metric
-from pwscont.curve.newton import Root, newton, uncertainty, uncertainty_beside
+from pwscont.curve.newton import Root, is_solved, newton, uncertainty, uncertainty_beside
 from pwscont.curve.stepper import CurvedSegment, Segment
 from pwscont.enumeration.continua import is_one_of_many
 from pwscont.linear.factor import Factor
@@ -79,6 +80,20 @@ def settled(system: PiecewiseSystem, metric: Metric, found: Found) -> Found | No
         return None
     same = 0.5 * SAME_ALPHA * max(abs(float(x[-1])), float(metric.scale[-1]))
     return found if abs(root.x[-1] - x[-1]) <= same else (root.x, root.error[np.newaxis])
+
+
+def solves(system: PiecewiseSystem, metric: Metric, x: Array) -> bool:
+    """Tell whether H at a point is as small as at a solution, in the cell of the point.
+
+    Newton judges by one selection, with derivatives from before the last correction. Next to a root
+    of zero, or where H jumps, all corrections may vanish although H does not.
+    """
+    tests = system.test_functions(x[:-1], float(x[-1]))
+    if not np.isfinite(tests).all():
+        return False
+    own = Selection(system, Character.of(tests))
+    rest = own.residual(x)
+    return are_finite(rest) and is_solved(own, metric, x, own.jacobian(x), rest)
 
 
 def regular_border(curve: Curve, x: Array) -> tuple[Matrix, Array, Factor] | None:
