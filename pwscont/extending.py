@@ -52,7 +52,7 @@ from pwscont.graph.queries import fine_points
 from pwscont.graph.records import FEW_DIGITS, Piece, Solution, SpecialPoint, attempted
 from pwscont.linear.balance import balanced
 from pwscont.linear.bordered import BorderedFactor, Interior, row_scale
-from pwscont.linear.factor import DenseLU, Factor, ScaledFactor
+from pwscont.linear.factor import SMALL_PIVOT, DenseLU, Factor, ScaledFactor
 from pwscont.linear.jacobian import StructuredJacobian
 from pwscont.linear.threads import THREADS, one_thread
 from pwscont.search.search import KnownBranches, Search
@@ -108,6 +108,7 @@ __all__ = [
     "FEW_DIGITS",
     "GUARD",
     "SAME_ALPHA",
+    "SMALL_PIVOT",
     "THREADS",
     "AffineCells",
     "Answer",
