@@ -65,7 +65,7 @@ BUDGET = {
     "transitions": (13, 4071),
     "graph": (10, 2572),
     "search": (8, 1809),
-    "continuation": (8, 2775),
+    "continuation": (8, 2778),
     "kit": (4, 955),
     "proof": (8, 2142),
     "scenes": (14, 2663),
