@@ -309,7 +309,7 @@ def follow_starts(plan: Plan, starts: Iterable[Found], searched: SearchScope) ->
 def _follow_from(
     starts: Iterable[Found], plan: Plan, discovery: Discovery, without_digits: list[Array]
 ) -> None:
-    """Follow the starts within the bounds, and collect starts without a certain digit."""
+    """Follow the solutions among starts within the bounds; collect starts without a digit."""
     scale = plan.metric.scale
     is_curved = not isinstance(plan.reduced_system, SlicewiseLinearSystem)
     for x, given in starts:
@@ -319,10 +319,10 @@ def _follow_from(
             continue
         if not is_inside(plan.box, x, error, scale) or discovery.is_beyond(x):
             continue
-        if plan.gauge:
-            plan.gauge.begin()
         if is_curved and not solves(plan.reduced_system, plan.metric, x):
             continue
+        if plan.gauge:
+            plan.gauge.begin()
         corner = Corner.of_start(plan.reduced_system, plan.metric, x, error)
         arrival = departures(corner)
         arrival = plan.events.begun(arrival) if plan.events else arrival
