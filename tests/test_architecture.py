@@ -65,7 +65,7 @@ BUDGET = {
     "transitions": (13, 4071),
     "graph": (10, 2572),
     "search": (8, 1809),
-    "continuation": (8, 2801),
+    "continuation": (8, 2807),
     "kit": (4, 955),
     "proof": (8, 2142),
     "scenes": (14, 2663),
@@ -445,6 +445,7 @@ IN_A_SENTENCE = {
         "FEW_DIGITS",
         "GUARD",
         "SAME_ALPHA",
+        "SMALL_PIVOT",
         "THREADS",
     ),
 }

@@ -16,6 +16,7 @@ from pwscont import (
     Stepper,
     StepSize,
     Stop,
+    Switched,
     Tangent,
     TransitionDetector,
     check_stepper,
@@ -162,6 +163,20 @@ def test_searches_that_do_not_fit(search, words):
     for each in (search, search + EndPoints()):
         with pytest.raises(InvalidInputError, match=words):
             explore(Bent(), (0.0, 2.0), search=each)
+
+
+def test_starts_beside_a_curve_are_not_followed_and_counted():
+    """z^2 = alpha: two curves; one start is a solution."""
+    curve = Switched(1, lambda z, t, sw: z**2 - t)
+    found = [(np.array([z, 0.25]), SOME) for z in (0.5, -0.501)]
+    graph = explore(
+        curve, (0.1, 1.0), search=Own(*found, says=SearchScope("own", Guarantee.EVERYTHING))
+    )
+    assert (graph.count(0.5), len(graph.pieces)) == (1, 1)
+    assert graph.searched.what.endswith(
+        "1 of the points found not followed, for H does not vanish there"
+    )
+    assert not graph.guarantee.startswith("complete")
 
 
 @pytest.mark.parametrize("system", [Straight(), Lines()], ids=repr)

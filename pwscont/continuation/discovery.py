@@ -140,6 +140,7 @@ class Discovery:
         self.is_net = False
         #: Number of starts that were not followed, because as many paths led next to nowhere.
         self.left_out = 0
+        self.unsolved = 0  # starts that are no solutions
 
     def add(self, arrival: SpecialPointFound, start: Corner | None = None) -> None:
         """Start from a special point, and follow everything that can be reached from it."""

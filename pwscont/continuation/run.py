@@ -302,7 +302,7 @@ def follow_starts(plan: Plan, starts: Iterable[Found], searched: SearchScope) ->
         unmarked = divide(discovery, system, metric, plan.events, budget) if plan.events else 0
     is_part = bool(without_digits)
     infinite: tuple[Stretch, ...] = budget.spend(lambda: _infinite(plan, discovery, is_part), ())
-    scope = _scope(plan, searched, len(without_digits), discovery.left_out, unmarked)
+    scope = _scope(plan, searched, len(without_digits), discovery, unmarked)
     return _graph(plan, discovery, scope, infinite)
 
 
@@ -320,6 +320,7 @@ def _follow_from(
         if not is_inside(plan.box, x, error, scale) or discovery.is_beyond(x):
             continue
         if is_curved and not solves(plan.reduced_system, plan.metric, x):
+            discovery.unsolved += 1
             continue
         if plan.gauge:
             plan.gauge.begin()
@@ -353,19 +354,23 @@ def _infinite(plan: Plan, discovery: Discovery, is_part: bool) -> tuple[Stretch,
 
 
 def _scope(
-    plan: Plan, searched: SearchScope, lost: int, left_out: int, unmarked: int
+    plan: Plan, searched: SearchScope, lost: int, discovery: Discovery, unmarked: int
 ) -> SearchScope:
     """Return what was searched and what that promises.
 
-    ``lost``: the number of starts without a digit; ``left_out``: of starts at which the Jacobian
-    loses rank; ``unmarked``: of pieces without marked events.
+    ``lost``: the number of starts without a digit; ``unmarked``: of pieces without marked events.
     """
     what, promise = searched.what, searched.promise
     if lost:
         what += f"; {lost} of the points found not followed, for no digit of them is certain"
         promise = Guarantee.NOTHING
-    if left_out:
-        what += f"; {left_out} of the points found {IN_VAIN}"
+    if discovery.left_out:
+        what += f"; {discovery.left_out} of the points found {IN_VAIN}"
+        promise = Guarantee.NOTHING
+    if discovery.unsolved:
+        what += (
+            f"; {discovery.unsolved} of the points found not followed, for H does not vanish there"
+        )
         promise = Guarantee.NOTHING
     if plan.branches.is_left_off:
         what += f"; {GIVEN_UP}"

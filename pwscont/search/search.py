@@ -106,7 +106,7 @@ class Search(ABC):
     ) -> Iterator[Found]:
         """Yield solutions (z, alpha) with errors; a component may be hit repeatedly.
 
-        What does not solve H nearly to rounding is left out.
+        What does not solve H nearly to rounding is left out, which the graph says.
         """
 
     def starts_beside(
