@@ -64,7 +64,7 @@ BUDGET = {
     "enumeration": (11, 2559),
     "transitions": (13, 4077),
     "graph": (10, 2579),
-    "search": (8, 1806),
+    "search": (8, 1810),
     "continuation": (8, 2779),
     "kit": (4, 955),
     "proof": (8, 2142),
