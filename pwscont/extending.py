@@ -32,7 +32,7 @@ from pwscont.basics.arrays import (
 )
 from pwscont.basics.budget import check_budget
 from pwscont.basics.outcome import Failure, FailureReason, Guarantee, Kind, SearchScope
-from pwscont.basics.printing import apart, card, counted, named, short, with_article
+from pwscont.basics.printing import apart, card, counted, named, number, short, with_article
 from pwscont.basics.quantities import Function, Quantities, as_written, spelled
 from pwscont.basics.rounding import CONFIDENCE, CONVERGED, EPS, GUARD, SAME_ALPHA
 from pwscont.continuation.run import Report, checked_interval, plan_in_words, silent, uninterrupted
@@ -46,13 +46,13 @@ from pwscont.curve.stepper import CurvedSegment, Segment, Stepper, StraightSegme
 from pwscont.enumeration.options import affine_forms
 from pwscont.enumeration.polyhedron import Polyhedron
 from pwscont.enumeration.tree import AffineCells, enumerate_cells
-from pwscont.graph.exports import DUST, number
+from pwscont.graph.exports import DUST
 from pwscont.graph.proved import Proof
 from pwscont.graph.queries import fine_points
 from pwscont.graph.records import FEW_DIGITS, Piece, Solution, SpecialPoint, attempted
 from pwscont.linear.balance import balanced
 from pwscont.linear.bordered import BorderedFactor, Interior, row_scale
-from pwscont.linear.factor import DenseLU, Factor, ScaledFactor
+from pwscont.linear.factor import SMALL_PIVOT, DenseLU, Factor, ScaledFactor
 from pwscont.linear.jacobian import StructuredJacobian
 from pwscont.linear.threads import THREADS, one_thread
 from pwscont.search.search import KnownBranches, Search
@@ -108,6 +108,7 @@ __all__ = [
     "FEW_DIGITS",
     "GUARD",
     "SAME_ALPHA",
+    "SMALL_PIVOT",
     "THREADS",
     "AffineCells",
     "Answer",

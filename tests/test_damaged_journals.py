@@ -50,15 +50,15 @@ def test_every_byte_that_is_not_zero_counts(tmp_path, step):
 @pytest.mark.parametrize(
     "change",
     [
-        "DELETE FROM journal_3 WHERE number = 4",
-        "UPDATE journal_3 SET number = number + 1000 WHERE number = 4",
-        "UPDATE journal_3 SET kind = 'start' WHERE number = 4",
-        "UPDATE journal_3 SET text = text || ' ' WHERE number = 4",
-        "UPDATE journal_3 SET rows = CAST(rows AS TEXT) WHERE number = 4",
-        "UPDATE journal_3 SET rows = NULL WHERE number = 4",
-        "UPDATE journal_3 SET checksum = NULL WHERE number = 4",
-        "UPDATE journal_3 SET (kind, text, rows, checksum) = "
-        "(SELECT kind, text, rows, checksum FROM journal_3 WHERE number = 5) WHERE number = 4",
+        "DELETE FROM journal_4 WHERE number = 4",
+        "UPDATE journal_4 SET number = number + 1000 WHERE number = 4",
+        "UPDATE journal_4 SET kind = 'start' WHERE number = 4",
+        "UPDATE journal_4 SET text = text || ' ' WHERE number = 4",
+        "UPDATE journal_4 SET rows = CAST(rows AS TEXT) WHERE number = 4",
+        "UPDATE journal_4 SET rows = NULL WHERE number = 4",
+        "UPDATE journal_4 SET checksum = NULL WHERE number = 4",
+        "UPDATE journal_4 SET (kind, text, rows, checksum) = "
+        "(SELECT kind, text, rows, checksum FROM journal_4 WHERE number = 5) WHERE number = 4",
     ],
 )
 def test_changes_by_hand_are_refused(tmp_path, change):
@@ -76,7 +76,7 @@ def test_the_last_record_may_be_lost(tmp_path):
     made, path = fig7(), tmp_path / "journal"
     truth = recorded(path, made)
     with sqlite3.connect(path) as database:
-        database.execute("DELETE FROM journal_3 WHERE number > 4")
+        database.execute("DELETE FROM journal_4 WHERE number > 4")
     database.close()
     same(recorded(path, made), truth)
 

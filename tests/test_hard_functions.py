@@ -3,7 +3,15 @@
 import numpy as np
 import pytest
 
-from pwscont import Complementarity, Limits, PiecewiseSystem, Switched, explore, trace
+from pwscont import (
+    Complementarity,
+    InvalidSystemError,
+    Limits,
+    PiecewiseSystem,
+    Switched,
+    explore,
+    trace,
+)
 
 pytestmark = [pytest.mark.filterwarnings("ignore::RuntimeWarning"), pytest.mark.sweep(4)]
 
@@ -243,6 +251,26 @@ def test_slopes_that_vanish_on_both_sides_of_a_kink_are_no_jump(slope, steepness
             return np.array([up - down])
 
     assert explore(Band(slope, steepness), (-1.0, 1.3)).count(0.4) == np.inf
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_jump_beside_a_steep_function_is_refused(sign):
+    """H jumps by 0.5 at z = 0; a typical magnitude away on one side, terms of H are 1e20."""
+
+    class Steep(PiecewiseSystem):
+        size = 1
+
+        def scale(self, lo, hi):
+            return np.ones(1)
+
+        def test_functions(self, z, alpha):
+            return z
+
+        def residual(self, z, alpha, character):
+            return np.exp(sign * 50.0 * z) + (0.5 if character.signs[0] else 0.0) - alpha
+
+    with pytest.raises(InvalidSystemError, match="residual jumps by"):
+        explore(Steep(), (0.5, 3.0))
 
 
 # -- endless repetition ----------------------------------------------------------------------------

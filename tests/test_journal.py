@@ -164,6 +164,46 @@ def test_a_journal_of_another_run_is_refused(tmp_path):
     journal.close()
 
 
+class Springs(PiecewiseSystem):
+    """From z = 2 on a spring k1 more, from z = 4 on k2; the cells have their own residuals."""
+
+    size = 1
+
+    def __init__(self, k1, k2):
+        self.k1, self.k2 = k1, k2
+
+    def test_functions(self, z, alpha):
+        return np.array([z[0] - 2.0, z[0] - 4.0])
+
+    def residual(self, z, alpha, character):
+        beyond = (z - 2.0, z - 4.0)
+        added = zip(character.signs, (self.k1, self.k2), beyond, strict=True)
+        return z - alpha + sum(k * force for sign, k, force in added if sign)
+
+
+def test_other_constants_in_cells_that_no_path_enters_are_refused(tmp_path):
+    """The changed law is z up to 2, falls to -2 at 4, and rises again."""
+    system, changed, interval = Springs(0.5, 0.5), Springs(-3.0, 3.0), (-1.0, 1.0)
+    with Journal(tmp_path / "journal") as journal:
+        graph = explore(system, interval, journal=journal)
+        same(explore(Springs(0.5, 0.5), interval, journal=journal), graph)
+        assert [graph.count(0.5), explore(changed, interval).count(0.5)] == [1, 3]
+        with pytest.raises(InvalidInputError, match="values of its functions have changed"):
+            explore(changed, interval, journal=journal)
+
+
+def test_a_journal_of_functions_that_are_not_defined_at_every_point(tmp_path):
+    """The root of z - 5 is nan where the values are compared."""
+
+    def system():
+        return Switched(1, lambda z, a, sw: np.sqrt(z - 5.0) + sw.relu(z - 6.0) - a)
+
+    with Journal(tmp_path / "journal") as journal:
+        graph = trace(system(), ([5.25], 0.5), (0.25, 2.0), journal=journal)
+        same(trace(system(), ([5.25], 0.5), (0.25, 2.0), journal=journal), graph)
+    assert graph.solutions(2.0)[0].z == pytest.approx([5.0 + (np.sqrt(13.0) - 1.0) ** 2 / 4.0])
+
+
 @pytest.mark.parametrize("stiffness", [50.0, 1.0, 5.1])
 @pytest.mark.sweep(4)
 def test_other_constants_beyond_a_kink_are_refused(tmp_path, stiffness):
@@ -197,7 +237,7 @@ def test_another_file_is_refused_and_left_alone(tmp_path, content):
 def test_another_database_is_refused_and_left_alone(tmp_path):
     path = tmp_path / "database"
     database = sqlite3.connect(path)
-    database.execute("CREATE TABLE journal_3 (number)")
+    database.execute("CREATE TABLE journal_4 (number)")
     database.close()
     content = path.read_bytes()
     with pytest.raises(InvalidInputError, match="is no journal"):

@@ -422,3 +422,54 @@ def test_a_jacobian_of_a_users_own_kind_at_a_branch_point():
     (point,) = graph.special_points("branch point")
     assert abs(point.alpha) < 1e-12
     assert [graph.count(alpha) for alpha in (-0.5, 0.0, 0.5)] == [2, 1, 2]
+
+
+# -- matrices whose eigenvectors are smooth, or belong to one eigenvalue ---------------------------
+
+
+class Graph(Smooth):
+    """L z = alpha (z - z^3): branches leave z = 0 where alpha is an eigenvalue of L."""
+
+    def __init__(self, laplacian):
+        self.laplacian, self.size = laplacian, len(laplacian)
+
+    def residual(self, z, alpha, character):
+        return self.laplacian @ z - alpha * (z - z**3)
+
+    def jacobian(self, z, alpha, character):
+        by_z = self.laplacian - alpha * np.diag(1.0 - 3.0 * z**2)
+        return np.column_stack([by_z, z**3 - z])
+
+    def followed(self, interval):
+        return trace(self, (np.zeros(self.size), interval[0]), interval)
+
+
+def grid(rows, columns, weight):
+    """Return the matrix of a grid with zero beyond; eigenvalues are sums of those of two chains."""
+    across, along = (2.0 * np.eye(n) - np.eye(n, k=1) - np.eye(n, k=-1) for n in (rows, columns))
+    return np.kron(across, np.eye(columns)) + weight * np.kron(np.eye(rows), along)
+
+
+@pytest.mark.parametrize(("side", "weight"), [(6, 0.999), (7, 0.9999), (7, 0.99)])
+def test_smooth_modes_of_a_grid_within_a_step(side, weight):
+    """Nearly square: the second and the third eigenvalue are close, with no other nearby."""
+    one, two = 2.0 - 2.0 * np.cos(np.pi * np.array([1.0, 2.0]) / (side + 1))
+    second, third = weight * two + one, two + weight * one
+    gap, apart = two - one, third - second
+    second, third, apart = min(second, third), max(second, third), abs(apart)
+    graph = Graph(grid(side, side, weight)).followed((second - 0.4 * gap, third + 0.4 * gap))
+    places = second - 0.1 * gap, second + 0.5 * apart, third + 0.2 * apart
+    assert [graph.count(alpha) for alpha in places] == [1, 3, 5]
+
+
+@pytest.mark.parametrize(("leaves", "side"), [(29, 0), (0, 7)])
+def test_an_eigenvalue_of_even_multiplicity_is_marked(leaves, side):
+    """A star, 1 of multiplicity 28; a square grid, its second eigenvalue of multiplicity 2."""
+    if side:
+        matrix = grid(side, side, 1.0)
+    else:
+        matrix = np.eye(leaves + 1)
+        matrix[0, 0], matrix[0, 1:], matrix[1:, 0] = leaves, -1.0, -1.0
+    values = np.linalg.eigvalsh(matrix)
+    graph = Graph(matrix).followed((values[1] - 0.4, values[1] + 0.3 * (values[3] - values[0])))
+    assert f"curves touch, or more than two cross, at alpha = {values[1]:.3g}" in graph.guarantee

@@ -433,6 +433,9 @@ WRONG = {
     "Q must be symmetric, and": lambda: QuadraticProgram(
         [[1e9, 1e-3], [-1e-3, 1]], [0, 0], [[1, 0]], [1]
     ),
+    "Q must be symmetric, and not": lambda: QuadraticProgram(
+        [[1, 2e-8, 2e-8], [2e-8, 1e-16, 1e-16], [2e-8, -1e-16, 1e-16]], [0] * 3, [[1, 0, 0]], [1]
+    ),
     "gram must be symmetric": lambda: Lasso.from_products([[2.0, 1.0], [0.5, 2.0]], [1.0, 1.0]),
     "constraint g1 is on no variable": lambda: QuadraticProgram([[1]], [0], [[0]], [1]),
     r"A has shape \(1, 2\), expected \(1, 1\)": lambda: QuadraticProgram([[1]], [0], [[1, 2]], [1]),

@@ -95,3 +95,10 @@ def test_numbers_far_from_zero_have_the_digits_that_tell_them_apart():
     assert table.count("1000000000.125") == 6  # fold, two pieces, three numbers of solutions
     assert [text.get_text() for text in plot(graph).axes.texts] == ["1000000000.125"]
     assert "1000000000.125" in as_html(graph, "")
+
+
+def test_a_guarantee_names_places_far_from_zero():
+    """The root of 1e9 + 1/4 - alpha ends within the interval."""
+    system = Switched(1, lambda z, t, sw: z - np.sqrt(1e9 + 0.25 - t))
+    found = re.search(r"stopped at alpha = (\S+)", explore(system, (1e9, 1e9 + 1)).guarantee)
+    assert abs(float(found[1]) - 1e9 - 0.25) < 1e-3

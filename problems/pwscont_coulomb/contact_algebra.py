@@ -38,7 +38,7 @@ import scipy.sparse as sp
 from scipy.linalg import blas
 
 from pwscont.extending import Array, Indices, Matrix, power_of_two
-from pwscont_coulomb.row_updates import RowMatrix, Updating
+from pwscont_coulomb.row_updates import Updating
 
 if TYPE_CHECKING:
     from pwscont_coulomb.body import ContactBody
@@ -139,7 +139,7 @@ class ContactAlgebra:
 
 
 @final
-class Displacements(RowMatrix):
+class Displacements:
     """The scaled matrix M with rows of given keys; see the module."""
 
     def __init__(self, algebra: ContactAlgebra, keys: Array) -> None:

@@ -1,4 +1,4 @@
-"""Solutions with matrices that differ in some rows, as those of contact nodes that change modes do.
+"""Solves with matrices that differ in some rows, as where contact nodes change modes.
 
 An explicit inverse is kept, and all changed rows are replaced at once (Woodbury). Every solve names
 the matrix: rows are replaced back for a caller that solves with an older matrix. Rounding errors of
@@ -13,11 +13,8 @@ from typing import Protocol, final
 import numpy as np
 from scipy.linalg import blas, lapack
 
-from pwscont.extending import EPS, Array, DenseLU, Indices
+from pwscont.extending import EPS, SMALL_PIVOT, Array, DenseLU, Indices
 
-#: Least pivot of a change, as a part of the sum of the magnitudes of the pivot's terms. A change
-#: multiplies rounding errors by the inverse of the part: ten of sixteen digits are left.
-SMALL_PIVOT = 1e-6
 #: Number of columns of an inverse that LAPACK computes together, the block size of ``dgetri``:
 #: with less room ``dgetri`` works column by column.
 COLUMNS_AT_ONCE = 64

@@ -131,10 +131,13 @@ class ActiveSets(PiecewiseLinearSystem):
 
 
 def is_symmetric(matrix: Array) -> bool:
-    """Tell whether a matrix is symmetric to half of the digits, also where rows differ in units."""
-    sizes = np.abs(matrix).max(axis=1, initial=0.0)
-    allowed = EPS**0.5 * np.sqrt(np.multiply.outer(sizes, sizes))
-    return bool((np.abs(matrix - matrix.T) <= allowed).all())
+    """Tell whether a matrix is symmetric to half of the digits, whatever the units of the rows.
+
+    Each entry is compared with the diagonal entries of its row and column, and with itself.
+    """
+    units = np.sqrt(np.abs(matrix.diagonal()))
+    sizes = np.multiply.outer(units, units) + np.abs(matrix)
+    return bool((np.abs(matrix - matrix.T) <= EPS**0.5 * sizes).all())
 
 
 def _values(rows: Array, z: Array, alpha: float) -> Array:

@@ -58,6 +58,13 @@ def apart(lo: float, hi: float) -> tuple[str, str]:
     return f"{lo:.{digits}g}", f"{hi:.{digits}g}"
 
 
+def number(value: float, interval: tuple[float, float] = (0.0, 1.0), digits: int = 8) -> str:
+    """Return a number as users read it; values of an interval far from zero get further digits."""
+    lo, hi = interval
+    further = int(log10(max(abs(lo), abs(hi)) / (hi - lo)))
+    return f"{value:.{digits + further}g}"
+
+
 def named(thing: object, *words: object) -> str:
     """Return a repr: the name of the class, and in brackets what there is to know."""
     return f"{type(thing).__name__}({', '.join(map(str, words))})"

@@ -65,11 +65,14 @@ def _sharing(arrival: SpecialPointFound, ray: Ray) -> SpecialPointFound:
 #: Along a path to infinity other unknowns may oscillate, so that the distance of the path from zero
 #: shrinks for a while; this is the smallest factor of such a decrease.
 NEARLY_AS_FAR = 0.5
+#: How far from where a path to infinity was left alpha may still change, as a part of the interval:
+#: a few times as far as is estimated when the path is left.
+STILL_AHEAD = 5.0 * LONG_CHANGE
 
 
 def _is_past(x: Array, back: Ray) -> bool:
     """Tell whether a path to infinity passes a point, from the ray back from where it was left."""
-    scale, rest = back.curve.metric.scale, LONG_CHANGE * back.curve.metric.width
+    scale, rest = back.curve.metric.scale, STILL_AHEAD * back.curve.metric.width
     end, point = (back.state.x / scale)[:-1], (x / scale)[:-1]
     ahead = (x[-1] - back.state.alpha) * -np.sign(back.state.tangent[-1])
     return bool(0.0 <= ahead <= rest and end @ point >= NEARLY_AS_FAR * (end @ end))

@@ -147,13 +147,13 @@ def _measured(
 ) -> tuple[Plan, Iterator[Found]]:
     """Return a plan with magnitudes from H, then from its first solutions, and its starts."""
     first: list[Found] = []
+    # the second start of straight pieces may take as long as all others
+    counts = (1, FIRST) if isinstance(plan.system, PiecewiseLinearSystem) else (FIRST,)
     try:
         plan = plan.with_magnitudes(rough_magnitudes(plan.system, plan.interval, guess))
         starts = starts_of(plan)
-        # of straight pieces the second start may take as long as all others
-        is_straight = isinstance(plan.system, PiecewiseLinearSystem)
-        for count in FIRST * (1,) if is_straight else (FIRST,):
-            first += islice(starts, count)
+        for count in counts:
+            first += islice(starts, count - len(first))
             sizes = _sizes(plan, first)
             if not are_alike(sizes, plan.metric.scale[:-1]):
                 plan = plan.with_magnitudes(sizes)

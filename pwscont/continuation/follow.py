@@ -84,7 +84,7 @@ MOST_STEPS = 20_000
 #: hundred steps.
 MANY_STEPS, STRETCHED_FROM = 150, 2.0
 #: After every such number of steps a piece is checked for running to infinity.
-ENDLESS_CHECK_EVERY = 200
+ENDLESS_CHECK_EVERY = 50
 #: A piece runs to infinity if z is this far away, in typical magnitudes, and, between these parts
 #: of z and at the end, alpha changes by at most this part of the change before,
 ENDLESS_FROM, PARTS, ENDLESS_RATIO = 20.0, (0.7, 0.85), 0.8
@@ -93,7 +93,7 @@ ENDLESS_FROM, PARTS, ENDLESS_RATIO = 20.0, (0.7, 0.85), 0.8
 ENDLESS_REST, ENDLESS_CHANGE = 13.0, 1e-3
 #: or the piece has more steps than these. Such a piece may run to infinity nearer by, too, where
 #: alpha approaches a limit evenly, and all changes to come are at most this part of the interval.
-ENDLESS_STEPS, LONG_CHANGE = 600, 1e-2
+ENDLESS_STEPS, LONG_CHANGE = 450, 1e-2
 #: Between three successive parts of the way of such a piece, z grows by the same factor, at most by
 #: the inverse of LONG_PART, at least by the inverse of MOST_PART, and by EXCESS more than from the
 #: beginning; changes must shrink at least as this power of 1 / z, and between parts closer than

@@ -8,6 +8,7 @@ The file is an SQLite database of numbered records, each written in a transactio
 checksum. A journal without the last records is the journal of a run that was stopped earlier. Every
 other change is refused, and so is the journal of another problem: names, interval, stepper, and
 values at generic points are compared before any work, and each piece with the ray that begins it.
+A change that touches neither these values nor a recorded piece is not noticed.
 """
 
 from __future__ import annotations
@@ -98,13 +99,13 @@ def piece_of(record: tuple[str, bytes], ray: Ray) -> Followed:
 #: The lock is kept from one transaction to the next, and ends with the process.
 LOCK = "PRAGMA locking_mode = EXCLUSIVE; PRAGMA synchronous = NORMAL; BEGIN EXCLUSIVE"
 #: SQLite keeps this text: a journal of another version has another text.
-TABLE = "CREATE TABLE journal_3 (number INTEGER PRIMARY KEY, kind, text, rows, checksum)"
+TABLE = "CREATE TABLE journal_4 (number INTEGER PRIMARY KEY, kind, text, rows, checksum)"
 #: With a log, a record does not wait for the disk; with a rollback journal each record would wait.
 LOG = "PRAGMA journal_mode = WAL"
 #: Damage may turn rows into something else than bytes.
-READ = "SELECT kind, text, rows, checksum FROM journal_3 WHERE number = ? AND typeof(rows) = 'blob'"
+READ = "SELECT kind, text, rows, checksum FROM journal_4 WHERE number = ? AND typeof(rows) = 'blob'"
 #: A record of this number is there where Ctrl-C came before the record was counted.
-WRITE = "REPLACE INTO journal_3 (number, kind, text, rows, checksum) VALUES (?, ?, ?, ?, ?)"
+WRITE = "REPLACE INTO journal_4 (number, kind, text, rows, checksum) VALUES (?, ?, ?, ?, ?)"
 
 ADVICE = "remove it, or write elsewhere"
 NO_JOURNAL = f"it is no journal of this version; if it is of an earlier one, {ADVICE}"
@@ -225,7 +226,7 @@ class Journal:
             raise self._refusal(f"it is damaged ({found}); {ADVICE}")
         for statement in ([TABLE] if table is None else []) + ["COMMIT", LOG]:
             self._data.execute(statement)
-        for _ in range(self._value("SELECT count(*) FROM journal_3")):
+        for _ in range(self._value("SELECT count(*) FROM journal_4")):
             kind, _text, rows = self._read(self._count)
             self._keep(kind, rows)
 
@@ -300,7 +301,9 @@ class Journal:
             for name, now in facts.items()
             if before.get(name, "") != now
         ]
-        agree = len(values) == len(probes) and np.allclose(values, probes, SAME_PROBES, 0.0)
+        agree = len(values) == len(probes) and np.allclose(
+            values, probes, SAME_PROBES, 0.0, equal_nan=True
+        )
         if not different and not agree:
             different = [OTHER_VALUES]
         if different:

@@ -61,7 +61,7 @@ from pwscont.search.default_search import default_search
 from pwscont.search.search import KnownBranches, scope_of
 from pwscont.system.abilities import Reducible, Reduction, formula_of, shown_size
 from pwscont.system.box import Box
-from pwscont.system.contract import check_attributes
+from pwscont.system.contract import check_attributes, residual_at
 from pwscont.system.selection import Selection
 from pwscont.system.system import PiecewiseLinearSystem, PiecewiseSystem, SlicewiseLinearSystem
 from pwscont.transitions import TransitionDetector
@@ -309,7 +309,7 @@ def follow_starts(plan: Plan, starts: Iterable[Found], searched: SearchScope) ->
 def _follow_from(
     starts: Iterable[Found], plan: Plan, discovery: Discovery, without_digits: list[Array]
 ) -> None:
-    """Follow the starts within the bounds, and collect starts without a certain digit."""
+    """Follow the solutions among starts within the bounds; collect starts without a digit."""
     scale = plan.metric.scale
     is_curved = not isinstance(plan.reduced_system, SlicewiseLinearSystem)
     for x, given in starts:
@@ -319,10 +319,10 @@ def _follow_from(
             continue
         if not is_inside(plan.box, x, error, scale) or discovery.is_beyond(x):
             continue
-        if plan.gauge:
-            plan.gauge.begin()
         if is_curved and not solves(plan.reduced_system, plan.metric, x):
             continue
+        if plan.gauge:
+            plan.gauge.begin()
         corner = Corner.of_start(plan.reduced_system, plan.metric, x, error)
         arrival = departures(corner)
         arrival = plan.events.begun(arrival) if plan.events else arrival
@@ -446,9 +446,29 @@ def _check(journal: Journal, plan: Plan) -> None:
         "events": plan.events.names if plan.events else "",
     }
     sums, system, (lo, hi) = [], plan.reduced_system, plan.interval
-    for shift, alpha in enumerate((lo, 0.5 * (lo + hi), hi)):
-        z = plan.metric.scale[:-1] * generic(system.size, shift)
-        tests = system.test_functions(z, alpha)
-        residual = system.residual(z, alpha, Character.of(tests))
-        sums += [float(generic(len(v), shift) @ v) for v in (tests, residual)]
+    with np.errstate(all="ignore"):
+        for shift, alpha in enumerate((lo, 0.5 * (lo + hi), hi)):
+            z = plan.metric.scale[:-1] * generic(system.size, shift)
+            tests = system.test_functions(z, alpha)
+            sums.append(float(generic(len(tests), shift) @ tests))
+            cells = (Character.of(tests), *_characters(len(tests)))
+            sums += [_sum_of(system, z, alpha, cell, shift) for cell in cells]
     journal.check(facts, sums)
+
+
+def _characters(m: int) -> Iterator[Character]:
+    """Yield characters of m tests; any two tests have each pair of signs in one of these."""
+    digits = np.arange(m) >> np.arange(m.bit_length())[:, np.newaxis] & 1 > 0
+    for signs in (np.ones(m, bool), *digits):
+        yield Character(signs)
+        yield Character(~signs)
+
+
+def _sum_of(
+    system: PiecewiseSystem, z: Array, alpha: float, character: Character, shift: int
+) -> float:
+    """Return a generic sum of H, nan where H is not defined: characters may name no cell."""
+    try:
+        return float(generic(system.size, shift) @ residual_at(system, z, alpha, character))
+    except Exception:
+        return np.nan

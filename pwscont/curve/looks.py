@@ -21,13 +21,14 @@ zeros within the step say where the determinant vanishes, and how often.
 
 - Three Jacobians cost a tenth of a step. They are computed unless the quadratic through the
   Jacobians of the last corrections, which are known, has no zero near the step.
-- Several zeros apart: if the sign between two of them is another one, a shorter step is asked for,
-  until each step has one zero at most.
-- Several zeros together: the step around them is looked at again, ever closer, until the zeros are
+- Zeros apart: if the sign between two of them is another one, a shorter step is asked for, until
+  each step has one zero at most.
+- Zeros together, and zeros without a change of sign, which may be multiple ones (Arnoldi's method
+  shows these once): the step around them is looked at again, ever closer, until the zeros are
   apart, or vanish, or are one place to rounding.
 - A branch point that is known, at the beginning of a piece or where a step ends, is no other zero.
 - Many unknowns: Arnoldi's method computes the dominant zeros, of the line through two Jacobians
-  first; one or two vectors show nearly always that there is none.
+  first; one or two vectors show nearly always that no zero is near.
 - Along a curve on which H vanishes twice the determinant is rounding: where the Jacobians lose
   rank, nothing is told.
 
@@ -43,7 +44,7 @@ from math import ceil, inf, isfinite, nan, sqrt
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, dense, generic, joined, largest, product, smallest
+from pwscont.basics.arrays import Array, Matrix, dense, generic, joined, largest, product, smallest
 from pwscont.basics.outcome import Failure, FailureReason
 from pwscont.basics.rounding import CONVERGED
 from pwscont.curve.crossing import FULL_RANK, loses_rank
@@ -254,19 +255,22 @@ def hidden_in(segment: CurvedSegment, *, is_part: bool = False) -> State | Failu
         return None
     if start.jacobian is None:  # at the beginning of a piece
         start.jacobian = selection.jacobian(start.x)
-    if (_is_regular if _has_few(segment) else _line_is_regular)(segment):
+    few = selection.system.size <= MOST_WITH_ALL_ZEROS
+    is_regular, zeros_in = (_is_regular, _all_zeros) if few else (_line_is_regular, _dominant_zeros)
+    if is_regular(segment):
         return None  # nearly always
-    zeros = (_all_zeros if _has_few(segment) else _dominant_zeros)(segment)
-    if not len(zeros) or not (is_part or _has_full_rank(segment)):
+    known = _jacobians(segment)
+    zeros = zeros_in(segment, known)
+    if not len(zeros) or not (is_part or _has_full_rank(segment, known)):
         return None
-    if len(zeros) == 1 or np.ptp(zeros) > TOGETHER:
-        return _apart(segment, zeros)
-    middle = 0.5 * segment.length * (1.0 + float(zeros.mean()))
-    return (_singular_at if segment.length <= SHORTEST_REFUSED else _closer)(segment, middle)
-
-
-def _has_few(segment: CurvedSegment) -> bool:
-    return segment.curve.selection.system.size <= MOST_WITH_ALL_ZEROS
+    if (len(zeros) == 1 or np.ptp(zeros) > TOGETHER) and (apart := _apart(segment, zeros)):
+        return apart
+    closer = _singular_at if segment.length <= SHORTEST_REFUSED else _closer
+    groups = np.split(zeros, np.flatnonzero(np.diff(zeros) > TOGETHER) + 1)
+    for group in groups:
+        if found := closer(segment, 0.5 * segment.length * (1.0 + float(group.mean()))):
+            return found
+    return None
 
 
 def _apart(segment: CurvedSegment, zeros: Array) -> Failure | None:
@@ -324,21 +328,27 @@ def _from_to(zeros: Array, first: float, last: float, imaginary: float) -> Array
     return np.sort(real[(first < real) & (real < last)])
 
 
-def _three(segment: CurvedSegment) -> tuple[Array, Array, Array]:
-    """Return points at the start, nearly in the middle and at the end of a segment."""
-    return segment.start.x, segment.near(0.5 * segment.length), segment.end.x
+def _jacobians(segment: CurvedSegment) -> list[Matrix]:
+    """Return the Jacobians at the start, nearly in the middle and at the end of a segment."""
+    places = segment.start.x, segment.near(0.5 * segment.length), segment.end.x
+    return [segment.curve.selection.jacobian(x) for x in places]
 
 
-def _has_full_rank(segment: CurvedSegment) -> bool:
-    """Tell whether the Jacobian is not everywhere as near to a lower rank as at a double root."""
-    metric = segment.curve.metric
-    for jacobian in map(segment.curve.selection.jacobian, _three(segment)):
-        rows = abs(jacobian) @ metric.binary
-        factor = bordered(jacobian, metric.covector(segment.chord), metric.binary)
-        solution = factor.solve(joined(rows * generic(len(rows)), 0.0)) / metric.binary
+def _has_full_rank(segment: CurvedSegment, known: list[Matrix]) -> bool:
+    """Tell whether the Jacobian is somewhere farther from a lower rank than at a double root."""
+    scale = segment.curve.metric.binary
+    for jacobian in known:
+        rows = abs(jacobian) @ scale
+        solution = _factor(segment, jacobian).solve(joined(rows * generic(len(rows)), 0.0)) / scale
         if largest(np.abs(solution)) < 1.0 / FULL_RANK:
             return True
     return False
+
+
+def _factor(segment: CurvedSegment, jacobian: Matrix) -> Factor:
+    """Return a factorisation of a Jacobian that is bordered by the chord of a segment."""
+    metric = segment.curve.metric
+    return bordered(jacobian, metric.covector(segment.chord), metric.binary)
 
 
 def _range(segment: CurvedSegment) -> tuple[float, float]:
@@ -347,20 +357,18 @@ def _range(segment: CurvedSegment) -> tuple[float, float]:
     return -first, last
 
 
-def _all_zeros(segment: CurvedSegment) -> Array:
+def _all_zeros(segment: CurvedSegment, known: list[Matrix]) -> Array:
     """Return where the quadratic through three Jacobians is singular, between -1 and 1.
 
     The quadratic is M + s D + s^2 E, with s = -1 at the start and s = 1 at the end of the segment.
     """
-    curve = segment.curve
-    before, here, after = known = [dense(curve.selection.jacobian(x)) for x in _three(segment)]
+    before, here, after = parts = [dense(each) for each in known]
     if not np.isfinite(here).all():  # H may be undefined beside the curve
-        here = known[1] = 0.5 * (before + after)
-    if not np.isfinite(known).all():
+        here = parts[1] = 0.5 * (before + after)
+    if not np.isfinite(parts).all():
         return np.zeros(0)
-    factor = bordered(here, curve.metric.covector(segment.chord), curve.metric.binary)
     changes = 0.5 * (after - before), 0.5 * (after + before) - here
-    forth, bend = _solved(factor, curve.metric.binary, *changes)
+    forth, bend = _solved(_factor(segment, here), segment.curve.metric.binary, *changes)
     return _real_zeros(forth, bend, *_range(segment), TOGETHER)
 
 
@@ -373,8 +381,7 @@ def _line_is_regular(segment: CurvedSegment) -> bool:
     curve, start, end = segment.curve, segment.start, segment.end
     factor, after, place = segment.factor_at_end or end.located_by, end.jacobian, 1.0  # of M
     if factor is None or after is None:
-        here = curve.selection.jacobian(segment.near(0.5 * segment.length))
-        factor = bordered(here, curve.metric.covector(segment.chord), curve.metric.binary)
+        factor = _factor(segment, curve.selection.jacobian(segment.near(0.5 * segment.length)))
         after, place = curve.selection.jacobian(end.x), 0.0
     before, scale = start.jacobian, curve.metric.binary
 
@@ -387,11 +394,10 @@ def _line_is_regular(segment: CurvedSegment) -> bool:
     return not len(_from_to(place + 2.0 / values[np.abs(values) > 0.5], -near, near, 2.0 * MARGIN))
 
 
-def _dominant_zeros(segment: CurvedSegment) -> Array:
+def _dominant_zeros(segment: CurvedSegment, known: list[Matrix]) -> Array:
     """Return zeros as :func:`_all_zeros`, those with the least distance from the middle."""
-    curve, scale = segment.curve, segment.curve.metric.binary
-    before, here, after = (curve.selection.jacobian(x) for x in _three(segment))
-    factor = bordered(here, curve.metric.covector(segment.chord), scale)
+    before, here, after = known
+    factor, scale = _factor(segment, here), segment.curve.metric.binary
 
     def companion(both: Array) -> Array:
         x, y = np.split(both, 2)
@@ -410,7 +416,7 @@ def _dominant(apply: Callable[[Array], Array], size: int, *small: float) -> Arra
     the first vectors, one after the other, below which all eigenvalues count as small.
     """
     basis, matrix = np.zeros((VECTORS + 1, size)), np.zeros((VECTORS + 1, VECTORS))
-    basis[0] = generic(size) / np.linalg.norm(generic(size))
+    basis[0] = _unit(size)
     for j in range(VECTORS):
         image = apply(basis[j])
         parts = basis[: j + 1].dot(image)
@@ -423,6 +429,13 @@ def _dominant(apply: Callable[[Array], Array], size: int, *small: float) -> Arra
             break
         basis[j + 1] = image / matrix[j + 1, j]
     return np.asarray(np.linalg.eigvals(matrix[: j + 1, : j + 1]))
+
+
+@lru_cache(maxsize=4)
+def _unit(size: int) -> Array:
+    """Return a unit vector with parts of all frequencies: a single wave has no part of others."""
+    vector = np.random.default_rng(0).standard_normal(size)
+    return np.asarray(vector / np.linalg.norm(vector))
 
 
 def _closer(segment: CurvedSegment, middle: float) -> State | Failure | None:

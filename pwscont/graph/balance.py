@@ -29,7 +29,7 @@ from pwscont.basics.outcome import (
     Guarantee,
     Kind,
 )
-from pwscont.basics.printing import apart
+from pwscont.basics.printing import apart, number
 from pwscont.basics.rounding import CONFIDENCE, EPS, GUARD
 from pwscont.graph import queries
 from pwscont.graph.records import Piece, SpecialPoint, are_one
@@ -351,7 +351,8 @@ def _places(
     """Yield a line for each reason, with the places of the points that share the reason."""
     alphas: dict[str, dict[str, None]] = {}
     for point in points:
-        alphas.setdefault(why(point), {})[f"{graph.clean(point.alpha):.8g}"] = None
+        place = number(graph.clean(point.alpha), graph.interval)
+        alphas.setdefault(why(point), {})[place] = None
     for reason, found in alphas.items():
         shown, rest = list(found)[:MOST_PLACES_LISTED], len(found) - MOST_PLACES_LISTED
         more = f" and {rest} more" if rest > 0 else ""

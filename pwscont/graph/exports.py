@@ -9,7 +9,7 @@ import json
 from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 from importlib import import_module
-from math import isinf, log10
+from math import isinf
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -17,8 +17,7 @@ import numpy as np
 from pwscont.basics.arrays import Array
 from pwscont.basics.errors import InvalidInputError, MissingPackageError
 from pwscont.basics.outcome import NOTHING_FOUND
-from pwscont.basics.printing import apart, counted
-from pwscont.curve.metric import Range
+from pwscont.basics.printing import apart, counted, number
 from pwscont.graph.balance import balance_values
 from pwscont.graph.queries import multiplicity, runs
 from pwscont.graph.records import Piece, SpecialPoint, attempted
@@ -193,13 +192,6 @@ def columns(names: Sequence[str]) -> list[str]:
 DUST = 1e-12
 #: The recorded quantities of a state by name; a text says why a quantity failed.
 Attempt = Mapping[str, float | str]
-
-
-def number(value: float, interval: Range = (0.0, 1.0), digits: int = 8) -> str:
-    """Return a number as users read it; values of an interval far from zero get further digits."""
-    lo, hi = interval
-    further = int(log10(max(abs(lo), abs(hi)) / (hi - lo)))
-    return f"{value:.{digits + further}g}"
 
 
 def as_text(graph: ConnectedPieces, guarantee: str) -> str:

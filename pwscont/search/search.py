@@ -104,7 +104,10 @@ class Search(ABC):
     def starts(
         self, system: PiecewiseSystem, metric: Metric, interval: tuple[float, float]
     ) -> Iterator[Found]:
-        """Yield solutions (z, alpha) with errors; a component may be hit repeatedly."""
+        """Yield solutions (z, alpha) with errors; a component may be hit repeatedly.
+
+        What does not solve H nearly to rounding is left out.
+        """
 
     def starts_beside(
         self,

@@ -217,11 +217,13 @@ def refuse_jump(one: Selection, other: Selection, x: Array, error: Array, scale:
     slopes = abs(one.jacobian(x)), abs(other.jacobian(x))
     excess = jump - sum(each @ uncertain for each in slopes)
     typical, near = np.abs(x) + scale, set[int]()
+    aside = np.append((generic(len(x)) * scale)[:-1], 0.0)
     for side in (one, other) if (excess > 0.0).any() else ():
         sizes = abs(side.test_gradients(x)) @ typical
         near |= set(side.bounding[np.abs(side.tests(x)) <= AT_CORNER * sizes].tolist())
-        terms = abs(side.jacobian(np.append((x + generic(len(x)) * scale)[:-1], x[-1]))) @ typical
-        excess -= GUARD * EPS * np.nan_to_num(terms)  # slopes may vanish together at the point
+        # slopes may vanish together at the point, and be huge on one side, as of exp
+        terms = np.fmin(*(abs(side.jacobian(y)) @ typical for y in (x - aside, x + aside)))
+        excess -= GUARD * EPS * np.nan_to_num(terms, posinf=0.0)
     if len(near) > 1:  # the signs of these tests may name a cell across a corner
         excess -= AT_CORNER * (jump + sum(each @ typical for each in slopes))
     row = int(np.argmax(excess))

@@ -85,8 +85,8 @@ def settled(system: PiecewiseSystem, metric: Metric, found: Found) -> Found | No
 def solves(system: PiecewiseSystem, metric: Metric, x: Array) -> bool:
     """Tell whether H at a point is as small as at a solution, in the cell of the point.
 
-    Newton judges by one selection, with derivatives from before the last correction. Next to a root
-    of zero, or where H jumps, all corrections may vanish although H does not.
+    Newton judges by one selection, with derivatives from before the last correction. Where H jumps
+    or has an infinite slope, all corrections may vanish although H does not.
     """
     tests = system.test_functions(x[:-1], float(x[-1]))
     if not np.isfinite(tests).all():
