@@ -139,3 +139,19 @@ def test_a_curve_that_touches_a_bound_from_outside_is_no_solution():
     graph = explore(Below(), (-1.0, 1.0))
     assert not graph.special_points()
     assert graph.guarantee.startswith("nothing found")
+
+
+@pytest.mark.parametrize("unit", [1e-4, 1.0, 1e5])
+@pytest.mark.parametrize(("slope", "at"), [(-2.0, 1.0), (3.0, 0.4), (0.5, 0.2), (-4.0, 0.5)])
+def test_a_straight_branch_without_a_transition_begins_on_a_bound(slope, at, unit):
+    """|y| = 1 and x = slope (alpha - at), |x| <= 1, as no start at the lower end has."""
+
+    def rows(z, a, sw):
+        return [sw.abs(z[0] / unit) - 1.0, z[1] - slope * (a - at)]
+
+    system = Switched(2, rows, linear=True, bounds=([-9.0 * unit, -1.0], [9.0 * unit, 1.0]))
+    interval = -4.0, 1.0
+    graph = explore(system, interval)
+    for alpha in (-2.0, at - 0.9 / abs(slope), at, min(1.0, at + 0.9 / abs(slope))):
+        expected = 2 if abs(slope * (alpha - at)) <= 1.0 else 0
+        assert graph.count(alpha) == expected

@@ -133,3 +133,25 @@ def test_both_ways_from_a_kink_at_an_end_where_one_side_is_level(start):
         right = [-np.sqrt(alpha), -0.5 + np.sqrt(0.25 + alpha)]
         assert sorted(s.z[0] for s in graph.solutions(alpha)) == pytest.approx(right, abs=1e-9)
     assert graph.count(0.0) == 1
+
+
+@pytest.mark.parametrize(("apart", "weight"), [(5e-10, 2.0), (2e-8, -0.5), (9e-8, 0.1)])
+@pytest.mark.parametrize("find", [trace, explore])
+def test_a_kink_next_to_a_fold_at_an_end_fills_no_alpha(find, apart, weight):
+    """y^2 + weight max(y - apart, 0) = alpha - 0.7: two solutions, and one at the fold y = 0.
+
+    Between fold and kink alpha changes by apart^2, less than rounding. With a falling slope the way
+    beyond the kink leads out of the interval at once, and begins anew where y >= -weight.
+    """
+
+    def bend(z, a, sw):
+        return z * z + weight * sw.relu(z - apart) - (a - 0.7)
+
+    start = ([-0.5], 0.95), (0.7, 1.7)
+    graph = (
+        trace(Switched(1, bend), *start) if find is trace else explore(Switched(1, bend), start[1])
+    )
+    expected = 1 if find is trace and weight < 0.0 else 2
+    assert [graph.count(alpha) for alpha in (0.701, 0.95, 1.6)] == [expected] * 3
+    assert np.isfinite([number for _, _, number in graph.multiplicity()]).all()
+    assert "infinitely" not in graph.guarantee

@@ -230,7 +230,7 @@ class Discovery:
         reached = self._reach(points, arrival, end, left)
         if reached == left.node and arrival.kind != Kind.STOPPED and _is_a_point(left, points, ray):
             return  # a way along an interface that infinite slopes seem to have
-        edge = Edge.of(ray, left, points, reached, end)
+        edge = Edge.of(ray, left, points, reached, end, arrival.rays[0])
         for place in self._starts:
             if _passes_place(edge, ray, place):
                 self._starts.remove(place)

@@ -132,18 +132,22 @@ class Edge(NamedTuple):
     cells: tuple[Character, ...]  # the frozen character, then all cells that an interface joins
     names: tuple[bytes, ...]  # of the cells in which the piece may be met again
     orientation: int  # +1 or -1, in which the piece was followed
-    det_sign: int  # of det(dH/dz) where the piece begins; along an interface the index of the ray
+    det_sign: int  # of det(dH/dz) at an end of the piece; along an interface the index of the ray
     first: Place
     inner: Array  # the points between, shape (k, n + 1)
     last: Place
     begun_at: Place | None = None  # the point inside where tracing began, if not at a node
 
     @classmethod
-    def of(cls, ray: Ray, left: KnownRay, points: Sequence[Array], end: int, last: Place) -> Edge:
-        """Return the piece that a known ray began, from its points."""
+    def of(
+        cls, ray: Ray, left: KnownRay, points: Sequence[Array], end: int, last: Place, back: Ray
+    ) -> Edge:
+        """Return the piece that a known ray began, from its points and the ray that leads back.
+
+        At a fold det(dH/dz) is zero, and at the piece's other end only on a vertical piece.
+        """
         orientation = ray.state.orientation
-        det_sign = int(np.sign(ray.curve.slope(ray.state))) * orientation
-        det_sign = ray.index if ray.interface_cells else det_sign
+        det_sign = ray.index if ray.interface_cells else ray.det_sign or back.det_sign
         cells = (ray.curve.selection.character, *ray.interface_cells)
         inner = np.array(points[1:-1]).reshape(-1, len(points[0]))
         track = left.place, inner, last

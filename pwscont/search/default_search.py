@@ -13,6 +13,7 @@ from pwscont.search.enumeration import EndPoints, Slices
 from pwscont.search.multi_start import MultiStart, States, Throughout, affordable_starts
 from pwscont.search.search import Search
 from pwscont.system.abilities import BringsSearches
+from pwscont.system.box import Box
 from pwscont.system.system import (
     PiecewiseLinearSystem,
     PiecewiseSystem,
@@ -55,7 +56,10 @@ def _most_complete(system: PiecewiseSystem, interval: Range, around: States) -> 
     cells = number_of_cells(blocks)
     interfaces = cells * sum(len(block.tests) for block in blocks)
     if isinstance(system, PiecewiseLinearSystem) and interfaces <= MANY_INTERFACES:
-        return AllTransitions()
+        if not Box.of(system).is_bounded:
+            return AllTransitions()
+        # a branch from bound to bound, or to the upper end, may be without a transition
+        return AllTransitions() + EndPoints() + Slices.spread(MANY_SLICES, interval)
     if cells > MANY_CELLS:
         cells = cells_to_try(system, Metric.of(system, interval), interval[0])
     if cells <= MANY_CELLS:

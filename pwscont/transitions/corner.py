@@ -376,7 +376,7 @@ def index_at(ray: Ray, near: Corner) -> int:
         isolated = (len(point.characters) == 1 and point.det_sign for point in found.points)
         if not found.faces and all(isolated):  # and inside of a cell
             return sum(point.det_sign for point in found.points)
-    return ray.state.orientation * int(np.sign(ray.curve.slope(ray.state)))
+    return ray.det_sign
 
 
 @final

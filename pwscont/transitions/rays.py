@@ -72,6 +72,12 @@ class Ray:
         selection = self.curve.selection
         return selection.adjacent_names if self.interface_cells else (selection.cell,)
 
+    @property
+    def det_sign(self) -> int:
+        """The sign of det(dH/dz) where the ray begins, which is that of the slope of alpha (F3)."""
+        slope = self.curve.slope(self.state)
+        return self.state.orientation * ((slope > 0.0) - (slope < 0.0))
+
     def reversed(self) -> Ray:
         """Return the same place with the opposite direction."""
         return Ray(self.curve, self.state.reversed(), self.interface_cells, self.index)
