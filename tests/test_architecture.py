@@ -60,7 +60,7 @@ BUDGET = {
     "system": (10, 2106),
     "linear": (10, 1153),
     "notation": (13, 2912),
-    "curve": (13, 3409),
+    "curve": (13, 3410),
     "enumeration": (11, 2559),
     "transitions": (13, 4077),
     "graph": (10, 2572),

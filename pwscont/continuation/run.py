@@ -319,12 +319,12 @@ def _follow_from(
             continue
         if not is_inside(plan.box, x, error, scale) or discovery.is_beyond(x):
             continue
+        corner = Corner.of_start(plan.reduced_system, plan.metric, x, error)
         if is_curved and not solves(plan.reduced_system, plan.metric, x):
             discovery.unsolved += 1
             continue
         if plan.gauge:
             plan.gauge.begin()
-        corner = Corner.of_start(plan.reduced_system, plan.metric, x, error)
         arrival = departures(corner)
         arrival = plan.events.begun(arrival) if plan.events else arrival
         discovery.add(ended_by_system(arrival), corner)

@@ -266,9 +266,10 @@ def hidden_in(segment: CurvedSegment, *, is_part: bool = False) -> State | Failu
     if (len(zeros) == 1 or np.ptp(zeros) > TOGETHER) and (apart := _apart(segment, zeros)):
         return apart
     closer = _singular_at if segment.length <= SHORTEST_REFUSED else _closer
-    groups = np.split(zeros, np.flatnonzero(np.diff(zeros) > TOGETHER) + 1)
-    for group in groups:
-        if found := closer(segment, 0.5 * segment.length * (1.0 + float(group.mean()))):
+    least = 2 if few else 1  # Arnoldi's method shows a zero of any multiplicity once
+    for group in np.split(zeros, np.flatnonzero(np.diff(zeros) > TOGETHER) + 1):
+        middle = 0.5 * segment.length * (1.0 + float(group.mean()))
+        if len(group) >= least and (found := closer(segment, middle)):
             return found
     return None
 
