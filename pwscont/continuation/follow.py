@@ -84,7 +84,7 @@ MOST_STEPS = 20_000
 #: hundred steps.
 MANY_STEPS, STRETCHED_FROM = 150, 2.0
 #: After every such number of steps a piece is checked for running to infinity.
-ENDLESS_CHECK_EVERY = 50
+ENDLESS_CHECK_EVERY = 200
 #: A piece runs to infinity if z is this far away, in typical magnitudes, and, between these parts
 #: of z and at the end, alpha changes by at most this part of the change before,
 ENDLESS_FROM, PARTS, ENDLESS_RATIO = 20.0, (0.7, 0.85), 0.8
