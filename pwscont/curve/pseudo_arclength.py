@@ -235,7 +235,8 @@ class PseudoArclength(Stepper):
         predicted, direction = self.predictor.predict(curve, previous, state, length)
         lo, hi = interval
         corrected: Corrected | Failure = OUTSIDE
-        if lo < float(predicted[-1]) < hi:
+        alpha = float(predicted[-1])
+        if lo < alpha < hi or alpha == state.alpha:  # a vertical piece may lie on an end
             corrected = self.corrector.correct(curve, predicted, direction)
         if not isinstance(corrected, Failure):
             return accepted(curve, state, predicted, corrected, length, self.step_size, gap)
