@@ -18,13 +18,21 @@ from pwscont.basics.errors import GraphFileError
 
 
 def write_archive(path: str | Path, header: Mapping[str, Any], arrays: Mapping[str, Any]) -> None:
-    """Write a header, as JSON, and arrays by name, or raise a GraphFileError."""
+    """Write a header, as JSON, and arrays by name, or raise a GraphFileError.
+
+    The file appears whole or not at all, and nothing else is left behind.
+    """
     content = BytesIO()
     named: dict[str, Any] = {"header": np.array(json.dumps(header)), **arrays}
     # not compressed: digits are random, and compressing them takes ten times as long as all else
     np.savez(content, **named)
     try:
-        replace_file(Path(path), content.getbuffer())
+        temporary = Path(path).with_name(Path(path).name + ".part")
+        try:
+            temporary.write_bytes(content.getbuffer())
+            os.replace(temporary, path)
+        finally:
+            temporary.unlink(missing_ok=True)
     except (OSError, TypeError, ValueError) as error:  # the last two: no path of a file
         why = getattr(error, "strerror", None) or error
         raise GraphFileError(f"cannot write {path}: {why}") from error
@@ -51,17 +59,6 @@ def damaged(path: str | Path, kind: str, why: Exception) -> GraphFileError:
 def stacked(rows: Sequence[Any]) -> Any:
     """Return rows as one array; without rows an array of shape (0, 0)."""
     return np.vstack(rows) if len(rows) else np.empty((0, 0))
-
-
-def replace_file(target: Path, content: memoryview) -> None:
-    """Write a file that appears whole or not at all, and leaves nothing else behind."""
-    temporary = target.with_name(target.name + ".part")
-    try:
-        temporary.write_bytes(content)
-        os.replace(temporary, target)
-    except BaseException:
-        temporary.unlink(missing_ok=True)
-        raise
 
 
 class DamagedError(Exception):

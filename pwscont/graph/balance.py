@@ -14,21 +14,9 @@ from itertools import combinations, compress, pairwise
 
 import numpy as np
 
+from pwscont.basics import outcome
 from pwscont.basics.errors import PwscontError
-from pwscont.basics.outcome import (
-    ACCUMULATE,
-    FILL,
-    FILL_CURVES,
-    GIVEN_UP,
-    IN_VAIN,
-    NOTHING_FOUND,
-    ON_BOUND,
-    TOUCH,
-    TWOFOLD,
-    FailureReason,
-    Guarantee,
-    Kind,
-)
+from pwscont.basics.outcome import FailureReason, Guarantee, Kind
 from pwscont.basics.printing import apart, number
 from pwscont.basics.rounding import CONFIDENCE, EPS, GUARD
 from pwscont.graph import queries
@@ -70,7 +58,7 @@ def loose_ends(graph: ConnectedPieces) -> dict[SpecialPoint, int]:
 def is_on_purpose(graph: ConnectedPieces, point: SpecialPoint) -> bool:
     """Tell whether the system or the user ends branches at a point."""
     ends = point.kind == Kind.EVENT and len(graph.pieces_at(point.id)) == 1
-    return point.kind == Kind.END or ends or ON_BOUND in point.message
+    return point.kind == Kind.END or ends or outcome.ON_BOUND in point.message
 
 
 #: Failures after which a branch is said to run to infinity.
@@ -196,7 +184,7 @@ def verdict(graph: ConnectedPieces) -> str:
     found = graph.pieces or graph.infinite or any(p.kind != Kind.STOPPED for p in graph.nodes)
     if not found and not promises:
         where = "on" if graph.searched.what == NOT_SEARCHED.what else "by"
-        return "; ".join([f"{NOTHING_FOUND} {where} {graph.searched.what}", *doubts])
+        return "; ".join([f"{outcome.NOTHING_FOUND} {where} {graph.searched.what}", *doubts])
     words = "balanced" if doubts else WORDS[graph.searched.promise]
     single = {stretch[0] for stretch in graph.infinite if stretch[0] == stretch[1]}
     single |= {piece.interval[0] for piece in graph.verticals}
@@ -263,17 +251,17 @@ def _doubts(graph: ConnectedPieces) -> Iterator[str]:
     """Yield what was found at special points and prevents a search from keeping a promise."""
     of_many = {point for point in graph.nodes if queries.is_beside_infinite(graph, point.alpha)}
     lost = [point for point in graph.nodes if point.kind == Kind.STOPPED or point.lost]
-    alone = [p for p in lost if not (FILL_CURVES in p.message and p in of_many)]
+    alone = [p for p in lost if not (outcome.FILL_CURVES in p.message and p in of_many)]
     yield from _stops(graph, alone)
     yield from _left_out(graph)
     yield from _places(IN_PART, graph, graph.special_points(Kind.PARTIAL_CORNER))
     if known := [stretch.ends for stretch in graph.infinite if stretch[0] < stretch[1]]:
         yield f"infinitely many solutions for {graph.parameter} in {', '.join(known)}"
-    filled = [p for p in graph.nodes if FILL in p.message and p not in of_many]
+    filled = [p for p in graph.nodes if outcome.FILL in p.message and p not in of_many]
     left = [p for p in filled if not all(piece.is_vertical for piece in graph.pieces_at(p.id))]
     yield from _places("solutions fill more than curves", graph, left)
     yield from _touches(graph)
-    twofold = [point for point in graph.nodes if TWOFOLD in point.message]
+    twofold = [point for point in graph.nodes if outcome.TWOFOLD in point.message]
     yield from _places("two curves may be taken for one on the piece that ends", graph, twofold)
     begun = [graph.point(each.start) for each in graph.pieces if _goes_back(graph, each)]
     yield from _places("a fold was passed over on the piece that begins", graph, begun)
@@ -283,7 +271,7 @@ def _doubts(graph: ConnectedPieces) -> Iterator[str]:
 
 def _left_out(graph: ConnectedPieces) -> Iterator[str]:
     """Yield what a run left out of its search."""
-    for what, left in ("the search was", GIVEN_UP), ("starts were", IN_VAIN):
+    for what, left in ("the search was", outcome.GIVEN_UP), ("starts were", outcome.IN_VAIN):
         if left in graph.searched.what:
             yield f"{what} {left}"
 
@@ -299,7 +287,7 @@ def _goes_back(graph: ConnectedPieces, piece: Piece) -> bool:
 
 def _touches(graph: ConnectedPieces) -> Iterator[str]:
     """Yield where only the curves that arrive are known to go on."""
-    touching = [point for point in graph.nodes if TOUCH in point.message]
+    touching = [point for point in graph.nodes if outcome.TOUCH in point.message]
     yield from _places("curves touch, or more than two cross,", graph, touching)
 
 
@@ -338,7 +326,7 @@ def _reason(point: SpecialPoint) -> str:
 
 def _accumulation(point: SpecialPoint) -> str:
     """Return the part of the message about special points that accumulate."""
-    _, what, limit = point.message.partition(ACCUMULATE)
+    _, what, limit = point.message.partition(outcome.ACCUMULATE)
     return f"{what}{limit.split(';')[0]}"
 
 

@@ -22,25 +22,11 @@ from pwscont.basics.outcome import Guarantee, SearchScope, kind_of
 from pwscont.basics.quantities import Kept, Quantities
 from pwscont.basics.rounding import SAME_ALPHA
 from pwscont.curve.metric import Range
-from pwscont.graph.archive import (
-    DamagedError,
-    Fields,
-    damaged,
-    read_archive,
-    stacked,
-    write_archive,
-)
+from pwscont.graph import archive, records
+from pwscont.graph.archive import DamagedError, Fields
 from pwscont.graph.proved import BoxProof
 from pwscont.graph.queries import stray_alpha
-from pwscont.graph.records import (
-    Piece,
-    Place,
-    SpecialPoint,
-    Stretch,
-    attempted,
-    first_digits,
-    from_first_digits,
-)
+from pwscont.graph.records import Piece, Place, SpecialPoint, Stretch
 from pwscont.graph.structure import ConnectedPieces
 from pwscont.system.abilities import completed, shown_size
 from pwscont.system.system import PiecewiseSystem
@@ -60,18 +46,7 @@ Contents: TypeAlias = dict[str, Any]
 
 def write(path: str | Path, graph: ConnectedPieces, proof: BoxProof | None) -> None:
     """Write a graph; the file appears whole or not at all."""
-    arrays = {
-        "nodes": stacked([point.z for point in graph.nodes]),
-        "starts": stacked([start.z for start in graph.starts]),
-        "errors": first_digits(stacked([p.error for p in (*graph.nodes, *graph.starts)])),
-        "points": stacked([piece.points for piece in graph.pieces]),
-    }
-    write_archive(path, _header(graph, proof), arrays)
-
-
-def _header(graph: ConnectedPieces, proof: BoxProof | None) -> dict[str, Any]:
-    """Return the header: all of a graph that is not an array of numbers."""
-    searched = graph.searched
+    searched, points = graph.searched, (*graph.nodes, *graph.starts)
     header: dict[str, Any] = {
         "format": FORMAT,
         "version": VERSION,
@@ -79,9 +54,9 @@ def _header(graph: ConnectedPieces, proof: BoxProof | None) -> dict[str, Any]:
         "parameter": graph.parameter,
         "searched": [searched.what, int(searched.promise), searched.spent],
         "gap": searched.gap,
-        "nodes": [_node_header(point) for point in graph.nodes],
-        "starts": [_node_header(start) for start in graph.starts],
-        "pieces": [_piece_header(piece) for piece in graph.pieces],
+        "nodes": [_header(point) for point in graph.nodes],
+        "starts": [_header(start) for start in graph.starts],
+        "pieces": [_header(piece) for piece in graph.pieces],
         "infinite": [[*row[:2], row.lo_closed, row.hi_closed] for row in graph.infinite],
     }
     with suppress(InvalidSystemError):  # names that do not fit: the numbers are kept
@@ -89,25 +64,30 @@ def _header(graph: ConnectedPieces, proof: BoxProof | None) -> dict[str, Any]:
             header["names"] = graph.names
     if proof is not None:
         header["proof"] = proof.plain()
-    return header
+    arrays = {
+        "nodes": archive.stacked([point.z for point in graph.nodes]),
+        "starts": archive.stacked([start.z for start in graph.starts]),
+        "errors": records.first_digits(archive.stacked([point.error for point in points])),
+        "points": archive.stacked([piece.points for piece in graph.pieces]),
+    }
+    archive.write_archive(path, header, arrays)
 
 
-def _node_header(point: SpecialPoint) -> dict[str, Any]:
-    """Return the header of a special point; for a recorded value that fails, a text says why."""
-    names = "id", "message", "backward", "piece", "digits", "lost", "events"
-    values = {"kind": str(point.kind), "alpha": float(point.alpha), "recorded": attempted(point)}
-    return {name: getattr(point, name) for name in names} | values
-
-
-def _piece_header(piece: Piece) -> dict[str, Any]:
-    names = "id", "start", "end", "label", "det_sign"
-    values = {"signs": str(piece.character), "count": len(piece.points)}
-    return {name: getattr(piece, name) for name in names} | values
+def _header(each: SpecialPoint | Piece) -> dict[str, Any]:
+    """Return all of a special point or a piece that is not an array of numbers."""
+    if isinstance(each, Piece):
+        names = "id start end label det_sign"
+        values = {"signs": str(each.character), "count": len(each.points)}
+    else:  # for a recorded value that fails, a text says why
+        names = "id message backward piece digits lost events"
+        values = {"kind": str(each.kind), "alpha": float(each.alpha)}
+        values["recorded"] = records.attempted(each)
+    return {name: getattr(each, name) for name in names.split()} | values
 
 
 def read(path: str | Path) -> tuple[Contents, BoxProof | None]:
     """Read what :func:`write` wrote, or refuse a file that is damaged or something else."""
-    header, arrays = read_archive(path, FORMAT, ARRAYS)
+    header, arrays = archive.read_archive(path, FORMAT, ARRAYS)
     try:
         fields = Fields("the header", header)
         if fields.entry("format") != FORMAT:
@@ -117,7 +97,7 @@ def read(path: str | Path) -> tuple[Contents, BoxProof | None]:
             raise GraphFileError(words)
         return _contents(fields, arrays), _proof(header)
     except DamagedError as error:
-        raise damaged(path, FORMAT, error) from error
+        raise archive.damaged(path, FORMAT, error) from error
 
 
 def _contents(header: Fields, arrays: dict[str, Any]) -> Contents:
@@ -127,7 +107,11 @@ def _contents(header: Fields, arrays: dict[str, Any]) -> Contents:
         raise DamagedError("nodes, starts and points have different numbers of unknowns")
     if len(errors) != len(nodes) + len(starts) or (errors < 0.0).any():
         raise DamagedError("errors must be one row for each node and start, none negative")
-    names, interval = _names(header, next(iter(sizes), None)), _interval(header)
+    names, interval = None, _interval(header)
+    if header.has("names"):  # old files have none
+        names = tuple(header.items("names", next(iter(sizes), None)))
+        if not all(isinstance(name, str) for name in names):
+            raise DamagedError("names must be texts")
     contents: Contents = {
         "points": _special_points(header, "nodes", nodes, errors[: len(nodes)], names),
         "starts": _special_points(header, "starts", starts, errors[len(nodes) :], names),
@@ -177,22 +161,12 @@ def _proof(header: dict[str, Any]) -> BoxProof | None:
         raise DamagedError(f"the proof makes no sense: {error}") from error
 
 
-def _names(header: Fields, unknowns: int | None) -> tuple[str, ...] | None:
-    """Return the names of the unknowns, which old files lack."""
-    if not header.has("names"):
-        return None
-    names = header.items("names", unknowns)
-    if not all(isinstance(name, str) for name in names):
-        raise DamagedError("names must be texts")
-    return tuple(names)
-
-
 def _table(name: str, values: Any) -> Array:
     if not isinstance(values, np.ndarray):  # numpy returns bytes for a member that is no array
         raise DamagedError(f"{name} must be rows of numbers")
     if values.dtype not in (float, np.uint16) or values.ndim != 2:
         raise DamagedError(f"{name} must be rows of numbers, got {values.dtype}{values.shape}")
-    numbers = from_first_digits(values) if values.dtype == np.uint16 else np.asarray(values)
+    numbers = records.from_first_digits(values) if values.dtype == np.uint16 else np.asarray(values)
     if not (np.abs(numbers) <= LARGEST_STORED).all():
         raise DamagedError(f"{name} must be finite, and at most {LARGEST_STORED:g}")
     return numbers
@@ -201,32 +175,27 @@ def _table(name: str, values: Any) -> Array:
 def _special_points(
     header: Fields, kind: str, states: Array, errors: Array, names: tuple[str, ...] | None
 ) -> list[SpecialPoint]:
-    headers = header.objects(kind)
+    """Return special points of a kind: the nodes, or the starts; old files lack some entries."""
+    found, headers = list[SpecialPoint](), header.objects(kind)
     if len(states) != len(headers):
         raise DamagedError(f"there are {len(headers)} {kind} with {len(states)} states")
-    return [_node(*row, names) for row in zip(headers, states, errors, strict=True)]
-
-
-def _node(header: Fields, z: Array, error: Array, names: tuple[str, ...] | None) -> SpecialPoint:
-    piece = header.entry("piece")
-    return SpecialPoint(
-        id=header.integer("id", -1),
-        kind=kind_of(header.word("kind")),
-        place=Place(np.append(z, header.finite("alpha")), error),
-        message=header.text("message"),
-        backward=header.text("backward"),
-        piece=None if piece is None else header.integer("piece", 0),
-        digits=header.number("digits"),
-        lost=header.integer("lost", 0),
-        quantities=Quantities(names, _recorded(header)),
-        events=header.text("events") if header.has("events") else "",  # not in files at first
-    )
-
-
-def _recorded(header: Fields) -> dict[str, Kept]:
-    """Return the recorded values of a special point, which old files lack."""
-    values = Fields(f"recorded of {header.name}", header.data.get("recorded", {}))
-    return {name: Kept(values.finite_or_text(name)) for name in values.data}
+    for each, z, error in zip(headers, states, errors, strict=True):
+        recorded = Fields(f"recorded of {each.name}", each.data.get("recorded", {}))
+        kept = {name: Kept(recorded.finite_or_text(name)) for name in recorded.data}
+        point = SpecialPoint(
+            id=each.integer("id", -1),
+            kind=kind_of(each.word("kind")),
+            place=Place(np.append(z, each.finite("alpha")), error),
+            message=each.text("message"),
+            backward=each.text("backward"),
+            piece=None if each.entry("piece") is None else each.integer("piece", 0),
+            digits=each.number("digits"),
+            lost=each.integer("lost", 0),
+            quantities=Quantities(names, kept),
+            events=each.text("events") if each.has("events") else "",
+        )
+        found.append(point)
+    return found
 
 
 def _pieces(headers: list[Fields], points: Array) -> list[Piece]:
@@ -234,32 +203,32 @@ def _pieces(headers: list[Fields], points: Array) -> list[Piece]:
     counts = [header.integer("count", 2) for header in headers]
     if sum(counts) != len(points):
         raise DamagedError(f"pieces have {sum(counts)} points, there are {len(points)}")
-    parts = np.split(points, np.cumsum(counts, dtype=int)[:-1]) if counts else []
-    return [_piece(*row) for row in zip(headers, parts, strict=True)]
+    found, ends = list[Piece](), np.cumsum(counts, dtype=int).tolist()
+    for header, count, end in zip(headers, counts, ends, strict=True):
+        signs = header.text("signs")
+        if set(signs) - {"+", "-"}:
+            raise DamagedError(f"signs of {header.name} must be + or -")
+        piece = Piece(
+            id=header.integer("id", 0),
+            start=header.integer("start", 0),
+            end=header.integer("end", 0),
+            character=Character.read(signs),
+            naming=partial(_named, header.text("label")),
+            points=points[end - count : end],
+            det_sign=header.integer("det_sign", -MOST_STORED),  # any number along an interface
+        )
+        found.append(piece)
+    return found
 
 
-def _piece(header: Fields, points: Array) -> Piece:
-    signs = header.text("signs")
-    if set(signs) - {"+", "-"}:
-        raise DamagedError(f"signs of {header.name} must be + or -")
-    return Piece(
-        id=header.integer("id", 0),
-        start=header.integer("start", 0),
-        end=header.integer("end", 0),
-        character=Character.read(signs),
-        naming=partial(_name, header.text("label")),
-        points=points,
-        det_sign=header.integer("det_sign", -MOST_STORED),  # any number along an interface
-    )
-
-
-def _name(name: str, character: Character) -> str:
+def _named(name: str, _: Character) -> str:
     """Return the name that the system gave to a piece's character."""
     return name
 
 
 def _interval(header: Fields) -> tuple[float, float]:
-    ends = Fields("the interval", dict(zip(("lo", "hi"), header.items("interval", 2), strict=True)))
+    lo, hi = header.items("interval", 2)
+    ends = Fields("the interval", {"lo": lo, "hi": hi})
     lo, hi = ends.finite("lo"), ends.finite("hi")
     if not lo < hi:
         raise DamagedError(f"the interval needs lo < hi, got ({lo}, {hi})")
@@ -267,8 +236,8 @@ def _interval(header: Fields) -> tuple[float, float]:
 
 
 def _searched(header: Fields) -> SearchScope:
-    words = dict(zip(("what", "promise", "spent"), header.items("searched", 3), strict=True))
-    searched = Fields("searched", words)
+    what, promise, spent = header.items("searched", 3)
+    searched = Fields("searched", {"what": what, "promise": promise, "spent": spent})
     promise = searched.integer("promise", 0)
     if promise not in set(Guarantee):
         raise DamagedError(f"promise of searched must be at most {max(Guarantee)}, got {promise}")

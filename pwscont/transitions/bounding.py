@@ -128,9 +128,7 @@ class BoundingTests(TransitionDetector):
         above = plus(np.abs(values), -NEXT_TO_ZERO, _terms(rows, state.x, scale))
         if not smallest(above) > 0.0:  # seldom
             near = np.flatnonzero(above <= 0.0)
-            stays = _is_zero_along(rows[near], values[near], slopes[near], state, scale)
-            if selection.adjacent_cells:
-                stays |= _stays_zero(selection, rows[near], slopes[near], scale)
+            stays = _stay_zero(curve, state, rows[near], values[near], slopes[near])
             values[near[stays]], slopes[near[stays]] = 1.0, 0.0
         return Reading(values, slopes)
 
@@ -141,18 +139,26 @@ class BoundingTests(TransitionDetector):
 
         A dip that is rounding of the test is none; affine tests have none.
         """
-        selection = segment.curve.selection
+        selection, scale = segment.curve.selection, segment.curve.metric.scale
         if selection.is_straight or not len(start.values):
             return None
-        if smallest(start.values) < 0.0 and _is_outside(segment, start, end):
-            return Failure(FailureReason.OUTSIDE_OF_CELL)
+        if smallest(start.values) < 0.0:  # seldom
+            x, rows = segment.start.x, selection.unsigned_gradients(segment.start.x)
+            error = CONFIDENCE * (abs(rows) @ segment.start.size)
+            is_clear = start.values < -NEXT_TO_ZERO * _terms(rows, x, scale) - error
+            if (is_clear & (end.values < start.values)).any():
+                return Failure(FailureReason.OUTSIDE_OF_CELL)
         parts = THIRDS if segment.length > LONG_STEP else (INSIDE,)
         places = (segment.near(part * segment.length) for part in parts)
         for x in filter(segment.curve.metric.admits, places):
             values = selection.tests(x)
             if smallest(values) < 0.0:  # seldom
-                terms = _terms(selection.unsigned_gradients(x), x, segment.curve.metric.scale)
-                if _is_dip(values, terms, start, end):
+                terms = _terms(selection.unsigned_gradients(x), x, scale)
+                sizes = np.maximum(np.abs(start.values), np.abs(end.values))
+                positive = (end.values > 0.0) & ((start.values > 0.0) | (start.slopes > 0.0))
+                stays_zero = (start.slopes == 0.0) & (end.slopes == 0.0)
+                deep = values < -NEXT_TO_ZERO * np.maximum(terms, sizes)
+                if (deep & positive & ~stays_zero).any():
                     return Failure(FailureReason.THIN_CELL)
         return None
 
@@ -204,45 +210,25 @@ def crossed(x: Array, back: Ray, forth: Ray) -> SpecialPointFound:
     return SpecialPointFound(kind, x, message, (back, forth))
 
 
-def _is_outside(segment: CurvedSegment, start: Reading, end: Reading) -> bool:
-    """Tell whether a test is clearly negative at the beginning of a step, and falls."""
-    selection, state, scale = segment.curve.selection, segment.start, segment.curve.metric.scale
-    rows = selection.unsigned_gradients(state.x)
-    clear = NEXT_TO_ZERO * _terms(rows, state.x, scale) + CONFIDENCE * (abs(rows) @ state.size)
-    return bool(((start.values < -clear) & (end.values < start.values)).any())
-
-
-def _is_dip(inside: Array, terms: Array, start: Reading, end: Reading) -> bool:
-    """Tell whether any test is negative inside a step and positive at both ends."""
-    positive = (end.values > 0.0) & ((start.values > 0.0) | (start.slopes > 0.0))
-    stays_zero = (start.slopes == 0.0) & (end.slopes == 0.0)
-    sizes = np.maximum(np.abs(start.values), np.abs(end.values))
-    deep = inside < -NEXT_TO_ZERO * np.maximum(terms, sizes)
-    return bool((deep & positive & ~stays_zero).any())
-
-
-def _is_zero_along(
-    gradients: Matrix, values: Array, slopes: Array, state: State, scale: Array
+def _stay_zero(
+    curve: Curve, state: State, gradients: Matrix, values: Array, slopes: Array
 ) -> Signs:
-    """Tell which tests are zero along a piece, to the rounding of the tests' own terms.
+    """Tell which tests next to zero stay zero along a piece, to the rounding of the tests' terms.
 
     A slope is zero if the slope would not lift the test out of its rounding within the length of
     the interval, which is 1 in the metric. Where nothing moves, values and slopes are rounding of
-    typical values.
+    typical values. Along a path that is known to run on interfaces slopes alone tell: gradients by
+    differences err, and next to a branch point the error of the tangent is magnified.
     """
+    selection, scale = curve.selection, curve.metric.scale
     rounding = rounding_of_tests(gradients, state.x, state.error, scale)
     flat = np.maximum(rounding, GUARD * EPS * (abs(gradients) @ np.abs(state.tangent)))
-    return np.asarray((np.abs(values) <= rounding) & (np.abs(slopes) <= flat))
-
-
-def _stays_zero(selection: Selection, gradients: Matrix, slopes: Array, scale: Array) -> Signs:
-    """Tell which tests next to zero are zero along a path that is known to run on interfaces.
-
-    Gradients by differences err, and next to a branch point the error of the tangent is magnified.
-    """
-    is_exact = selection.system.knows_derivatives
-    level = LEVEL_ON_PATH if is_exact else LEVEL_BY_DIFFERENCES
-    return np.asarray(np.abs(slopes) <= level * (abs(gradients) @ scale))
+    stay: Signs = (np.abs(values) <= rounding) & (np.abs(slopes) <= flat)
+    if selection.adjacent_cells:
+        is_exact = selection.system.knows_derivatives
+        level = LEVEL_ON_PATH if is_exact else LEVEL_BY_DIFFERENCES
+        stay |= np.abs(slopes) <= level * (abs(gradients) @ scale)
+    return stay
 
 
 def across(curve: Curve, state: State, test: int) -> Ray | None:

@@ -61,7 +61,6 @@ from pwscont.transitions.rays import (
     Ray,
     are_level,
     beside,
-    has_named_cells,
     rounding_of_tests,
     state_on,
 )
@@ -186,18 +185,14 @@ def _completed(corner: Corner, directions: Sequence[Direction]) -> Iterator[Dire
         tests = every_test[level].tolist()[:MOST_PATTERN_TESTS]
         signs = product((False, True), repeat=len(tests))
         others = (cells[0].with_signs(tests, some) for some in signs) if tests else ()
-        more = (cell for cell in others if cell != cells[0] and _is_null(corner, direction, cell))
-        every = cells[0], *more
-        yield direction, every
+        every = [cells[0]]
+        for cell in (other for other in others if other != cells[0]):
+            jacobian = Selection(corner.system, cell).jacobian(corner.x)
+            terms = abs(jacobian) @ np.abs(direction)
+            every += [cell] if (np.abs(jacobian @ direction) <= ASTRAY * terms).all() else []
+        yield direction, tuple(every)
         if len(every) > 1 and level.all():
-            yield -direction, every
-
-
-def _is_null(corner: Corner, direction: Array, cell: Character) -> bool:
-    """Tell whether a direction is a null vector of the Jacobian in a cell."""
-    jacobian = Selection(corner.system, cell).jacobian(corner.x)
-    terms = abs(jacobian) @ np.abs(direction)
-    return bool((np.abs(jacobian @ direction) <= ASTRAY * terms).all())
+            yield -direction, tuple(every)
 
 
 def is_solid(corner: Corner, character: Character) -> bool:
@@ -284,7 +279,7 @@ def _few_cells(corner: Corner) -> list[Character] | None:
     system, zero = corner.system, corner.zero
     if not isinstance(system, SlicewiseLinearSystem) or not zero:
         return None
-    if not has_named_cells(system):
+    if not _has_blocks(system):
         return corner.all_cells() if len(zero) <= MOST_PATTERN_TESTS else None
     blocks = [block for block in system.blocks() if not zero.isdisjoint(block.tests)]
     choices = [block.modes for block in corner.restricted(blocks)]
@@ -336,8 +331,10 @@ def _in_parts(corner: Corner) -> ConeProblem | None:
 
 
 def _has_blocks(system: PiecewiseSystem) -> TypeGuard[SlicewiseLinearSystem]:
-    """Tell whether a system names its cells block by block, so that the cells are counted first."""
-    return isinstance(system, SlicewiseLinearSystem) and has_named_cells(system)
+    """Tell whether a system says by blocks which cells there are, or by its own ``cells``."""
+    kind, default = type(system), SlicewiseLinearSystem
+    own = kind.cells is not default.cells or getattr(kind, "blocks", None) is not default.blocks
+    return isinstance(system, default) and own
 
 
 def index_along(ray: Ray, zero: frozenset[int]) -> int:

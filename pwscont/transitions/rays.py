@@ -309,12 +309,3 @@ class Corner:
         slopes: Array = (rows @ direction) * ~self.flat[tests]
         least = SLANT * (abs(rows) @ (np.abs(direction) + NOISE * self.metric.scale))
         return np.where(np.abs(slopes) > least, slopes, 0.0)
-
-
-def has_named_cells(system: PiecewiseSystem) -> bool:
-    """Tell whether a system says which cells there are, by blocks or by its own ``cells``."""
-    by_blocks = (
-        isinstance(system, SlicewiseLinearSystem)
-        and type(system).blocks is not SlicewiseLinearSystem.blocks
-    )
-    return by_blocks or type(system).cells is not PiecewiseSystem.cells

@@ -21,17 +21,8 @@ from typing import NamedTuple, final
 
 import numpy as np
 
-from pwscont.basics.arrays import (
-    Array,
-    Matrix,
-    Signs,
-    are_finite,
-    is_anywhere,
-    is_everywhere,
-    joined,
-    largest,
-    product,
-)
+from pwscont.basics import arrays
+from pwscont.basics.arrays import Array, Matrix, Signs
 from pwscont.basics.character import Character
 from pwscont.basics.outcome import Failure
 from pwscont.basics.rounding import CONFIDENCE, CONVERGED, EPS, GUARD
@@ -169,9 +160,9 @@ class StraightTests(TransitionDetector):
         rates = gradients.rows.dot(cell.along)
         changes = point.along * rates
         if point.aside is not None:
-            changes += gradients.rows.dot(joined(point.aside, 0.0))
+            changes += gradients.rows.dot(arrays.joined(point.aside, 0.0))
         here = tests - changes
-        if not are_finite(here) or gradients.is_corner(tests, here, point, test):
+        if not arrays.are_finite(here) or gradients.is_corner(tests, here, point, test):
             return None
         # alpha reverses if the path turns
         forwards = cell.turn * math.copysign(1.0, start.tangent[-1])
@@ -200,7 +191,7 @@ class Gradients:
     def __init__(self, curve: Curve, x: Array) -> None:
         self.system, self.scale = curve.selection.system, curve.metric.scale
         self.rows = Rows(self.system.test_jacobian(x[:-1], float(x[-1])))
-        self._typical: Array = product(self.rows.magnitudes, self.scale)
+        self._typical: Array = arrays.product(self.rows.magnitudes, self.scale)
 
     def tests_at(self, x: Array) -> Array:
         """Return a copy of all tests at a point, shape (m,)."""
@@ -209,15 +200,15 @@ class Gradients:
 
     def are_inside(self, curve: Curve, tests: Array, state: State) -> bool:
         """Tell whether a state lies inside the cell of a curve, and no test is next to zero."""
-        if not len(tests) or not are_finite(tests):
+        if not len(tests) or not arrays.are_finite(tests):
             return False
-        if self._near_zero(tests, largest(np.abs(state.x) / self.scale), state.size).any():
+        if self._near_zero(tests, arrays.largest(np.abs(state.x) / self.scale), state.size).any():
             return False
         return bool((curve.selection.side * tests[curve.selection.bounding] > 0.0).all())
 
     def _near_zero(self, tests: Array, extent: float, size: Array) -> Signs:
         """Tell which tests may be zero because of the error, or of a correction, of a point."""
-        reach = GUARD * EPS * (1.0 + extent) + 2.0 * CONFIDENCE * largest(size / self.scale)
+        reach = GUARD * EPS * (1.0 + extent) + 2.0 * CONFIDENCE * arrays.largest(size / self.scale)
         return np.asarray(np.abs(tests) <= reach * self._typical)
 
     def is_corner(self, before: Array, tests: Array, point: CorrectedPoint, but: int) -> bool:
@@ -289,7 +280,7 @@ class StraightCell:
         if core is None:
             return None
         solver = ProductForm(core, n)
-        cell = cls(curve, solver, joined(-solver.solve(column(jacobian, n)), 1.0))
+        cell = cls(curve, solver, arrays.joined(-solver.solve(column(jacobian, n)), 1.0))
         is_at_hand = isinstance(jacobian, StructuredJacobian) and jacobian.is_at_hand
         is_cheap = n < ASKED_FOR_JACOBIANS or is_at_hand
         if not cell._is_told and (is_cheap or Box.of(curve.selection.system).is_bounded):
@@ -323,7 +314,9 @@ class StraightCell:
         if pivot == 0.0:
             return None
         slopes = self._lines.dot(gradient) / pivot
-        add_multiples(self._lines, -slopes, joined(w, 0.0))  # alpha of the lines does not change
+        add_multiples(
+            self._lines, -slopes, arrays.joined(w, 0.0)
+        )  # alpha of the lines does not change
         self.turn, self._since = 1 if pivot > 0.0 else -1, self._since + 1
         self.length = other.metric.norm(self.along)
         return self.corrected(x, gradient, value, slopes) if self._is_tame() else None
@@ -338,8 +331,8 @@ class StraightCell:
         """
         residual, sizes, aside = self.curve.selection.residual(x), np.abs(x), None
         is_due = self._since >= AUDIT_AFTER or len(sizes) <= ALWAYS_AUDITED
-        is_due = is_due or is_anywhere(sizes > self._most)
-        is_off = not is_due and not is_everywhere(np.abs(residual) <= UNSEEN * self._terms)
+        is_due = is_due or arrays.is_anywhere(sizes > self._most)
+        is_off = not is_due and not arrays.is_everywhere(np.abs(residual) <= UNSEEN * self._terms)
         if is_due or (is_off and self._since >= DRIFTED_AFTER):
             aside = self._audited(x, sizes, residual)
             if aside is None:
@@ -358,11 +351,11 @@ class StraightCell:
         error: Array = self._lines[1:].copy()  # and where the rounding of the test puts the point
         last = EPS * np.abs(gradient).dot(sizes) * self._samples[:, -1] - slopes[1:]
         add_multiples(error, last / slopes[0], self._lines[0])
-        extent = largest(sizes / metric.scale)
+        extent = arrays.largest(sizes / metric.scale)
         point = CorrectedPoint(x - dx, error, magnitude(sizes, error), along, aside, extent)
         # a correction is no more than the rounding and the error of the corrected point
         rounding = GUARD * EPS * extent * metric.scale + CONFIDENCE * point.size
-        is_rounding = is_everywhere(np.abs(dx) <= rounding)
+        is_rounding = arrays.is_everywhere(np.abs(dx) <= rounding)
         return point if is_rounding and metric.admits(point.x) else None
 
     def _has_renewed(self, jacobian: Matrix) -> bool:
@@ -390,8 +383,10 @@ class StraightCell:
             most = np.where(shared == 1, typical, 0.0)
             np.maximum.at(most, kinds, sizes)
             self._most = GROWN * most[kinds]
-        self._terms = product(magnitudes, self._most + CONVERGED * scale)
-        if not is_everywhere(np.abs(astray) <= ASTRAY * self.length * product(magnitudes, scale)):
+        self._terms = arrays.product(magnitudes, self._most + CONVERGED * scale)
+        if not arrays.is_everywhere(
+            np.abs(astray) <= ASTRAY * self.length * arrays.product(magnitudes, scale)
+        ):
             return None
         if self._solver.is_full:
             self._has_renewed(jacobian)  # due at the next change, when no Jacobian is at hand
