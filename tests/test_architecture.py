@@ -57,13 +57,13 @@ LONGEST_FILE = 500
 #: becomes smaller, its budget becomes smaller.
 BUDGET = {
     "basics": (10, 1143),
-    "system": (10, 2094),
+    "system": (10, 2083),
     "linear": (10, 1153),
     "notation": (13, 2912),
     "curve": (13, 3410),
     "enumeration": (11, 2492),
-    "transitions": (13, 4014),
-    "graph": (10, 2526),
+    "transitions": (13, 4003),
+    "graph": (10, 2496),
     "search": (8, 1813),
     "continuation": (8, 2811),
     "kit": (4, 955),

@@ -20,7 +20,7 @@ from pwscont.basics.outcome import FailureReason, Guarantee, Kind
 from pwscont.basics.printing import apart, number
 from pwscont.basics.rounding import CONFIDENCE, EPS, GUARD
 from pwscont.graph import queries
-from pwscont.graph.records import Piece, SpecialPoint, are_one
+from pwscont.graph.records import SpecialPoint, are_one
 from pwscont.graph.structure import NOT_SEARCHED, ConnectedPieces, connected
 from pwscont.system.system import SlicewiseLinearSystem
 
@@ -174,8 +174,11 @@ Gap = tuple[float, float]
 
 def verdict(graph: ConnectedPieces) -> str:
     """Return what is known of a graph, for :attr:`pwscont.BranchGraph.guarantee`."""
-    if graph.searched.spent:
-        return _unfinished(graph)
+    if spent := graph.searched.spent:
+        ended = spent.partition(";")[0]
+        left = [point for point in graph.special_points(Kind.STOPPED) if ended in point.message]
+        places = _places("open ends", graph, left, _accumulation)
+        return "; ".join([f"{spent}: there may be more", *places])
     ends = [point for point in loose_ends(graph) if is_on_purpose(graph, point)]
     if gaps := unbalanced(graph) or doubled(graph):
         return f"not balanced: {'; '.join(_causes(graph, gaps))}"
@@ -263,7 +266,13 @@ def _doubts(graph: ConnectedPieces) -> Iterator[str]:
     yield from _touches(graph)
     twofold = [point for point in graph.nodes if outcome.TWOFOLD in point.message]
     yield from _places("two curves may be taken for one on the piece that ends", graph, twofold)
-    begun = [graph.point(each.start) for each in graph.pieces if _goes_back(graph, each)]
+    begun = []
+    for piece in graph.pieces:  # alpha rises and falls, by more than rounding and the ends' errors
+        ends = (graph.point(node) for node in (piece.start, piece.end))
+        error = max((point.error[-1] for point in ends if len(point.error)), default=0.0)
+        clear = GUARD * EPS * np.abs(piece.alpha).max() + CONFIDENCE * error
+        steps = np.diff(piece.alpha)
+        begun += [graph.point(piece.start)] * (steps.min() < -clear and steps.max() > clear)
     yield from _places("a fold was passed over on the piece that begins", graph, begun)
     vague = [point for point in graph.nodes if point.digits < TOO_FEW_DIGITS]
     yield from _places("hardly a digit is known", graph, vague)
@@ -274,15 +283,6 @@ def _left_out(graph: ConnectedPieces) -> Iterator[str]:
     for what, left in ("the search was", outcome.GIVEN_UP), ("starts were", outcome.IN_VAIN):
         if left in graph.searched.what:
             yield f"{what} {left}"
-
-
-def _goes_back(graph: ConnectedPieces, piece: Piece) -> bool:
-    """Tell whether alpha rises and falls on a piece, by more than rounding and the ends' errors."""
-    ends = (graph.point(node) for node in (piece.start, piece.end))
-    error = max((point.error[-1] for point in ends if len(point.error)), default=0.0)
-    clear = GUARD * EPS * np.abs(piece.alpha).max() + CONFIDENCE * error
-    steps = np.diff(piece.alpha)
-    return bool(steps.min() < -clear and steps.max() > clear)
 
 
 def _touches(graph: ConnectedPieces) -> Iterator[str]:
@@ -346,12 +346,3 @@ def _places(
         more = f" and {rest} more" if rest > 0 else ""
         because = f" ({reason})" if reason else ""
         yield f"{what} at {graph.parameter} = {', '.join(shown)}{more}{because}"
-
-
-def _unfinished(graph: ConnectedPieces) -> str:
-    """Say what ended the run, and where there is more."""
-    spent = graph.searched.spent
-    why = spent.partition(";")[0]
-    points = [point for point in graph.special_points(Kind.STOPPED) if why in point.message]
-    places = _places("open ends", graph, points, _accumulation)
-    return "; ".join([f"{spent}: there may be more", *places])

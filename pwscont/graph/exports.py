@@ -238,18 +238,16 @@ def as_dict(graph: ConnectedPieces, guarantee: str) -> dict[str, Any]:
         "parameter": {"name": graph.parameter, "lo": lo, "hi": hi},
         "components": len(graph.components()),
         "names": list(graph.names),
-        "nodes": [_node(*pair) for pair in zip(graph.nodes, attempts, strict=True)],
+        "nodes": [
+            _plain(point, "id kind name alpha z")
+            | {"recorded": recorded(attempt)}
+            | _plain(point, "message error digits")
+            for point, attempt in zip(graph.nodes, attempts, strict=True)
+        ],
         "pieces": [
-            {
-                "id": piece.id,
-                "component": component[piece.id],
-                "start": piece.start,
-                "end": piece.end,
-                "label": piece.label,
-                "det_sign": piece.det_sign,
-                "alpha": piece.alpha.tolist(),
-                "points": piece.z.tolist(),
-            }
+            {"id": piece.id, "component": component[piece.id]}
+            | _plain(piece, "start end label det_sign alpha")
+            | {"points": piece.z.tolist()}
             for piece in graph.pieces
         ],
         "multiplicity": [[*row[:2], finite(row[2])] for row in rows],
@@ -267,18 +265,11 @@ def as_dict(graph: ConnectedPieces, guarantee: str) -> dict[str, Any]:
     }
 
 
-def _node(point: SpecialPoint, attempt: Attempt) -> dict[str, Any]:
-    return {
-        "id": point.id,
-        "kind": str(point.kind),
-        "name": point.name,
-        "alpha": point.alpha,
-        "z": point.z.tolist(),
-        "recorded": recorded(attempt),
-        "message": point.message,
-        "error": point.error.tolist(),
-        "digits": point.digits,
-    }
+def _plain(record: SpecialPoint | Piece, names: str) -> dict[str, Any]:
+    """Return attributes of a record by name: arrays as lists, kinds as texts."""
+    values = {name: getattr(record, name) for name in names.split()}
+    arrays = {name: v.tolist() for name, v in values.items() if isinstance(v, np.ndarray)}
+    return values | arrays | ({"kind": str(values["kind"])} if "kind" in values else {})
 
 
 def recorded(attempt: Attempt) -> dict[str, float | None]:

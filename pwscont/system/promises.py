@@ -173,24 +173,20 @@ def _bent(system: PiecewiseSystem, what: str, dx: Array) -> InvalidSystemError:
     )
 
 
-def refuse_bent_ray(selection: Selection, x: Array, dx: Array, scale: Array) -> None:
-    """Refuse a selection that bends along the ray from ``x`` to ``x + dx``."""
+def refuse_wrong_ray(selection: Selection, x: Array, dx: Array, scale: Array) -> None:
+    """Refuse a ray from ``x`` to ``x + dx`` on which the selection bends, or on which H changes.
+
+    A ray that was found from the cell before (docs/theory, F11) shows a wrong Jacobian so.
+    """
     # an error of the direction changes no second difference
     start, middle, end = (selection.residual(x + part * dx) for part in (0.0, 0.5, 1.0))
-    sizes = abs(selection.jacobian(x))
-    terms = sizes @ (np.abs(x) + np.abs(dx)) + np.abs(start) + np.abs(middle) + np.abs(end)
-    rounding = GUARD * EPS * (sizes @ scale)
-    if (np.abs(start - 2.0 * middle + end) > AFFINE_DEFECT * terms + rounding).any():
-        raise _bent(selection.system, f"residual in {selection.label}", dx)
-
-
-def refuse_stray_ray(selection: Selection, x: Array, dx: Array, scale: Array) -> None:
-    """Refuse a ray, found from the cell before (docs/theory, F11), along which H changes."""
-    rest = np.abs(selection.residual(x + dx) - selection.residual(x))
     sizes, length = abs(selection.jacobian(x)), float(np.abs(dx / scale).max())
-    terms = sizes @ (np.abs(x) + np.abs(dx)) + length * (sizes @ scale)
-    row = int(np.argmax(rest - AFFINE_DEFECT * terms))
-    if rest[row] > AFFINE_DEFECT * terms[row]:
+    of_point, typical = sizes @ (np.abs(x) + np.abs(dx)), sizes @ scale
+    terms = of_point + np.abs(start) + np.abs(middle) + np.abs(end)
+    if (np.abs(start - 2.0 * middle + end) > AFFINE_DEFECT * terms + GUARD * EPS * typical).any():
+        raise _bent(selection.system, f"residual in {selection.label}", dx)
+    excess = np.abs(end - start) - AFFINE_DEFECT * (of_point + length * typical)
+    if excess[row := int(np.argmax(excess))] > 0.0:
         raise InvalidSystemError(
             f"{type(selection.system).__name__}.residual and jacobian disagree in row {row} in "
             f"{selection.label}, reached at alpha = {x[-1]:.10g}: a Jacobian is wrong, or this "
@@ -292,11 +288,7 @@ def _check_owners(
     system: SlicewiseLinearSystem, what: str, limit: int, claims: list[tuple[int, ...]]
 ) -> None:
     """Refuse rows or tests that do not exist, or that several blocks claim."""
-    claimed = list(chain.from_iterable(claims))
-    fits = not claimed or (min(claimed) >= 0 and max(claimed) < limit)
-    if fits and len(set(claimed)) == len(claimed):
-        return
-    for index, times in Counter(claimed).items():
+    for index, times in Counter(chain.from_iterable(claims)).items():
         if not 0 <= index < limit:
             words = f"there is no {what} {index}, only 0 to {limit - 1}"
             raise broken(system, "blocks():", words)

@@ -218,16 +218,13 @@ def at_end(curve: Curve, state: State) -> SpecialPointFound:
         return smooth_folds.fold_point(curve, fold, ", at the end of the interval")
     found = tangent_cone(corner, back) if corner.zero else None
     rays, dimension = (found.rays, found.dimension) if found else ((), 1)
-    others = (ray for ray in rays if not same_piece(ray, back))
-    inside = tuple(ray for ray in others if turns(back, ray) or _bends_inwards(ray))
+    is_straight, inside = curve.selection.is_straight, list[Ray]()
+    for ray in (ray for ray in rays if not same_piece(ray, back)):
+        is_level = not (is_straight or ray.curve.slope(ray.state))  # at the end
+        bends_inwards = is_level and not smooth_folds.leads_outside(ray)
+        inside += [ray] if turns(back, ray) or bends_inwards else []
     wide = f"; {FILL} a cone of dimension {dimension}" if dimension > 1 else ""
     return SpecialPointFound(Kind.END, state.x, f"end of the interval{wide}", (back, *inside))
-
-
-def _bends_inwards(ray: Ray) -> bool:
-    """Tell whether a curved piece that is level at an end of the interval begins there."""
-    is_straight, slope = ray.curve.selection.is_straight, ray.curve.slope(ray.state)
-    return not (is_straight or slope or smooth_folds.leads_outside(ray))
 
 
 def _fold(segment: CurvedSegment, found: State | Failure) -> State | None:

@@ -312,21 +312,19 @@ def checked_events(events: Mapping[str, Any], shown: int | None = None) -> Event
     """
     if not isinstance(events, Mapping):
         raise InvalidInputError(f"events must be a mapping of names to functions, got {events!r}")
-    return Events(tuple(_checked(name, what, shown) for name, what in events.items()))
-
-
-def _checked(name: Any, what: Any, shown: int | None) -> UserEvent:
-    if what is Stop:
-        raise InvalidInputError(
-            f"the event {name!r} is the class Stop: give Stop(g) with a function g(z, alpha)"
-        )
-    function = what.function if isinstance(what, Stop) else what
-    if not (isinstance(name, str) and name and callable(function)):
-        raise InvalidInputError(
-            f"events must be given as name: function (z, alpha) -> float, or name: Stop(function), "
-            f"got {name!r}: {what!r}"
-        )
-    return UserEvent(name, function, isinstance(what, Stop), shown)
+    checked = list[UserEvent]()
+    for name, what in events.items():
+        if what is Stop:
+            words = (
+                f"the event {name!r} is the class Stop: give Stop(g) with a function g(z, alpha)"
+            )
+            raise InvalidInputError(words)
+        function = what.function if isinstance(what, Stop) else what
+        if not (isinstance(name, str) and name and callable(function)):
+            words = "as name: function (z, alpha) -> float, or name: Stop(function)"
+            raise InvalidInputError(f"events must be given {words}, got {name!r}: {what!r}")
+        checked.append(UserEvent(name, function, isinstance(what, Stop), shown))
+    return Events(tuple(checked))
 
 
 @final

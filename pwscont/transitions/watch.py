@@ -30,7 +30,7 @@ from pwscont.basics.rounding import CONFIDENCE, EPS
 from pwscont.curve.corrector import corrected_again
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.stepper import CurvedSegment, Segment
-from pwscont.system.promises import AFFINE_DEFECT, refuse_bent_ray, refuse_stray_ray
+from pwscont.system.promises import AFFINE_DEFECT, refuse_wrong_ray
 from pwscont.transitions.detector import (
     HIDDEN,
     MOST_BRACKET_HALVINGS,
@@ -220,8 +220,7 @@ def first_on_ray(watch: Watch, segment: Segment, start: Reading) -> Event | Fail
     begin, end, metric = segment.start.x, segment.near(best), segment.curve.metric
     if not (isinstance(state, State) and metric.relative(state.x - end, end) <= AFFINE_DEFECT):
         # the correction was more than rounding
-        refuse_bent_ray(segment.curve.selection, begin, end - begin, metric.scale)
-        refuse_stray_ray(segment.curve.selection, begin, end - begin, metric.scale)
+        refuse_wrong_ray(segment.curve.selection, begin, end - begin, metric.scale)
     return state if isinstance(state, Failure) else Event(detector, index, best, state)
 
 
