@@ -46,7 +46,7 @@ from pwscont.curve.stepper import CurvedSegment, Segment, Stepper, StraightSegme
 from pwscont.enumeration.options import affine_forms
 from pwscont.enumeration.polyhedron import Polyhedron
 from pwscont.enumeration.tree import AffineCells, enumerate_cells
-from pwscont.graph.exports import DUST
+from pwscont.graph.branch_graph import DUST
 from pwscont.graph.proved import Proof
 from pwscont.graph.queries import fine_points
 from pwscont.graph.records import FEW_DIGITS, Piece, Solution, SpecialPoint, attempted

@@ -63,7 +63,7 @@ BUDGET = {
     "curve": (13, 3410),
     "enumeration": (11, 2492),
     "transitions": (13, 4003),
-    "graph": (10, 2496),
+    "graph": (9, 2435),
     "search": (8, 1813),
     "continuation": (8, 2811),
     "kit": (4, 955),

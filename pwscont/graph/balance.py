@@ -272,7 +272,8 @@ def _doubts(graph: ConnectedPieces) -> Iterator[str]:
         error = max((point.error[-1] for point in ends if len(point.error)), default=0.0)
         clear = GUARD * EPS * np.abs(piece.alpha).max() + CONFIDENCE * error
         steps = np.diff(piece.alpha)
-        begun += [graph.point(piece.start)] * (steps.min() < -clear and steps.max() > clear)
+        if steps.min() < -clear and steps.max() > clear:
+            begun.append(graph.point(piece.start))
     yield from _places("a fold was passed over on the piece that begins", graph, begun)
     vague = [point for point in graph.nodes if point.digits < TOO_FEW_DIGITS]
     yield from _places("hardly a digit is known", graph, vague)
