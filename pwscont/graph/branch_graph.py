@@ -287,8 +287,10 @@ class BranchGraph(ConnectedPieces):
         if not words.startswith(NOTHING_FOUND):  # no number is known otherwise
             counts = ((counted(row[2], "solution"), row.ends) for row in self.multiplicity())
             lines += [f"  {count} for {name} in {ends}" for count, ends in counts]
-        is_of_box = self.pieces and "in the box, proved" in words
-        return "\n".join([*lines, f"  {words}", *[f"  {self.proof.where}"] * bool(is_of_box)])
+        lines.append(f"  {words}")
+        if self.pieces and "in the box, proved" in words:
+            lines.append(f"  {self.proof.where}")
+        return "\n".join(lines)
 
     def _repr_html_(self) -> str:
         """Return the summary and the pieces as an HTML table."""

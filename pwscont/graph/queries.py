@@ -120,9 +120,7 @@ def _is_sure(segment: CurvedSegment, border: Border, s: float) -> bool:
     return not isinstance(root, Failure) and root.contraction <= SLOWEST
 
 
-def fine_points(
-    system: PiecewiseSystem, piece: Piece, interval: tuple[float, float], parts: int
-) -> Array:
+def fine_points(system: PiecewiseSystem, piece: Piece, interval: Range, parts: int) -> Array:
     """Return points along a piece, shape (k, n + 1), with each step cut into ``parts``.
 
     A step was taken only where the cubic solves the selection to a tolerance (docs/theory, F14).

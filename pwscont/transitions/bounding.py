@@ -253,12 +253,11 @@ def at_corner(corner: Corner, curve: Curve, back: Ray | None = None) -> SpecialP
         new = Selection(system, beyond(here, x, test))
         if test not in new.bounding:  # rounding names a cell that is not bounded by the test
             zero = zero | frozenset(new.bounding.tolist())
-    which = np.array(sorted(zero), dtype=np.intp)
-    gradients = system.some_test_gradients(x[:-1], float(x[-1]), which)
-    if not np.isfinite(abs(gradients) @ np.ones(len(x))).all():  # as of a root of zero
+    corner = replace(corner, zero=zero)
+    if not np.isfinite(abs(corner.gradients) @ np.ones(len(x))).all():  # as of a root of zero
         why = str(Failure(FailureReason.NOT_FINITE))
         return SpecialPointFound(Kind.STOPPED, x, why, () if back is None else (back,))
-    found = tangent_cone(replace(corner, zero=zero), back)
+    found = tangent_cone(corner, back)
     for ray in found.rays:
         check_continuity(curve, ray.curve.selection, ray, x, error)
     others = tuple(ray for ray in found.rays if back is None or not same_piece(ray, back))
@@ -280,20 +279,18 @@ def at_corner(corner: Corner, curve: Curve, back: Ray | None = None) -> SpecialP
         message = f"start on the boundary of {rays[0].curve.selection.label}"
         return SpecialPointFound(Kind.START, x, message, rays)
     if back is not None:
-        rays = (_as_uncertain_as(back, zero), *others)
+        rays = (_as_uncertain_as(back, corner), *others)
     return SpecialPointFound(found.kind, x, _message(found, tests, len(zero)), rays)
 
 
-def _as_uncertain_as(back: Ray, zero: frozenset[int]) -> Ray:
-    """Return the ray with an error that covers where along the ray each of these tests vanishes."""
-    state, which = back.state, np.array(sorted(zero), dtype=np.intp)
-    system, z, alpha = back.curve.selection.system, state.x[:-1], state.alpha
-    gradients = system.some_test_gradients(z, alpha, which)
-    slopes = np.abs(gradients @ state.tangent)
+def _as_uncertain_as(back: Ray, corner: Corner) -> Ray:
+    """Return the ray with an error that covers where along the ray each test vanishes."""
+    state, gradients = back.state, corner.gradients
+    slopes, values = np.abs(gradients @ state.tangent), np.abs(corner.tests[corner.which])
     steep = slopes > SLANT * (abs(gradients) @ np.abs(state.tangent))
     if not steep.any():
         return back
-    apart = float((np.abs(system.some_tests(z, alpha, which))[steep] / slopes[steep]).max())
+    apart = float((values[steep] / slopes[steep]).max())
     error = np.vstack([state.error, apart * state.tangent])
     return replace(back, state=replace(state, error=error))
 

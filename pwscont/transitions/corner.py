@@ -339,15 +339,13 @@ def _has_blocks(system: PiecewiseSystem) -> TypeGuard[SlicewiseLinearSystem]:
 
 def index_along(ray: Ray, zero: frozenset[int]) -> int:
     """Return the index of a ray along interfaces, from where the tests ``zero`` vanish."""
-    system, x, tangent = ray.curve.selection.system, ray.state.x, ray.state.tangent
-    scale, which = ray.curve.metric.scale, np.array(sorted(zero), dtype=np.intp)
-    rows = system.some_test_gradients(x[:-1], float(x[-1]), which)
+    system, state, metric = ray.curve.selection.system, ray.state, ray.curve.metric
+    near = Corner.at(system, metric, state.x, state.error, zero)
+    rows, which, tangent = near.gradients, near.which, state.tangent
     slopes = np.asarray(rows @ tangent)
-    level = np.abs(slopes) <= SLANT * (abs(rows) @ (np.abs(tangent) + SLANT * scale))
-    stay = frozenset(which[level].tolist())
-    near = Corner.at(system, ray.curve.metric, x, ray.state.error, stay)
+    level = np.abs(slopes) <= SLANT * (abs(rows) @ (np.abs(tangent) + SLANT * metric.scale))
     near.tests[which] = np.where(level, 0.0, slopes)  # tests that grow along the ray are positive
-    return index_at(ray, near)
+    return index_at(ray, replace(near, zero=frozenset(which[level].tolist())))
 
 
 def index_at(ray: Ray, near: Corner) -> int:

@@ -86,9 +86,7 @@ class Paths:
 
     def __init__(self, corner: Corner) -> None:
         self.corner, self.crossings = corner, 0
-        self._zero = np.array(sorted(corner.zero), dtype=np.intp)
-        z, alpha = corner.x[:-1], float(corner.x[-1])
-        self._gradients = Rows(corner.system.some_test_gradients(z, alpha, self._zero))
+        self._zero, self._gradients = corner.which, Rows(corner.gradients)
 
     def away(self, shift: int) -> Array:
         """Return a generic direction, for odd numbers the opposite of the direction before."""

@@ -148,7 +148,7 @@ class StraightTests(TransitionDetector):
         if isinstance(selection.system, Ending) or not curve.metric.admits(x):
             return None
         cell, tests = self._cell_of(curve, start), gradients.tests_at(x)
-        beyond = Character.beyond(tests, test, bool(selection.side[index] < 0.0))
+        beyond = Character.of(tests).with_sign(test, bool(selection.side[index] < 0.0))
         other = Curve(Selection(selection.system, beyond), curve.metric)
         level = SLANT * np.abs(gradient).dot(np.abs(start.tangent))
         is_crossed = abs(gradient.dot(start.tangent)) > level
