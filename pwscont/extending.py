@@ -50,9 +50,9 @@ from pwscont.graph.branch_graph import DUST
 from pwscont.graph.proved import Proof
 from pwscont.graph.queries import fine_points
 from pwscont.graph.records import FEW_DIGITS, Piece, Solution, SpecialPoint, attempted
-from pwscont.linear.balance import balanced
 from pwscont.linear.bordered import BorderedFactor, Interior, row_scale
 from pwscont.linear.factor import SMALL_PIVOT, DenseLU, Factor, ScaledFactor
+from pwscont.linear.factorise import balanced
 from pwscont.linear.jacobian import StructuredJacobian
 from pwscont.linear.threads import THREADS, one_thread
 from pwscont.search.search import KnownBranches, Search
@@ -74,10 +74,9 @@ from pwscont.system.abilities import (
     shown_size,
 )
 from pwscont.system.box import Box
-from pwscont.system.columns import numbers_in
 from pwscont.system.contract import checked_magnitudes, jacobian_at, residual_at
 from pwscont.system.differences import Differences
-from pwscont.system.selection import Selection
+from pwscont.system.selection import Selection, numbers_in
 from pwscont.transitions.detector import (
     Reading,
     SpecialPointFound,

@@ -2,7 +2,7 @@
 
 A Jacobian J has shape (n, n + 1) and columns for the unknowns z and for alpha; B is the part of J
 for z, and b the column for alpha. A matrix with entries of about 1 has an LU with partial pivoting:
-:class:`DenseLU` by LAPACK, and others in sparse.py and in banded.py. A matrix in any units has the
+:class:`DenseLU` by LAPACK, and others in jacobian.py. A matrix in any units has the
 LU of the scaled matrix (:class:`ScaledFactor`). Other factors are made from factors: in bordered.py
 (around a factor of B), and from a factor and changes of the matrix (:class:`ProductForm`).
 
