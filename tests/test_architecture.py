@@ -62,7 +62,7 @@ BUDGET = {
     "notation": (13, 2912),
     "curve": (13, 3409),
     "enumeration": (11, 2492),
-    "transitions": (13, 3997),
+    "transitions": (13, 3981),
     "graph": (8, 2423),
     "search": (8, 1812),
     "continuation": (8, 2811),
