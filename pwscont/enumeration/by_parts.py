@@ -131,6 +131,15 @@ class PartSlice(SlicewiseLinearSystem):
         #: The error of the tests that the error of the parts before makes.
         self.inherited_slack: Array = EPS * (np.abs(K) @ known + np.abs(tests)) + spread
 
+    @classmethod
+    def whole(cls, table: Table) -> PartSlice:
+        """Return exact rows as one part, without inherited errors; tests in the blocks' order."""
+        n, every = len(table.rows[0][1]), tuple(range(len(table.blocks)))
+        nothing = Partial(np.zeros(n), np.zeros((0, n)))
+        part = cls(table, Part(np.arange(n), np.arange(n), every), nothing)
+        part._terms = np.zeros(n)
+        return part
+
     def blocks(self) -> tuple[Block, ...]:
         """Return the blocks of the part."""
         return self.table.blocks
@@ -184,8 +193,9 @@ class PartSlice(SlicewiseLinearSystem):
 
     def inherited_error(self, root: Root, character: Character) -> Array:
         """Return the errors of a root by the errors of the parts before, shape (k, size + 1)."""
-        residual = np.vstack([np.diag(EPS * self._terms), self._in_cell(character)[2].T])
-        return root.factor.solve_all(_with_zeros(residual))
+        own = np.diag(EPS * self._terms)[self._terms > 0.0]
+        residual = _with_zeros(np.vstack([own, self._in_cell(character)[2].T]))
+        return root.factor.solve_all(residual) if len(residual) else residual
 
     def magnitudes(self, scale: Array) -> Array:
         """Return typical magnitudes of the unknowns, small where the constants of the part are."""

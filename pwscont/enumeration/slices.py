@@ -44,7 +44,8 @@ REFINEMENTS = 3
 
 def solve_slice(system: SlicewiseLinearSystem, metric: Metric, alpha: float) -> Slice:
     """Return all solutions of a system at ``alpha``; refuse blocks that do not fit the system."""
-    table = Table.at(system, alpha, metric.scale[:-1])
+    part = system if isinstance(system, PartSlice) else None
+    table = part.table if part else Table.at(system, alpha, metric.scale[:-1])
     return _by_parts(system, metric, alpha, table) or _at_once(system, metric, alpha, table)
 
 
