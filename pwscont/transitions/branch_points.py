@@ -21,7 +21,6 @@ from typing import final
 import numpy as np
 
 from pwscont.basics.arrays import Array, Matrix, generic, product
-from pwscont.basics.character import Character
 from pwscont.basics.outcome import TOUCH, Failure, FailureReason, Kind
 from pwscont.basics.rounding import CONFIDENCE, EPS
 from pwscont.curve import crossing
@@ -149,7 +148,9 @@ def branch_point_on_interface(curve: Curve, state: State) -> SpecialPointFound |
 
     ``state``: the point as an arrival on the path.
     """
-    rays = _crossing_rays(curve, _in_cells(curve, curve.selection.adjacent_cells), state)
+    cells = curve.selection.adjacent_cells
+    own = (Curve(Selection(curve.selection.system, cell), curve.metric) for cell in cells)
+    rays = _crossing_rays(curve, own, state)
     if not (rays or _across(curve, state)):
         return None
     after = _sign_beside(curve, state.x, state.tangent, 1.0) or -state.orientation
@@ -198,11 +199,6 @@ def path_from(corner: Corner) -> SpecialPointFound | None:
     return next(filter(None, (path_through(curve, corner) for curve in cells)), None)
 
 
-def _in_cells(curve: Curve, cells: Iterable[Character]) -> list[Curve]:
-    """Return a path along an interface as a curve of each of these cells."""
-    return [Curve(Selection(curve.selection.system, cell), curve.metric) for cell in cells]
-
-
 def _in_other_cells(curve: Curve) -> list[Curve]:
     """Return a curved path along an interface as a curve of each other cell, none of very many."""
     here = curve.selection
@@ -210,7 +206,8 @@ def _in_other_cells(curve: Curve) -> list[Curve]:
         return []  # nearly always
     pairs = zip(here.adjacent_cells, here.adjacent_names, strict=True)
     followed = here.system.cell(here.character)
-    return _in_cells(curve, (cell for cell, name in pairs if name != followed))
+    others = (cell for cell, name in pairs if name != followed)
+    return [Curve(Selection(here.system, cell), curve.metric) for cell in others]
 
 
 def _crossing_rays(path: Curve, cells: Iterable[Curve], state: State) -> list[Ray]:

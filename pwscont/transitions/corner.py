@@ -256,9 +256,21 @@ def rays_cell_by_cell(corner: Corner) -> list[Direction] | None:
     That is where the cells are many or not known, where a cell has more than one null vector, or
     where the slope of a vanishing test along the null vector may be zero.
     """
-    found: list[Direction] = []
-    cells = _few_cells(corner)
-    for character in cells or ():
+    system, zero, found = corner.system, corner.zero, list[Direction]()
+    if not isinstance(system, SlicewiseLinearSystem) or not zero:
+        return None
+    if _has_blocks(system):
+        blocks = [block for block in system.blocks() if not zero.isdisjoint(block.tests)]
+        choices = [block.modes for block in corner.restricted(blocks)]
+        if prod(map(len, choices)) > FEW_CELLS:
+            return None
+        tests = [test for block in blocks for test in block.tests]
+        cells = [corner.character.with_signs(tests, chain(*some)) for some in product(*choices)]
+    elif len(zero) > MOST_PATTERN_TESTS:
+        return None
+    else:
+        cells = corner.all_cells()
+    for character in cells:
         selection = Selection(corner.system, character)
         direction = corner.direction_in(selection)
         if direction is None:
@@ -268,22 +280,7 @@ def rays_cell_by_cell(corner: Corner) -> list[Direction] | None:
             return None
         if (slopes > 0.0).all() or (slopes < 0.0).all():
             found.append((np.copysign(1.0, slopes[0]) * direction, (character,)))
-    return None if cells is None else found
-
-
-def _few_cells(corner: Corner) -> list[Character] | None:
-    """Return the cells that meet at a corner, None where they are not known or many."""
-    system, zero = corner.system, corner.zero
-    if not isinstance(system, SlicewiseLinearSystem) or not zero:
-        return None
-    if not _has_blocks(system):
-        return corner.all_cells() if len(zero) <= MOST_PATTERN_TESTS else None
-    blocks = [block for block in system.blocks() if not zero.isdisjoint(block.tests)]
-    choices = [block.modes for block in corner.restricted(blocks)]
-    if prod(map(len, choices)) > FEW_CELLS:
-        return None
-    tests = [test for block in blocks for test in block.tests]
-    return [corner.character.with_signs(tests, chain(*modes)) for modes in product(*choices)]
+    return found
 
 
 def rays_of_slices(corner: Corner) -> tuple[list[Direction], int] | None:

@@ -84,8 +84,6 @@ class Watch:
         self, detectors: Sequence[TransitionDetector], added: Sequence[TransitionDetector] = ()
     ) -> None:
         self._detectors, self._added = detectors, added
-        none = TransitionDetector.look_inside
-        self._looking = [each for each in detectors if type(each).look_inside is not none]
 
     def read(self, curve: Curve, state: State) -> Reading:
         """Return what all detectors read at a state, in new arrays; refuse wrong readings."""
@@ -151,7 +149,7 @@ class Watch:
 
         A Failure if a detector asks for a shorter step.
         """
-        for detector in self._looking:
+        for detector in self._detectors:
             found = detector.look_inside(segment)
             if isinstance(found, Failure):
                 return found
