@@ -121,10 +121,6 @@ class Fields:
         self.number(key)
         return float(self._fitting(key, isfinite, "finite"))
 
-    def finite_or_text(self, key: str) -> float | str:
-        """Return a finite number, or a text."""
-        return self.text(key) if isinstance(self.entry(key), str) else self.finite(key)
-
     def text(self, key: str) -> str:
         """Return a text."""
         return str(self._fitting(key, lambda v: isinstance(v, str), "a text"))
@@ -317,7 +313,10 @@ def _special_points(
         raise DamagedError(f"there are {len(headers)} {kind} with {len(states)} states")
     for each, z, error in zip(headers, states, errors, strict=True):
         recorded = Fields(f"recorded of {each.name}", each.data.get("recorded", {}))
-        kept = {name: Kept(recorded.finite_or_text(name)) for name in recorded.data}
+        kept = {  # a text says why a quantity failed
+            name: Kept(value if isinstance(value, str) else recorded.finite(name))
+            for name, value in recorded.data.items()
+        }
         point = SpecialPoint(
             id=each.integer("id", -1),
             kind=kind_of(each.word("kind")),
