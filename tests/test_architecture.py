@@ -56,14 +56,14 @@ LONGEST_FILE = 500
 #: Most files and lines of each room, a little above the figures when they were set. When a room
 #: becomes smaller, its budget becomes smaller.
 BUDGET = {
-    "basics": (10, 1127),
+    "basics": (10, 1133),
     "system": (9, 2084),
     "linear": (7, 1119),
     "notation": (13, 2912),
     "curve": (13, 3409),
     "enumeration": (11, 2503),
     "transitions": (13, 3938),
-    "graph": (8, 2413),
+    "graph": (8, 2419),
     "search": (8, 1812),
     "continuation": (8, 2811),
     "kit": (4, 955),

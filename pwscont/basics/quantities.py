@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import sys
 import unicodedata
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from difflib import get_close_matches
 from functools import cached_property
+from math import isfinite
 from numbers import Real
 from types import MappingProxyType
 from typing import Any, final
@@ -207,9 +207,7 @@ def evaluated(what: str, function: Callable[..., Any], z: Array, alpha: float) -
     except Exception as error:
         why = f"{type(error).__name__}: {error}, {_words(z)}"
         raise InvalidInputError(f"{what} failed at alpha = {alpha:.8g}: {why}") from error
-    scalar = value[()] if isinstance(value, np.ndarray) and value.ndim == 0 else value
-    is_number = isinstance(scalar, Real) and not isinstance(scalar, bool)
-    if not is_number or not abs(scalar) <= sys.float_info.max:  # or an integer beyond all floats
+    if not _is_finite(value):
         hint = CONDITION if isinstance(value, bool | np.bool_) else ""
         got = f"{' '.join(repr(value).split())[:80]}, {_words(z)}{hint}"
         words = f"must return a finite float, at alpha = {alpha:.8g} it returned {got}"
@@ -219,6 +217,14 @@ def evaluated(what: str, function: Callable[..., Any], z: Array, alpha: float) -
 
 def _words(z: Array) -> str:
     return f"z = {np.array2string(z, precision=6, threshold=8, edgeitems=2)}"
+
+
+def _is_finite(value: Any) -> bool:
+    scalar = value[()] if isinstance(value, np.ndarray) and value.ndim == 0 else value
+    try:
+        return isinstance(scalar, Real) and not isinstance(scalar, bool) and isfinite(scalar)
+    except OverflowError:  # an integer beyond all floats
+        return False
 
 
 def _unknown(name: object, known: Sequence[str]) -> str:

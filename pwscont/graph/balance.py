@@ -84,8 +84,8 @@ def balance_at(graph: ConnectedPieces, alpha: float) -> int:
 
 def balances(graph: ConnectedPieces) -> list[int]:
     """Return the balance within each interval between successive special points."""
-    over = (queries.pieces_through(graph, 0.5 * (a + b)) for a, b in pairwise(graph.breaks()))
-    return [sum(piece.det_sign for piece in pieces) for pieces in over]
+    middles = [0.5 * (a + b) for a, b in pairwise(graph.breaks())]
+    return [sum(piece.det_sign for piece in queries.pieces_over(graph, alpha)) for alpha in middles]
 
 
 def balance_values(graph: ConnectedPieces) -> list[int]:

@@ -294,7 +294,7 @@ def runs(graph: ConnectedPieces) -> list[Stretch]:
     parts = [Stretch(first, first, count_at(graph, first), True, True)]
     for lo, hi in pairwise([first, *breaks]):
         middle = 0.5 * (lo + hi)
-        count = math.inf if is_infinite(graph, middle) else len(pieces_through(graph, middle))
+        count = math.inf if is_infinite(graph, middle) else len(pieces_over(graph, middle))
         parts.append(Stretch(lo, hi, count, False, False))
         parts.append(Stretch(hi, hi, count_at(graph, hi), True, True))
     groups = (list(group) for _, group in groupby(parts, key=itemgetter(2)))
@@ -350,6 +350,12 @@ def check_inside(graph: ConnectedPieces, alpha: float) -> None:
 def _check_number(name: str, value: Any) -> None:
     if np.ndim(value) or not isinstance(np.asarray(value).item(), Real):
         raise InvalidInputError(f"{name} must be a number, got {value!r}")
+
+
+def pieces_over(graph: ConnectedPieces, alpha: float) -> list[Piece]:
+    """Return the pieces that pass over an alpha at which there is no node."""
+    lo, hi = graph.extent.T
+    return [graph.pieces[i] for i in np.flatnonzero((lo < alpha) & (alpha < hi))]
 
 
 def pieces_through(graph: ConnectedPieces, alpha: float) -> list[Piece]:
