@@ -253,11 +253,11 @@ def at_corner(corner: Corner, curve: Curve, back: Ray | None = None) -> SpecialP
         new = Selection(system, beyond(here, x, test))
         if test not in new.bounding:  # rounding names a cell that is not bounded by the test
             zero = zero | frozenset(new.bounding.tolist())
-    corner = replace(corner, zero=zero)
-    if not np.isfinite(abs(corner.gradients) @ np.ones(len(x))).all():  # as of a root of zero
+    around = replace(corner, zero=zero)
+    if not np.isfinite(abs(around.gradients) @ np.ones(len(x))).all():  # as of a root of zero
         why = str(Failure(FailureReason.NOT_FINITE))
         return SpecialPointFound(Kind.STOPPED, x, why, () if back is None else (back,))
-    found = tangent_cone(corner, back)
+    found = tangent_cone(around, back)
     for ray in found.rays:
         check_continuity(curve, ray.curve.selection, ray, x, error)
     others = tuple(ray for ray in found.rays if back is None or not same_piece(ray, back))
@@ -279,7 +279,7 @@ def at_corner(corner: Corner, curve: Curve, back: Ray | None = None) -> SpecialP
         message = f"start on the boundary of {rays[0].curve.selection.label}"
         return SpecialPointFound(Kind.START, x, message, rays)
     if back is not None:
-        rays = (_as_uncertain_as(back, corner), *others)
+        rays = (_as_uncertain_as(back, around), *others)
     return SpecialPointFound(found.kind, x, _message(found, tests, len(zero)), rays)
 
 
