@@ -50,8 +50,15 @@ from pwscont.graph.branch_graph import DUST
 from pwscont.graph.proved import Proof
 from pwscont.graph.queries import fine_points
 from pwscont.graph.records import FEW_DIGITS, Piece, Solution, SpecialPoint, attempted
-from pwscont.linear.bordered import BorderedFactor, Interior, row_scale
-from pwscont.linear.factor import SMALL_PIVOT, DenseLU, Factor, ScaledFactor
+from pwscont.linear.factor import (
+    SMALL_PIVOT,
+    BorderedFactor,
+    DenseLU,
+    Factor,
+    Interior,
+    ScaledFactor,
+    row_scale,
+)
 from pwscont.linear.factorise import balanced
 from pwscont.linear.jacobian import StructuredJacobian
 from pwscont.linear.threads import THREADS, one_thread

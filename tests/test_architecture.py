@@ -58,11 +58,11 @@ LONGEST_FILE = 500
 BUDGET = {
     "basics": (10, 1133),
     "system": (9, 2084),
-    "linear": (7, 1119),
+    "linear": (6, 1107),
     "notation": (13, 2912),
     "curve": (13, 3409),
     "enumeration": (11, 2503),
-    "transitions": (13, 3938),
+    "transitions": (13, 3937),
     "graph": (8, 2419),
     "search": (8, 1812),
     "continuation": (8, 2811),

@@ -15,8 +15,15 @@ import numpy as np
 import scipy.sparse as sp
 
 from pwscont.basics.arrays import Array, Matrix, dense, power_of_two
-from pwscont.linear.bordered import BorderedFactor, Interior
-from pwscont.linear.factor import DenseLU, Factor, ScaledFactor, row_divisors, row_maxima
+from pwscont.linear.factor import (
+    BorderedFactor,
+    DenseLU,
+    Factor,
+    Interior,
+    ScaledFactor,
+    row_divisors,
+    row_maxima,
+)
 from pwscont.linear.jacobian import SparseJacobian, SparseLU, StoredJacobian, StructuredJacobian
 
 

@@ -22,14 +22,8 @@ from pwscont.basics.arrays import Array, Matrix, power_of_two
 from pwscont.basics.errors import InvalidSystemError
 from pwscont.basics.printing import named
 from pwscont.basics.rounding import EPS
-from pwscont.linear.bordered import BorderedFactor, Interior, row_scale
-from pwscont.linear.factor import (
-    Factor,
-    ScaledFactor,
-    regularise,
-    sign_of_permutation,
-    sign_of_pivots,
-)
+from pwscont.linear import factor
+from pwscont.linear.factor import BorderedFactor, Factor, Interior, ScaledFactor
 
 
 class StructuredJacobian(ABC):
@@ -113,7 +107,7 @@ class StoredJacobian(StructuredJacobian):
     def bordered(self, row: Array, scale: Array) -> Factor | None:
         """Factorise [J; row] by an LU of B; None where B has no LU."""
         scaled, row = self.scaled(scale), row * scale
-        rows = row_scale(scaled.largest_in_rows(), row)
+        rows = factor.row_scale(scaled.largest_in_rows(), row)
         lu, column = scaled.divided(rows[:-1]).split()
         if lu.failed:
             return None
@@ -196,7 +190,7 @@ class SparseLU(Factor):
         if self.failed:
             return 0
         signs = np.prod(np.sign(self._pivots))
-        return int(signs) * sign_of_permutation(self._lu.perm_r[self._lu.perm_c].tolist())
+        return int(signs) * factor.sign_of_permutation(self._lu.perm_r[self._lu.perm_c].tolist())
 
     def solve(self, rhs: Array) -> Array:
         return self._solved(rhs, "N")
@@ -329,11 +323,11 @@ class BandLU(Factor):
             lu, self._pivots, _ = lapack.dgbtrf(room, lower, upper, overwrite_ab=True)
             self._diagonal = lu[lower + upper]
             self._solved = partial(lapack.dgbtrs, lu, lower, upper, ipiv=self._pivots)
-        regularise(self._diagonal)
+        factor.regularise(self._diagonal)
 
     @property
     def sign(self) -> int:
-        return sign_of_pivots(self._diagonal, self._pivots)
+        return factor.sign_of_pivots(self._diagonal, self._pivots)
 
     def solve(self, rhs: Array) -> Array:
         return np.asarray(self._solved(b=rhs.T)[0].T)

@@ -30,8 +30,7 @@ from pwscont.curve.curve import Curve, State
 from pwscont.curve.error_samples import magnitude, samples
 from pwscont.curve.metric import Range
 from pwscont.curve.stepper import Segment
-from pwscont.linear.bordered import GROWTH
-from pwscont.linear.factor import ProductForm
+from pwscont.linear.factor import GROWTH, ProductForm
 from pwscont.linear.factorise import column, inner, kink_by_columns, last_unit
 from pwscont.linear.jacobian import StructuredJacobian
 from pwscont.linear.vectors import Rows, add_multiples
