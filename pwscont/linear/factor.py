@@ -2,9 +2,9 @@
 
 A Jacobian J has shape (n, n + 1) and columns for the unknowns z and for alpha; B is the part of J
 for z, and b the column for alpha. A matrix with entries of about 1 has an LU with partial pivoting:
-:class:`DenseLU` by LAPACK, and others in jacobian.py. A matrix in any units has the LU of the scaled
-matrix (:class:`ScaledFactor`). Other factors are made from factors: from a factor and changes of the
-matrix (:class:`ProductForm`), and around a factor of B (:class:`BorderedFactor`).
+:class:`DenseLU` by LAPACK, and others in jacobian.py. A matrix in any units has the LU of the
+scaled matrix (:class:`ScaledFactor`). Other factors are made from factors: from a factor and
+changes of the matrix (:class:`ProductForm`), and around a factor of B (:class:`BorderedFactor`).
 
 Only signs of determinants are computed, for determinants overflow (docs/theory, F10). Scales are
 powers of two, which round nothing. B is singular at every fold, where the bordered matrix
