@@ -73,13 +73,6 @@ class Character:
         return cls._of_bytes((tests >= 0.0).tobytes())
 
     @classmethod
-    def beyond(cls, tests: Array, crossed: int, sign: bool) -> Character:
-        """Return the character of a point where a test vanishes, on the side of the given sign."""
-        signs = tests >= 0.0
-        signs[crossed] = sign
-        return cls._of_bytes(signs.tobytes())
-
-    @classmethod
     def read(cls, text: str) -> Character:
         """Return the character from the printed form, ``+`` and ``-``."""
         return cls._of_bytes(text.encode("ascii").translate(FROM_TEXT))
