@@ -62,7 +62,7 @@ BUDGET = {
     "notation": (13, 2912),
     "curve": (13, 3409),
     "enumeration": (11, 2503),
-    "transitions": (13, 3937),
+    "transitions": (13, 3922),
     "graph": (8, 2419),
     "search": (8, 1812),
     "continuation": (8, 2811),
