@@ -57,12 +57,12 @@ LONGEST_FILE = 500
 #: becomes smaller, its budget becomes smaller.
 BUDGET = {
     "basics": (10, 1133),
-    "system": (9, 2084),
+    "system": (9, 2078),
     "linear": (6, 1107),
     "notation": (13, 2912),
     "curve": (13, 3409),
     "enumeration": (11, 2503),
-    "transitions": (13, 3922),
+    "transitions": (13, 3920),
     "graph": (8, 2419),
     "search": (8, 1812),
     "continuation": (8, 2811),

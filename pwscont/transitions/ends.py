@@ -224,10 +224,8 @@ def _fold(segment: CurvedSegment, found: State | Failure) -> State | None:
     """Return the fold at which a step turns at an end, by rounding, instead of crossing the end."""
     near = found
     if isinstance(near, Failure):
-        bracket = 0.0, segment.length
-        near = detector.locate_sign_change(
-            segment, segment.curve.slope, bracket, detector.NARROW_BRACKET
-        )
+        bracket, narrow = (0.0, segment.length), detector.NARROW_BRACKET
+        near = detector.locate_sign_change(segment, segment.curve.slope, bracket, narrow)
     fold = smooth_folds.fold_at_end(
         segment.curve, segment.end if isinstance(near, Failure) else near
     )
