@@ -57,12 +57,12 @@ LONGEST_FILE = 500
 #: becomes smaller, its budget becomes smaller.
 BUDGET = {
     "basics": (10, 1143),
-    "system": (9, 2084),
+    "system": (9, 2078),
     "linear": (6, 1112),
     "notation": (13, 2914),
     "curve": (13, 3415),
     "enumeration": (11, 2503),
-    "transitions": (13, 3943),
+    "transitions": (13, 3926),
     "graph": (8, 2436),
     "search": (8, 1813),
     "continuation": (8, 2814),

@@ -22,16 +22,10 @@ from pwscont.basics.errors import InvalidInputError, InvalidSystemError
 from pwscont.basics.printing import at, short
 from pwscont.basics.quantities import checked_names
 from pwscont.basics.rounding import EPS, GUARD
+from pwscont.system import values
 from pwscont.system.abilities import check_abilities, shown_size
 from pwscont.system.system import PiecewiseLinearSystem, PiecewiseSystem, SlicewiseLinearSystem
-from pwscont.system.values import (
-    broken,
-    checked_matrix,
-    expect,
-    own_array,
-    own_matrix,
-    refuse_unusual,
-)
+from pwscont.system.values import broken
 
 #: The methods that a system may override -> the arguments in words.
 METHODS = {
@@ -57,15 +51,15 @@ Values: TypeAlias = tuple[Character, Array, Matrix, Array, Matrix]
 def check_contract(system: PiecewiseSystem, z: Array, alpha: float) -> Values:
     """Return the values of all methods of a system at a point, or refuse values that do not fit."""
     given, tests = z.copy(), system.test_functions(z, alpha)
-    tests = own_array(system, "test_functions", tests, (np.size(tests),))
+    tests = values.own_array(system, "test_functions", tests, (np.size(tests),))
     character, m = Character.of(tests), len(tests)
     residual = residual_at(system, z, alpha, character)
     is_linear = isinstance(system, PiecewiseLinearSystem)  # a promise that is checked says more
     again = residual if is_linear else _again(system, given.copy(), alpha, character)
     jacobian = jacobian_at(system, z, alpha, character)
     gradients = system.test_jacobian(z, alpha)
-    expect(system, "test_jacobian", gradients, (m, system.size + 1))
-    refuse_unusual(system, "test_jacobian", gradients)
+    values.expect(system, "test_jacobian", gradients, (m, system.size + 1))
+    values.refuse_unusual(system, "test_jacobian", gradients)
     if not isinstance(label := system.label(character), str):
         raise broken(system, "label", f"must return a text, got {label!r}")
     found = system.bounding_tests(character)
@@ -168,14 +162,15 @@ def checked_magnitudes(magnitudes: Any, size: int) -> Array | None:
 
 def residual_at(system: PiecewiseSystem, z: Array, alpha: float, character: Character) -> Array:
     """Return H_chi(z, alpha), shape (n,), in a new array, or refuse another shape."""
-    return own_array(system, "residual", system.residual(z, alpha, character), (system.size,))
+    found = system.residual(z, alpha, character)
+    return values.own_array(system, "residual", found, (system.size,))
 
 
 def jacobian_at(system: PiecewiseSystem, z: Array, alpha: float, character: Character) -> Matrix:
     """Return dH_chi / d(z, alpha), shape (n, n + 1), as a copy, or refuse another shape."""
     jacobian = system.jacobian(z, alpha, character)
     shape = (system.size, system.size + 1)
-    return own_matrix(checked_matrix(system, "jacobian", jacobian, shape))
+    return values.own_matrix(values.checked_matrix(system, "jacobian", jacobian, shape))
 
 
 #: Distance from a point at which derivatives are compared, in typical magnitudes.
@@ -258,8 +253,7 @@ def _refuse_wrong_derivative(
             return  # nearly always at once
     # terms that cancel may be far larger than their sum: tanh(z) + tanh(z - 1) + 1e-10 z
     for far in (x + direction, x - direction):
-        values = np.abs(function(far))
-        rounding = np.fmax(rounding, GUARD * EPS * values / min(STEPS))
+        rounding = np.fmax(rounding, GUARD * EPS * np.abs(function(far)) / min(STEPS))
     wrong &= ~(np.abs(quotients[-1] - slopes) <= rounding)
     for step in FINEST if wrong.any() else ():  # H may oscillate within all other steps
         ahead, behind = x + step * direction, x - step * direction

@@ -30,14 +30,9 @@ from pwscont.curve.looks import hidden_in
 from pwscont.curve.stepper import CurvedSegment, Segment
 from pwscont.linear.factorise import bordered
 from pwscont.system.selection import Selection
+from pwscont.transitions import detector
 from pwscont.transitions.corner import index_at, is_solid
-from pwscont.transitions.detector import (
-    BOTH_SIGNS,
-    UNKNOWN,
-    Reading,
-    SpecialPointFound,
-    TransitionDetector,
-)
+from pwscont.transitions.detector import Reading, SpecialPointFound, TransitionDetector
 from pwscont.transitions.rays import Corner, Ray, beside
 
 #: A branch point outside a step, within this part of the step's length, belongs to the step.
@@ -71,13 +66,15 @@ class SmoothBranchPoints(TransitionDetector):
         """Return each sign and its negative."""
         others = _in_other_cells(curve)
         if not others:
-            return Reading(state.orientation * BOTH_SIGNS, UNKNOWN)  # nearly always
+            return Reading(
+                state.orientation * detector.BOTH_SIGNS, detector.UNKNOWN
+            )  # nearly always
         signs = [state.orientation]
         for own in others:  # zero where the sign differs on both sides
             around = {_sign_beside(own, state.x, state.tangent, side) for side in (-1.0, 1.0)}
             known = around - {None}
             signs.append(known.pop() or 0 if len(known) == 1 else 0)
-        return Reading(np.outer(signs, BOTH_SIGNS).ravel(), np.zeros(2 * len(signs)))
+        return Reading(np.outer(signs, detector.BOTH_SIGNS).ravel(), np.zeros(2 * len(signs)))
 
     def look_inside(self, segment: CurvedSegment) -> State | Failure | None:
         """Look where the determinant vanishes although the sign is the same at both ends."""

@@ -22,15 +22,8 @@ from pwscont.curve.crossing import CLOSE_TO_CROSSING, FULL_RANK, crossing_near, 
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.newton import uncertainty_beside
 from pwscont.curve.stepper import CurvedSegment, Segment
-from pwscont.transitions.detector import (
-    BOTH_SIGNS,
-    NARROW_BRACKET,
-    UNKNOWN,
-    Reading,
-    SpecialPointFound,
-    TransitionDetector,
-    locate_sign_change,
-)
+from pwscont.transitions import detector
+from pwscont.transitions.detector import Reading, SpecialPointFound, TransitionDetector
 from pwscont.transitions.rays import Ray, beside
 
 #: Slopes below this part of the turn of a step are polished where a fold is located: the tangents
@@ -47,7 +40,7 @@ class SmoothFolds(TransitionDetector):
 
     def read(self, curve: Curve, state: State) -> Reading:
         """Return the component and the negative component; zero to rounding counts as zero."""
-        return Reading(curve.slope(state) * BOTH_SIGNS, UNKNOWN)
+        return Reading(curve.slope(state) * detector.BOTH_SIGNS, detector.UNKNOWN)
 
     def needs_shorter_step(
         self, segment: CurvedSegment, start: Reading, end: Reading
@@ -85,10 +78,10 @@ class SmoothFolds(TransitionDetector):
             return slope(state) if abs(slope(state)) > off * curve.metric.width else 0.0
 
         narrow = _place(segment, GUARD * EPS)
-        found = locate_sign_change(segment, exact_slope, bracket, narrow)
+        found = detector.locate_sign_change(segment, exact_slope, bracket, narrow)
         if isinstance(found, Failure):  # right at an end the change may be polished away
-            narrow = max(narrow, NARROW_BRACKET)
-            found = locate_sign_change(segment, slope, bracket, narrow)
+            narrow = max(narrow, detector.NARROW_BRACKET)
+            found = detector.locate_sign_change(segment, slope, bracket, narrow)
         if isinstance(found, Failure):
             return found
         fold, off = finer(found)
