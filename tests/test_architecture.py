@@ -64,7 +64,7 @@ BUDGET = {
     "enumeration": (11, 2559),
     "transitions": (13, 4077),
     "graph": (10, 2572),
-    "search": (8, 1813),
+    "search": (9, 2046),
     "continuation": (8, 2811),
     "kit": (4, 955),
     "proof": (8, 2142),
