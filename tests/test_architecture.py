@@ -63,7 +63,7 @@ BUDGET = {
     "curve": (13, 3410),
     "enumeration": (11, 2559),
     "transitions": (13, 4077),
-    "graph": (10, 2572),
+    "graph": (10, 2592),
     "search": (9, 2046),
     "continuation": (8, 2811),
     "kit": (4, 955),
