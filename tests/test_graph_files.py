@@ -4,6 +4,7 @@ import contextlib
 import copy
 import json
 import math
+import os
 
 import numpy as np
 import pytest
@@ -200,6 +201,14 @@ def test_a_node_that_does_not_fit_its_pieces_is_refused(tmp_path, moved, error):
     write(path, arrays, header)
     with pytest.raises(error, match="does not reach node"):
         BranchGraph.load(path, scene.system)
+
+
+def test_a_device_is_not_replaced(tmp_path):
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    with pytest.raises(GraphFileError, match="it is a device, not a file"):
+        fig7().run().save(pipe)
+    assert pipe.is_fifo()
 
 
 def test_a_failed_write_leaves_nothing_behind(tmp_path, monkeypatch):
