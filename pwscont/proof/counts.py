@@ -8,7 +8,6 @@ not known (not a number). The theorem stands on the page "Proofs".
 
 from __future__ import annotations
 
-from functools import partial
 from typing import final
 
 import numpy as np
@@ -181,7 +180,7 @@ class _Passage:
         modes = [chosen(is_many, hull, each) * domain.scale for each in modes]
         along = Interval(np.sum([_tangents(each.middle()) for each in modes], axis=0))
         #: The derivatives with one more row, along the curve.
-        self._modes = [together(partial(np.concatenate, axis=1), m, along) for m in modes]
+        self._modes = [together(np.hstack, m, along) for m in modes]
 
     def is_passed(self) -> Signs:
         """Tell in which hulls all solutions lie on one curve without branch points."""
@@ -210,10 +209,9 @@ class _Passage:
 
     def _of_folds(self, way: Interval) -> Array:
         """Return the signs of the second derivative of alpha along smooth curves."""
-        join = partial(np.concatenate, axis=1)
-        at = together(join, self._hulls, way * self._domain.scale)
+        at = together(np.hstack, self._hulls, way * self._domain.scale)
         bend = evaluated(self._domain.tape.bent, at)
-        right = together(join, bend, Interval(np.zeros_like(bend.lo[:, :1])))
+        right = together(np.hstack, bend, Interval(np.zeros_like(bend.lo[:, :1])))
         return _sign(solved(self._modes[0], right[..., np.newaxis])[:, -1, 0])
 
     def _of_faces(self, ways: list[Interval]) -> Array:

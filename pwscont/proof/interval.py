@@ -33,16 +33,6 @@ INF = np.inf
 Ends = Callable[[Array, Array], Array]
 
 
-def below(x: Array, ulps: float = 1.0) -> Array:
-    """Return numbers that are certainly below the true values of rounded numbers."""
-    return x - _error(x, ulps)
-
-
-def above(x: Array, ulps: float = 1.0) -> Array:
-    """Return numbers that are certainly above the true values of rounded numbers."""
-    return x + _error(x, ulps)
-
-
 def upper(x: Array, terms: int) -> Array:
     """Return upper bounds of rounded sums of products that are not negative."""
     bound: Array = x * (1.0 + 4.0 * (terms + 4) * ULP) + (terms + 4) * SMALLEST
@@ -78,22 +68,21 @@ class Interval:
 
     @classmethod
     def rounded(cls, lo: Array, hi: Array, ulps: float = 1.0) -> Interval:
-        """Return the intervals between rounded ends, with the error of rounding added."""
-        return cls(below(lo, ulps), above(hi, ulps))
+        """Return intervals that certainly hold the true values of rounded ends."""
+        return cls(lo - _error(lo, ulps), hi + _error(hi, ulps))
 
     def __getitem__(self, key: Any) -> Interval:
         return Interval(self.lo[key], None if self.lo is self.hi else self.hi[key])
 
     def __neg__(self) -> Interval:
-        return Interval(-self.hi, -self.lo)
+        return Interval(-self.hi, None if self.lo is self.hi else -self.lo)
 
     def __add__(self, other: Any) -> Interval:
         other = _interval(other)
         return Interval.rounded(self.lo + other.lo, self.hi + other.hi)
 
     def __sub__(self, other: Any) -> Interval:
-        other = _interval(other)
-        return Interval.rounded(self.lo - other.hi, self.hi - other.lo)
+        return self + -_interval(other)
 
     def __mul__(self, other: Any) -> Interval:
         return self._over(_interval(other), np.multiply)
@@ -112,17 +101,11 @@ class Interval:
 
     __radd__, __rmul__ = __add__, __mul__
 
-    def __rsub__(self, other: Any) -> Interval:
-        return _interval(other) - self
-
-    def __rtruediv__(self, other: Any) -> Interval:
-        return _interval(other) / self
-
     def __pow__(self, power: float) -> Interval:
         """Return the powers, of a whole number that is not zero."""
         k = int(power)
         if k < 0:
-            return 1.0 / self**-k
+            return Interval(np.ones(1)) / self**-k
         x = self if k % 2 else abs(self)  # what is left increases
         lo, hi = (reduce(operator.mul, [Interval(end)] * k) for end in (x.lo, x.hi))
         return Interval(lo.lo if k % 2 else np.maximum(lo.lo, 0.0), hi.hi)
@@ -144,7 +127,8 @@ class Interval:
         if self.lo is self.hi:
             return self.lo, 0.0
         mid = self.middle()
-        return mid, above(np.maximum(self.hi - mid, mid - self.lo))
+        far = np.maximum(self.hi - mid, mid - self.lo)
+        return mid, far + _error(far, 1.0)
 
     def __abs__(self) -> Interval:
         lo = np.maximum(np.maximum(self.lo, -self.hi), 0.0)
@@ -199,7 +183,7 @@ def chosen(condition: Signs, one: Interval, other: Interval) -> Interval:
 
 
 def together(function: Callable[[list[Array]], Array], *parts: Interval) -> Interval:
-    """Return one interval from several, put together by np.stack, np.vstack or the like."""
+    """Return one interval from several, put together by np.hstack, np.vstack or the like."""
     return Interval(function([x.lo for x in parts]), function([x.hi for x in parts]))
 
 
@@ -265,10 +249,10 @@ def _increasing(name: str, least: float, most: float, first: float, last: float)
 
 
 def _has_crest(x: Interval, place: float) -> Signs:
-    """Tell where a number place + 2 pi k may lie in the interval."""
+    """Tell where a number place + 2 pi k may lie in the interval, or the interval is far out."""
     first, last = (x.lo - place) / (2.0 * np.pi), (x.hi - place) / (2.0 * np.pi)
     crest: Signs = np.floor(last + BLUR) >= np.ceil(first - BLUR)
-    return crest
+    return crest | ~(x.reach() < FAR)
 
 
 def _wave(function: Callable[[Array], Array], top: float) -> Map:
@@ -277,9 +261,8 @@ def _wave(function: Callable[[Array], Array], top: float) -> Map:
     def values(x: Interval) -> Interval:
         a, b = function(x.lo), function(x.hi)
         found = Interval.rounded(np.minimum(a, b), np.maximum(a, b), FUNCTION_ULPS)
-        is_far = ~(x.reach() < FAR)
-        lo = np.where(_has_crest(x, top + np.pi) | is_far, -1.0, np.maximum(found.lo, -1.0))
-        hi = np.where(_has_crest(x, top) | is_far, 1.0, np.minimum(found.hi, 1.0))
+        lo = np.where(_has_crest(x, top + np.pi), -1.0, np.maximum(found.lo, -1.0))
+        hi = np.where(_has_crest(x, top), 1.0, np.minimum(found.hi, 1.0))
         return Interval(lo, hi).where(x.lo <= x.hi)
 
     return values
