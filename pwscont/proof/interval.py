@@ -194,6 +194,14 @@ def inverses(matrices: Array) -> Array:
     return np.where(regular, inverse, np.nan)
 
 
+def departure(inverse: Array, matrix: Interval) -> Callable[[Array], Array]:
+    """Return the map of v, not negative, to upper bounds of |I - R K| v for B matrices K."""
+    (middle, radius), n = matrix._balls(), matrix.lo.shape[-1]
+    off = np.abs(inverse @ middle - np.eye(n)) + (n + 2) * SMALLEST
+    size, width = np.abs(inverse), (n + 2) * (ULP * np.abs(middle) + SMALLEST) + radius
+    return lambda v: upper(off @ v + size @ (width @ v), 3 * n)
+
+
 def solved(matrix: Interval, right: Interval) -> Interval:
     """Return x with matrix x + right = 0 for B systems, shapes (B, n, n) and (B, n, m).
 
@@ -208,9 +216,9 @@ def solved(matrix: Interval, right: Interval) -> Interval:
     x = -(inverse @ right.middle())
     x = x - inverse @ (middle @ x + right.middle())
     start = (Interval(inverse) @ (matrix @ Interval(x) + right)).reach()
-    off = (Interval(inverse) @ matrix - np.eye(n)).reach()
-    radius = 2.0 * (start + off @ (2.0 * start)) + LEAST
-    image = upper(start + off @ radius, n + 1)
+    off = departure(inverse, matrix)
+    radius = 2.0 * (start + off(2.0 * start)) + LEAST
+    image = upper(start + off(radius), 1)
     holds: Signs = np.all(image < radius, axis=(-2, -1), keepdims=True)
     return Interval.rounded(x - image, x + image).where(holds)
 
@@ -221,10 +229,9 @@ def are_regular(matrices: Interval, size: Array) -> Signs:
     With any matrix R, best about the inverse, they do if |I - R K| v < v for some v > 0; ``size``
     are typical unknowns (n,).
     """
-    off = (Interval(inverses(matrices.middle())) @ matrices - np.eye(len(size))).reach()
-    v = size + off @ size
-    image = (off @ v[..., np.newaxis])[..., 0]
-    regular: Signs = np.all(upper(image, len(size)) < v, axis=-1)
+    off = departure(inverses(matrices.middle()), matrices)
+    v = size[:, np.newaxis] + off(size[:, np.newaxis])
+    regular: Signs = np.all(off(v) < v, axis=(-2, -1))
     return regular
 
 

@@ -24,7 +24,7 @@ from pwscont.graph.branch_graph import BranchGraph
 from pwscont.graph.proved import are_matched, with_slack
 from pwscont.graph.records import Piece, Solution
 from pwscont.proof.cells import MOST_CELLS, Choice, ExactCells, Point, segment_of, value
-from pwscont.proof.interval import Interval, together, upper
+from pwscont.proof.interval import Interval, departure, together
 from pwscont.search.enumeration import Solutions
 from pwscont.system.abilities import ExactData, ExactMode, ExactRates, completed_point, shown_size
 
@@ -446,5 +446,4 @@ def is_positive_definite(form: Interval) -> bool:
         R = np.linalg.inv(np.linalg.cholesky(0.5 * both.middle()))
     except np.linalg.LinAlgError:
         return False
-    off = (Interval(R) @ both @ Interval(R.T) - 2.0 * np.eye(len(R))).reach()
-    return bool((upper(off.sum(axis=1), len(R)) < 2.0).all())
+    return bool((departure(0.5 * R, both @ Interval(R.T))(np.ones((len(R), 1))) < 1.0).all())
