@@ -22,10 +22,11 @@ except ImportError:
 
 #: Twice the unit roundoff: a bound of the relative error of + - * / sqrt with room for a rounding.
 ULP = 2.0**-52
-#: The smallest positive number: products and quotients may err by half of it near zero.
-SMALLEST = 5e-324
-#: The least radius of an enclosure of solutions, far above all numbers that underflow.
-LEAST = 1e-290
+#: Far above what products and quotients err by near zero: sums with the smallest numbers of all
+#: take a hundred times as long.
+TINY = 1e-150
+#: The least radius of an enclosure of solutions, far above sums of so tiny numbers.
+LEAST = 1e-140
 #: How many units in the last place an elementary function of numpy may err: an assumption that
 #: the extra ``proof`` spares, see docs/theory, F21.
 FUNCTION_ULPS = 4.0
@@ -35,7 +36,7 @@ Ends = Callable[[Array, Array], Array]
 
 def upper(x: Array, terms: int) -> Array:
     """Return upper bounds of rounded sums of products that are not negative."""
-    bound: Array = x * (1.0 + 4.0 * (terms + 4) * ULP) + (terms + 4) * SMALLEST
+    bound: Array = x * (1.0 + 4.0 * (terms + 4) * ULP) + (terms + 4) * TINY
     return bound
 
 
@@ -43,7 +44,7 @@ def _error(x: Array, ulps: float) -> Array:
     """Return a bound of the error of rounded numbers, in place: most of the time goes here."""
     error = np.abs(x)
     error *= ulps * ULP
-    error += ulps * SMALLEST
+    error += ulps * TINY
     return error
 
 
@@ -112,23 +113,22 @@ class Interval:
 
     def __matmul__(self, other: Interval) -> Interval:
         """Return products of matrices, as products of midpoints with bounds of all errors."""
-        (a, r), (b, s) = self._balls(), other._balls()
-        terms, filled = a.shape[-1], int(np.count_nonzero(a, axis=-1).max(initial=0))
-        size = np.abs(b)
-        width = (filled + 2) * (ULP * size + SMALLEST * (size > 0.0)) + s
+        a, r = self.balls(0)
+        b, width = other.balls(int(np.count_nonzero(a, axis=-1).max(initial=0)))
         far = np.abs(a) @ width
         if self.lo is not self.hi:
-            far = far + r @ (size + width)
-        mid, far = a @ b, upper(far, terms) + terms * SMALLEST
+            far = far + r @ (np.abs(b) + width)
+        mid, terms = a @ b, a.shape[-1]
+        far = upper(far, terms) + terms * TINY
         return Interval.rounded(mid - far, mid + far)
 
-    def _balls(self) -> tuple[Array, Any]:
-        """Return midpoints, and bounds of the radii around the midpoints."""
+    def balls(self, terms: int) -> tuple[Array, Array]:
+        """Return midpoints, and radii with room for the rounding of sums of so many products."""
+        mid = self.lo if self.lo is self.hi else self.middle()
+        radius = np.abs(mid) * ((terms + 2) * ULP) + (terms + 2) * TINY
         if self.lo is self.hi:
-            return self.lo, 0.0
-        mid = self.middle()
-        far = np.maximum(self.hi - mid, mid - self.lo)
-        return mid, far + _error(far, 1.0)
+            return mid, radius
+        return mid, radius + (1.0 + 4.0 * ULP) * np.maximum(self.hi - mid, mid - self.lo)
 
     def __abs__(self) -> Interval:
         lo = np.maximum(np.maximum(self.lo, -self.hi), 0.0)
@@ -194,11 +194,10 @@ def inverses(matrices: Array) -> Array:
     return np.where(regular, inverse, np.nan)
 
 
-def departure(inverse: Array, matrix: Interval) -> Callable[[Array], Array]:
-    """Return the map of v, not negative, to upper bounds of |I - R K| v for B matrices K."""
-    (middle, radius), n = matrix._balls(), matrix.lo.shape[-1]
-    off = np.abs(inverse @ middle - np.eye(n)) + (n + 2) * SMALLEST
-    size, width = np.abs(inverse), (n + 2) * (ULP * np.abs(middle) + SMALLEST) + radius
+def departure(inverse: Array, matrix: tuple[Array, Array]) -> Callable[[Array], Array]:
+    """Return the map of v, not negative, to upper bounds of |I - R K| v for balls of matrices K."""
+    (middle, width), size, n = matrix, np.abs(inverse), inverse.shape[-1]
+    off = np.abs(inverse @ middle - np.eye(n)) + (n + 2) * TINY
     return lambda v: upper(off @ v + size @ (width @ v), 3 * n)
 
 
@@ -209,14 +208,16 @@ def solved(matrix: Interval, right: Interval) -> Interval:
     |R (K x + k)| + |I - R K| v < v bounds the error, and K is regular (Rump 2010, section 10). Else
     nothing is said.
     """
-    middle, n = matrix.middle(), matrix.lo.shape[-1]
+    n = matrix.lo.shape[-1]
     if matrix.lo.shape[-2] != n:
-        return Interval(np.full((len(middle), n, right.lo.shape[-1]), np.nan))
-    inverse = inverses(middle)
-    x = -(inverse @ right.middle())
-    x = x - inverse @ (middle @ x + right.middle())
-    start = (Interval(inverse) @ (matrix @ Interval(x) + right)).reach()
-    off = departure(inverse, matrix)
+        return Interval(np.full((len(matrix.lo), n, right.lo.shape[-1]), np.nan))
+    (K, width), (k, far) = matrix.balls(n), right.balls(n)
+    R = inverses(K)
+    off, x = departure(R, (K, width)), -(R @ k)
+    x = x - R @ (K @ x + k)
+    rest = K @ x + k
+    far = far + width @ np.abs(x) + (n + 2) * (ULP * np.abs(rest) + TINY)
+    start = upper(np.abs(R @ rest) + np.abs(R) @ far, 3 * n)
     radius = 2.0 * (start + off(2.0 * start)) + LEAST
     image = upper(start + off(radius), 1)
     holds: Signs = np.all(image < radius, axis=(-2, -1), keepdims=True)
@@ -229,7 +230,8 @@ def are_regular(matrices: Interval, size: Array) -> Signs:
     With any matrix R, best about the inverse, they do if |I - R K| v < v for some v > 0; ``size``
     are typical unknowns (n,).
     """
-    off = departure(inverses(matrices.middle()), matrices)
+    balls = matrices.balls(len(size))
+    off = departure(inverses(balls[0]), balls)
     v = size[:, np.newaxis] + off(size[:, np.newaxis])
     regular: Signs = np.all(off(v) < v, axis=(-2, -1))
     return regular

@@ -446,4 +446,5 @@ def is_positive_definite(form: Interval) -> bool:
         R = np.linalg.inv(np.linalg.cholesky(0.5 * both.middle()))
     except np.linalg.LinAlgError:
         return False
-    return bool((departure(0.5 * R, both @ Interval(R.T))(np.ones((len(R), 1))) < 1.0).all())
+    off = departure(0.5 * R, (both @ Interval(R.T)).balls(len(R)))
+    return bool((off(np.ones((len(R), 1))) < 1.0).all())
