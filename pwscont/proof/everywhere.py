@@ -97,7 +97,7 @@ class Everywhere(Search):
     ) -> Iterator[Found]:
         """Yield the proved solutions, then what the default search finds if something is open."""
         proof = self.prove(system, metric, interval, known)
-        yield from _proved_starts(proof, system, metric, known)
+        yield from _proved_starts(proof, system, metric)
         if not proof.holds:
             others = default_search(system, interval)
             yield from starts_of(others, system, metric, interval, known)
@@ -184,25 +184,13 @@ def _default_box(
     return lower, np.where(np.isfinite(upper), upper, most)
 
 
-def _proved_starts(
-    proof: BoxProof, system: PiecewiseSystem, metric: Metric, known: KnownBranches
-) -> Iterator[Found]:
-    """Yield the proved solutions as Newton leaves them, of each stretch that is not known."""
+def _proved_starts(proof: BoxProof, system: PiecewiseSystem, metric: Metric) -> Iterator[Found]:
+    """Yield the proved solutions as Newton leaves them."""
     for stretch in proof.stretches:
-        middles = [0.5 * (least + largest) for least, largest in stretch.solutions or ()]
-        for z in () if _are_known(proof, stretch.alpha, middles, known) else middles:
-            guess = completed(system, z, stretch.alpha)
+        for least, largest in stretch.solutions or ():
+            guess = completed(system, 0.5 * (least + largest), stretch.alpha)
             if found := solution_from(system, metric, guess, stretch.alpha, ()):
                 yield found
-
-
-def _are_known(proof: BoxProof, alpha: float, solutions: list[Array], known: KnownBranches) -> bool:
-    """Tell whether each proved solution at alpha has a known point nearest of its own."""
-    size, (lower, upper) = len(proof.box[0]), proof.box
-    points = [x[:size] for x in known.at(alpha)]
-    points = [z for z in points if ((z >= lower) & (z <= upper)).all()]
-    far = [[np.abs(z - x).max() for z in points] for x in solutions] if points else []
-    return len({int(np.argmin(each)) for each in far}) == len(points) == len(solutions)
 
 
 @final
@@ -228,7 +216,7 @@ class AlsoProved(Search):
         known.are_all = lambda: prove() is not None
         yield from starts_of(self.search, system, metric, interval, known)
         if proof := prove():
-            yield from _proved_starts(proof, system, metric, known)
+            yield from _proved_starts(proof, system, metric)
 
     def prove_again(
         self, system: PiecewiseSystem, metric: Metric, interval: Range, known: KnownBranches
