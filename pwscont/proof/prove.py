@@ -163,22 +163,26 @@ class _Pieces:
     """
 
     def __init__(self, graph: BranchGraph, cells: ExactCells) -> None:
-        self._graph, self.cells = graph, cells
-        met: dict[int, list[int]] = {node.id: [] for node in graph.nodes}
-        for k, piece in enumerate(graph.pieces):
-            for node in (piece.start, piece.end):
-                met[node].append(k)
-        self.inner = {
-            node: pieces
-            for node, pieces in met.items()
-            if len(pieces) != 1 or graph.point(node).alpha not in graph.interval
+        self._graph, self.cells, pieces = graph, cells, graph.pieces
+        met = {
+            node.id: [k for k, p in enumerate(pieces) for end in (p.start, p.end) if end == node.id]
+            for node in graph.nodes
         }
-        self.transitions = sum(len(pieces) > 1 for pieces in self.inner.values())
+        self.inner = {
+            node: some
+            for node, some in met.items()
+            if len(some) != 1 or graph.point(node).alpha not in graph.interval
+        }
+        self.transitions = sum(len(some) > 1 for some in self.inner.values())
         self.rays: set[Point] = set()
         self._rational_ends = cache(self._ends_of)
-        self._points, self._magnitudes = self._full_points()
-        lo, hi = graph.interval
-        self._near = NEAR * np.append(self._magnitudes[:-1], hi - lo)
+        system: Any = graph.system
+        full = [[completed_point(system, p.points[k]) for k in (0, -1)] for p in pieces]
+        #: Both ends (z, alpha) of each piece, shape (k, 2, n + 1), and magnitudes.
+        self._points = np.array(full).reshape(-1, 2, cells.size + 1)
+        self._sizes = np.abs(self._points).max(axis=(0, 1), initial=0.0)
+        self._sizes[:-1] = np.maximum(self._sizes[:-1], DUST * self._sizes[:-1].max(initial=0.0))
+        self._near = NEAR * np.append(self._sizes[:-1], np.ptp(graph.interval))
         self._choices = self._modes()
         #: The inequality that vanishes at the end of a piece, by piece and node.
         self._vanishing: dict[tuple[int, int], Array] = {}
@@ -190,21 +194,11 @@ class _Pieces:
         near = np.append(self._near[: points.shape[1] - 1], self._near[-1])
         return len(points) == 2 and bool((np.abs(points - ends) <= near).all())
 
-    def _full_points(self) -> tuple[Array, Array]:
-        """Return both ends (z, alpha) of each piece, shape (k, 2, n + 1), and magnitudes."""
-        system: Any = self._graph.system
-        points = [each.points for each in self._graph.pieces]
-        full = [[completed_point(system, each[k]) for k in (0, -1)] for each in points]
-        ends = np.array(full).reshape(-1, 2, self.cells.size + 1)
-        sizes = np.abs(ends).max(axis=(0, 1), initial=0.0)
-        sizes[:-1] = np.maximum(sizes[:-1], DUST * sizes[:-1].max(initial=0.0))
-        return ends, sizes
-
     def _modes(self) -> Indices:
         """Return the modes of each piece, as the middle of the piece shows them, shape (k, p)."""
         x, rows = self._points.mean(axis=1), self.cells.rows
         values = rows[:, :-1] @ x.T + rows[:, -1:]
-        sizes = np.abs(rows[:, :-1]) @ self._magnitudes + np.abs(rows[:, -1])
+        sizes = np.abs(rows[:, :-1]) @ self._sizes + np.abs(rows[:, -1])
         off = np.abs(values) <= HOLDS * sizes[:, np.newaxis]
         room = values / (sizes + (sizes == 0.0))[:, np.newaxis]
 
