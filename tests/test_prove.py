@@ -112,6 +112,13 @@ def test_units_of_a_complementarity_problem_do_not_hide_an_inequality(stiffness)
     assert len(boxes) + len(points) == 1
 
 
+def test_numbers_that_units_would_make_too_small_are_kept():
+    """Divided by 1e156, a constant of 1e-170 would be zero, and three solutions would be one."""
+    game = LCP(1e156 * np.array([[1, 2], [2, 1]]), q=[-1e-170, -1e-170], d=[0, 0])
+    boxes, points, _ = proved_solutions(ExactCells(*game.exact_rows(0.0)), 0.0)
+    assert len(boxes) + len(points) == 3
+
+
 @pytest.mark.parametrize("off", [5.0, -1e-6, np.nan, np.inf])
 def test_what_is_no_solution_is_not_proved_beside_solutions_that_are_close(off):
     close = LCP([[1, 0, 0], [0, 1, 2], [0, 2, 1]], q=[-1, -1e-9, -1e-9], d=[0, 0, 0])
