@@ -254,13 +254,11 @@ def are_matched(proved: Sequence[Corners], found: Sequence[Corners]) -> bool:
 
 def _plain(thing: Any) -> Any:
     """Return arrays, tuples and stretches as lists; a number that is not known becomes None."""
-    if isinstance(thing, np.ndarray):
-        return thing.tolist()
     if isinstance(thing, CountedStretch):
-        return [_plain(getattr(thing, each.name)) for each in fields(thing)]
-    if isinstance(thing, list | tuple):
+        thing = [getattr(thing, each.name) for each in fields(thing)]
+    if isinstance(thing, np.ndarray | list | tuple):
         return [_plain(each) for each in thing]
-    return None if isinstance(thing, float) and np.isnan(thing) else thing
+    return None if thing is None or thing != thing else thing  # noqa: PLR0124  nan
 
 
 def _corners(lists: Any) -> list[Corners]:

@@ -83,17 +83,14 @@ def _united(ranges: Interval, turns: Array, apart: float) -> list[tuple[float, f
 
 def _counted(domain: Domain, boxes: Interval, stretches: list[Range]) -> list[CountedStretch]:
     """Return stretches with solutions at the first place of each where all are told apart."""
-    known = dict[Range, CountedStretch]()
+    known = {pair: CountedStretch(*pair, 0.5 * sum(pair), None) for pair in stretches}
     for part in PLACES:
-        parts = ((lo, lo + (hi - lo) * part, hi) for lo, hi in stretches if (lo, hi) not in known)
-        places = {(lo, hi): alpha for lo, alpha, hi in parts if lo < alpha < hi}
+        left = [(lo, hi) for (lo, hi), each in known.items() if each.count is None]
+        places = {(lo, hi): lo + (hi - lo) * part for lo, hi in left}
         found = enclosures(domain, boxes, list(places.values()))
         for ((lo, hi), alpha), solutions in zip(places.items(), found, strict=True):
-            if solutions is not None:
-                known[lo, hi] = CountedStretch(lo, hi, alpha, solutions)
-    return [
-        known.get((lo, hi), CountedStretch(lo, hi, 0.5 * (lo + hi), None)) for lo, hi in stretches
-    ]
+            known[lo, hi] = CountedStretch(lo, hi, alpha, solutions if lo < alpha < hi else None)
+    return list(known.values())
 
 
 @np.errstate(all="ignore")

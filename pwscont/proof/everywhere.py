@@ -156,14 +156,14 @@ class Everywhere(Search):
 
 
 def _checked_box(box: Any) -> tuple[Any, Any]:
+    """Return both ends as numbers or tuples of numbers, which can be compared."""
     is_pair = isinstance(box, tuple | list) and len(box) == 2
     lower, upper = (finite_array("box", end) for end in (box if is_pair else (1.0, 0.0)))
-    shapes = {end.shape for end in (lower, upper)} - {(), (1,)}
-    are_vectors = len(shapes) <= 1 and max(lower.ndim, upper.ndim) <= 1
-    if not are_vectors or not (lower < upper).all():
+    fits = {lower.shape, upper.shape} <= {(), (1,), (max(lower.size, upper.size),)}
+    if not fits or not (lower < upper).all():
         raise InvalidInputError(f"box must be a pair, least < largest, that fit, got {box!r}")
-    plain: Any = [tuple(end.tolist()) if end.ndim else float(end) for end in (lower, upper)]
-    return plain[0], plain[1]
+    ends: Any = [tuple(end.tolist()) if end.ndim else float(end) for end in (lower, upper)]
+    return ends[0], ends[1]
 
 
 def _default_box(
