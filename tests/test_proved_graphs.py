@@ -115,6 +115,16 @@ def test_a_graph_without_solutions_lends_no_other_system_the_proof(tmp_path):
     assert BranchGraph.load(tmp_path / "empty").proof.count(0.0) == 0
 
 
+def test_a_graph_lends_no_other_system_with_the_same_branch_the_proof(tmp_path):
+    """All points of the graph solve the other system, which has one more branch, at z = 5."""
+    line = Switched(1, lambda z, t, sw: z - t)
+    explore(line, (-1.0, 1.0)).save(tmp_path / "line")
+    two = Switched(1, lambda z, t, sw: (z - t) * (z - 5.0))
+    assert BranchGraph.load(tmp_path / "line", system=two).guarantee == "balanced"
+    again = BranchGraph.load(tmp_path / "line", system=line)
+    assert again.guarantee.startswith("complete in the box, proved")
+
+
 def test_a_saved_graph_keeps_the_proof(tmp_path):
     graph = explore(ARCH, (-0.5, 1.0), search=Everywhere())
     graph.save(tmp_path / "arch")

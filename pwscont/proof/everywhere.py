@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any, final
 
@@ -128,13 +128,13 @@ class Everywhere(Search):
         last = self.proved(system, interval)
         if last is not None and self._last["key"] == key:
             return last
-        check_tape(tape, system, box)
+        values = check_tape(tape, system, box)
         most = MOST_BOXES * max(n - 2, 1) ** 2
         most = MOST_WORK // (len(tape.slopes.steps) + BESIDES) if is_quick else most
         with np.errstate(all="ignore"):
             domain = Domain(tape, box, scale)
             found = covered(domain, box[np.newaxis], domain.continues, self.seconds, most)
-            proof = counted_proof(domain, found, is_whole=is_quick)
+            proof = replace(counted_proof(domain, found, is_whole=is_quick), values=values)
         self._last.update(asked=(formula_of(system) or system, interval), key=key, proof=proof)
         return proof
 

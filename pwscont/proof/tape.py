@@ -23,6 +23,7 @@ from numpy.lib.mixins import NDArrayOperatorsMixin
 from pwscont.basics.arrays import Array, Signs, generic
 from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidInputError
+from pwscont.graph.proved import ALIKE, value_of
 from pwscont.notation.arithmetic import KINKED, OF_TWO, SMOOTH, refuse_kink
 from pwscont.notation.curved import SwitchedSystem
 from pwscont.proof.interval import ELEMENTARY, OPERATIONS, SWITCHES, Interval
@@ -298,7 +299,7 @@ def with_slopes(
 
 #: At how many points the tape is compared with the formula, and how much they may differ, relative
 #: to the values and to the bound on rounding.
-COMPARED, ALIKE, ROUNDINGS = 40, 1e-9, 100.0
+COMPARED, ROUNDINGS = 40, 100.0
 #: Most tests of a class, whose selections are written down one by one.
 MOST_TESTS = 8
 #: How often an interface is looked for, and by how many bisections.
@@ -404,10 +405,10 @@ def _selected(system: PiecewiseSystem, z: Any, alpha: Any, sw: Any) -> Any:
 
 
 @np.errstate(all="ignore")
-def check_tape(tape: Tape, system: Any, box: Interval) -> None:
-    """Refuse a tape that says something else than the system at some point of a box."""
+def check_tape(tape: Tape, system: Any, box: Interval) -> list[tuple[Array, Array]]:
+    """Return H at points of a box, or refuse a tape that says something else at some point."""
     points = _points(box, COMPARED)
-    value = np.array([_value(system, x[:-1], float(x[-1])) for x in points])
+    value = np.array([_value(system, x) for x in points])
     differs = _differ(evaluated(tape, Interval(points)), Interval(value)).any(axis=1)
     if differs.any():
         raise InvalidInputError(
@@ -417,6 +418,7 @@ def check_tape(tape: Tape, system: Any, box: Interval) -> None:
     for step in tape.steps:
         if step.name == "select":
             _check_interface(tape, step.args, box)
+    return [*zip(points, value, strict=True)]
 
 
 def _differ(one: Interval, other: Interval) -> Signs:
@@ -432,14 +434,12 @@ def _points(box: Interval, count: int, first: int = 0) -> Array:
     return points
 
 
-def _value(system: Any, z: Array, alpha: float) -> Array:
+def _value(system: Any, x: Array) -> Array:
     """Return H at a point, or refuse a system that fails there."""
     try:
-        if isinstance(system, SwitchedSystem):
-            return system.formula_at(z, alpha)
-        return np.array(system.residual(z, alpha, system.character(z, alpha)), dtype=float)
+        return value_of(system, x)
     except Exception as error:
-        raise InvalidInputError(f"the formula fails at {np.append(z, alpha)}: {error}") from error
+        raise InvalidInputError(f"the formula fails at {x}: {error}") from error
 
 
 def _check_interface(tape: Tape, places: tuple[int, ...], box: Interval) -> None:
