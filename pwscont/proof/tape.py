@@ -392,13 +392,13 @@ def tape_of(system: PiecewiseSystem) -> Tape:
 def _selected(system: PiecewiseSystem, z: Any, alpha: Any, sw: Any) -> Any:
     """Return the selections of a class, chosen by the tests one after the other."""
     z.setflags(write=False)  # all selections get the same unknowns
-    tests = np.asarray(system.test_functions(z, alpha), dtype=object).ravel()
+    tests = np.array(system.test_functions(z, alpha), dtype=object).ravel()  # not a class's buffer
     if len(tests) > MOST_TESTS:
         raise TypeError(f"{len(tests)} tests are more than {MOST_TESTS}")
 
     def chosen(signs: tuple[bool, ...]) -> Any:
         if len(signs) == len(tests):
-            return np.asarray(system.residual(z, alpha, Character(signs)), dtype=object)
+            return np.array(system.residual(z, alpha, Character(signs)), dtype=object)
         return sw.select(tests[len(signs)], chosen((*signs, True)), chosen((*signs, False)))
 
     return chosen(())
