@@ -46,13 +46,20 @@ from pwscont.curve.stepper import CurvedSegment, Segment, Stepper, StraightSegme
 from pwscont.enumeration.options import affine_forms
 from pwscont.enumeration.polyhedron import Polyhedron
 from pwscont.enumeration.tree import AffineCells, enumerate_cells
-from pwscont.graph.exports import DUST
+from pwscont.graph.branch_graph import DUST
 from pwscont.graph.proved import Proof
 from pwscont.graph.queries import fine_points
 from pwscont.graph.records import FEW_DIGITS, Piece, Solution, SpecialPoint, attempted
-from pwscont.linear.balance import balanced
-from pwscont.linear.bordered import BorderedFactor, Interior, row_scale
-from pwscont.linear.factor import SMALL_PIVOT, DenseLU, Factor, ScaledFactor
+from pwscont.linear.factor import (
+    SMALL_PIVOT,
+    BorderedFactor,
+    DenseLU,
+    Factor,
+    Interior,
+    ScaledFactor,
+    row_scale,
+)
+from pwscont.linear.factorise import balanced
 from pwscont.linear.jacobian import StructuredJacobian
 from pwscont.linear.threads import THREADS, one_thread
 from pwscont.search.search import KnownBranches, Search
@@ -74,10 +81,9 @@ from pwscont.system.abilities import (
     shown_size,
 )
 from pwscont.system.box import Box
-from pwscont.system.columns import numbers_in
 from pwscont.system.contract import checked_magnitudes, jacobian_at, residual_at
 from pwscont.system.differences import Differences
-from pwscont.system.selection import Selection
+from pwscont.system.selection import Selection, numbers_in
 from pwscont.transitions.detector import (
     Reading,
     SpecialPointFound,

@@ -29,7 +29,7 @@ from pwscont.curve.pseudo_arclength import (
 from pwscont.curve.step_size import StepSize
 from pwscont.curve.stepper import ExactLinear, Stepper
 from pwscont.graph import BranchGraph
-from pwscont.linear.banded import BandedJacobian
+from pwscont.linear.jacobian import BandedJacobian
 from pwscont.search import (
     AllTransitions,
     EndPoints,

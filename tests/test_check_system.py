@@ -202,3 +202,34 @@ def test_degree_and_unique_are_held_to_all_solutions(c, degree, unique, word):
     report = check_system(Hinge(c, degree, unique), [([0.3], -0.7), ([-0.1], 0.4)])
     assert bool(report) == (word is None)
     assert word is None or word in str(report)
+
+
+class HiddenKink(PiecewiseSystem):
+    """Decides by z where the character is given, and has a misspelt and a plural method."""
+
+    size = 1
+
+    def test_functions(self, z, alpha):
+        return z - 0.3
+
+    def residual(self, z, alpha, character):
+        return z - alpha + 10.0 * np.maximum(z - 0.3, 0.0)
+
+    def jacobain(self, z, alpha, character):
+        return [[1.0, -1.0]]
+
+    def residuals(self):
+        return None
+
+
+def test_a_kink_on_the_boundary_and_a_misspelt_method_are_named():
+    defects = [each.what for each in check_system(HiddenKink(), [([-0.5], 0.5)]).defects]
+    assert len(defects) == 2
+    assert any("decide by character.signs" in words for words in defects)
+    assert "jacobain is never asked for; is jacobian meant?" in defects
+
+
+@pytest.mark.parametrize("signs", [[1, -1], "+-", [0.5], [None]])
+def test_a_character_has_signs_only(signs):
+    with pytest.raises(InvalidInputError, match="True or False"):
+        Character(signs)

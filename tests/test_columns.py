@@ -7,8 +7,7 @@ import pytest
 
 from pwscont import PiecewiseSystem, Switched, trace
 from pwscont.basics.character import Character
-from pwscont.system.columns import by_columns, takes_columns
-from pwscont.system.selection import Selection
+from pwscont.system.selection import Selection, by_columns, takes_columns
 
 RNG = np.random.default_rng(5)
 POINTS = RNG.uniform(0.2, 2.0, (12, 4))  # three unknowns and alpha

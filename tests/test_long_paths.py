@@ -14,10 +14,9 @@ from pwscont_coulomb.rows import FEW, GradientRows
 from pwscont import Character, PseudoArclength, trace
 from pwscont.basics.arrays import dense, power_of_two
 from pwscont.graph.records import Place, first_digits, from_first_digits
-from pwscont.linear.banded import BandLU
 from pwscont.linear.factor import DenseLU
 from pwscont.linear.factorise import factor
-from pwscont.linear.sparse import SparseLU
+from pwscont.linear.jacobian import BandLU, SparseLU
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
 from scale_parts import plain

@@ -13,7 +13,7 @@ from scipy.optimize import linprog
 
 from pwscont import enumerate_solutions
 from pwscont.curve.metric import Metric
-from pwscont.enumeration import tree
+from pwscont.enumeration import simplex, tree
 from pwscont.enumeration.choices import SLACK, Choices
 from pwscont.enumeration.options import Table, problem_of
 from pwscont.enumeration.simplex import (
@@ -227,7 +227,7 @@ def test_few_programs_are_solved_for_fourteen_nodes(monkeypatch):
         solved.append(len(some))
         return feasible(forms, some)
 
-    monkeypatch.setattr(tree, "feasible", counting)
+    monkeypatch.setattr(simplex, "feasible", counting)
     body, load = strip(14)
     found = enumerate_solutions(CoulombLoad(body, load, 0.4), 0.3)
     assert found.guarantee == "complete"

@@ -9,7 +9,7 @@ import pytest
 from pwscont import Block, Character, PiecewiseLinearSystem, enumerate_solutions, explore, trace
 from pwscont.basics.rounding import CONFIDENCE
 from pwscont.curve.metric import Metric
-from pwscont.enumeration import slices
+from pwscont.enumeration import by_parts, slices
 from pwscont.enumeration.by_parts import most_cells, parts_of_table
 from pwscont.enumeration.options import Table
 
@@ -221,8 +221,8 @@ def test_errors_of_parts_grow_with_those_of_parts_before(size, monkeypatch):
         found.extend(solve_parts(*given))
         return found
 
-    solve_parts = slices.solve_parts
-    monkeypatch.setattr(slices, "solve_parts", kept)
+    solve_parts = by_parts.solve_parts
+    monkeypatch.setattr(by_parts, "solve_parts", kept)
     slices.solve_slice(system, Metric(np.ones(system.size + 1)), 0.0)
     (partial,) = found
     pairs = zip(partial.z.tolist(), system.solution(), strict=True)

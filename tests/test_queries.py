@@ -62,7 +62,8 @@ def test_where(fig7):
 def test_stretches_unpack(fig7):
     (lo, hi, count), *_ = fig7.multiplicity()
     assert (lo, hi, count) == (-2.0, pytest.approx(-1.0), 1)
-    assert fig7.multiplicity()[0] == (lo, hi, count)
+    first = fig7.multiplicity()[0]
+    assert first == (lo, hi, count) == (first.lo, first.hi, first.count)
 
 
 @pytest.mark.parametrize(
@@ -386,8 +387,8 @@ def test_two_folds_on_both_sides_of_a_kink_in_alpha_are_one_solution(equation, a
 
 
 def test_no_way_leads_to_a_solution_on_no_piece():
-    """At alpha = 0 every z from -1 to 0 is a solution, and the graph holds points of these."""
-    equation = Switched(1, lambda z, a, sw: sw.relu(z) + sw.min(z + 1.0, 0.0) - a)
+    """Beside z = 2 there is z = 0 at alpha = 0, where the last solution of |z| + alpha = 0 is."""
+    equation = Switched(1, lambda z, a, sw: sw.min(sw.abs(z) + a, 2.0 - z), linear=True)
     graph = explore(equation, (0.0, 0.5))
     alone = [solution for solution in graph.solutions(0.0) if solution.piece == -1]
     (on_piece,) = (solution for solution in graph.solutions(0.5) if solution.piece >= 0)

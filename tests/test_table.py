@@ -7,7 +7,6 @@ import pytest
 
 from pwscont import Panel, Scene, Switched, check_system, explore, plot
 from pwscont.commands.cli import main
-from pwscont.graph.exports import as_html
 from pwscont.kit.inspection import Defect
 from pwscont.kit.system import Report
 from pwscont.scenes.registry import load_scene
@@ -94,7 +93,7 @@ def test_numbers_far_from_zero_have_the_digits_that_tell_them_apart():
     assert "piece 0: " in table
     assert table.count("1000000000.125") == 6  # fold, two pieces, three numbers of solutions
     assert [text.get_text() for text in plot(graph).axes.texts] == ["1000000000.125"]
-    assert "1000000000.125" in as_html(graph, "")
+    assert "1000000000.125" in graph._repr_html_()
 
 
 def test_a_guarantee_names_places_far_from_zero():

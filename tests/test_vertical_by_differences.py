@@ -8,7 +8,7 @@ what they are.
 import numpy as np
 import pytest
 
-from pwscont import PiecewiseSystem, trace
+from pwscont import PiecewiseSystem, Switched, trace
 
 pytestmark = pytest.mark.sweep(3)  # the others take too long for the README's command
 
@@ -139,3 +139,17 @@ def test_a_kink_at_which_alpha_turns_is_a_nonsmooth_fold(beyond):
     assert kink.kind == "nonsmooth fold"
     assert [piece.det_sign for piece in graph.pieces] == [1, -1]
     assert kink.alpha == pytest.approx(0.0, abs=1e-15)
+
+
+@pytest.mark.parametrize("unit", [1e-3, 1.0, 1e3])
+@pytest.mark.parametrize("start", [0.0, 0.5, 1.0])
+@pytest.mark.parametrize("bend", [0.0, 1.0])
+def test_a_vertical_piece_on_an_end_of_the_interval_is_followed(bend, start, unit):
+    def formula(z, alpha, sw):
+        above = sw.relu(z / unit - 1.0)
+        return above + bend * above**2 - sw.relu(-z / unit) - alpha
+
+    for interval, beyond in (((0.0, 1.0), 0.5), ((-1.0, 0.0), -0.5)):
+        graph = trace(Switched(1, formula), ([start * unit], 0.0), interval)
+        assert graph.count(beyond) == 1
+        assert graph.count(0.0) == np.inf

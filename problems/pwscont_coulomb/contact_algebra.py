@@ -23,7 +23,7 @@ Failure modes and answers
 - Stiffnesses of different magnitudes: M is scaled by powers of two from the diagonal of A, and
   slip rows by the friction; results do not depend on units.
 - M is singular at folds and on vertical pieces, where the bordered matrix is not: see
-  :mod:`~pwscont_coulomb.row_updates` and :mod:`pwscont.linear.bordered`.
+  :mod:`~pwscont_coulomb.row_updates` and :mod:`pwscont.linear.factor`.
 - A multiplier is the difference of elastic force and load, with the rounding errors of the two, as
   in the solution of the whole system.
 """

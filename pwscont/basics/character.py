@@ -8,6 +8,7 @@ from typing import final
 import numpy as np
 
 from pwscont.basics.arrays import Array, Indices, Signs
+from pwscont.basics.errors import InvalidInputError
 from pwscont.basics.printing import MOST_LETTERS, short
 
 #: From bytes 0 and 1 to the printed signs, and back.
@@ -25,6 +26,11 @@ class Character:
         The sign of each test function (Janovsky and Ligursky 2012, section 3.1; there the
         signs are stored as a triple of 0 and 1 per contact node).
 
+    Raises
+    ------
+    InvalidInputError
+        If an entry is none of True, False, 1 and 0.
+
     Examples
     --------
     >>> from pwscont import Character
@@ -41,7 +47,11 @@ class Character:
     _array: Signs
 
     def __init__(self, signs: Iterable[bool]) -> None:
-        self._set(bytes(map(bool, signs)))
+        found = tuple(signs)
+        if not all(sign in (0, 1) for sign in found):
+            words = "signs must be True or False for each test function; Character.read takes '+-'"
+            raise InvalidInputError(f"{words}; got {short(repr(signs))}")
+        self._set(bytes(map(bool, found)))
 
     def _set(self, signs: bytes) -> None:
         object.__setattr__(self, "_signs", signs)
@@ -61,13 +71,6 @@ class Character:
     def of(cls, tests: Array) -> Character:
         """Return the character of a point with test function values ``tests``, shape (m,)."""
         return cls._of_bytes((tests >= 0.0).tobytes())
-
-    @classmethod
-    def beyond(cls, tests: Array, crossed: int, sign: bool) -> Character:
-        """Return the character of a point where a test vanishes, on the side of the given sign."""
-        signs = tests >= 0.0
-        signs[crossed] = sign
-        return cls._of_bytes(signs.tobytes())
 
     @classmethod
     def read(cls, text: str) -> Character:

@@ -100,7 +100,7 @@ class FailureReason(Enum):
     )
     CREEPING = (
         "steps stay tiny however many are taken: do the equations vanish twice on the curve, as a "
-        "square does, or is H only rounding here?"
+        "square does, is H only rounding here, or has H a kink that no test function announces?"
     )
     TWICE = (
         "the Jacobian loses rank all along the curve: do the equations vanish twice, as a square "

@@ -44,16 +44,13 @@ def spelled(name: str) -> str:
     >>> spelled("λ_t")
     'lambda_t'
     """
-    return "".join(_letter(letter) for letter in name)
-
-
-def _letter(letter: str) -> str:
-    """Return the word for a Greek letter, with a capital for a capital; other letters as given."""
-    kind, _, word = unicodedata.name(letter, "").rpartition(" LETTER ")
-    if kind not in ("GREEK SMALL", "GREEK CAPITAL") or " " in word:
-        return letter
-    word = word.replace("LAMDA", "LAMBDA").lower()
-    return word.capitalize() if kind == "GREEK CAPITAL" else word
+    letters = list(name)
+    for i, letter in enumerate(letters):
+        kind, _, word = unicodedata.name(letter, "").rpartition(" LETTER ")
+        if kind in ("GREEK SMALL", "GREEK CAPITAL") and " " not in word:
+            word = word.replace("LAMDA", "LAMBDA").lower()
+            letters[i] = word.capitalize() if kind == "GREEK CAPITAL" else word
+    return "".join(letters)
 
 
 def as_written(name: str, known: Iterable[str]) -> str:

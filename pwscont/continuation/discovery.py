@@ -245,7 +245,7 @@ class Discovery:
     def _is_useless(self, number: int, ray: Ray) -> str:
         """Return why a ray of a node is not followed, empty if the ray is."""
         is_due = (len(self.edges) + 1) % EVERY == 0 and not self._budget.is_limited
-        if is_due and self._is_endless(number, ray.curve.metric.scale):
+        if is_due and self._repeats_itself(number, ray.curve.metric.scale):
             self._repeats = True
             return REPEATS
         return TWICE if self._is_in_vain(ray) else ""
@@ -264,7 +264,7 @@ class Discovery:
         """
         return self._in_vain > MOST_IN_VAIN and loses_rank(ray.curve, ray.state.x)
 
-    def _is_endless(self, number: int, scale: Array) -> bool:
+    def _repeats_itself(self, number: int, scale: Array) -> bool:
         """Tell whether the path to a node repeats itself, and no bound is near."""
         shift, bounds = repeated_shift(self.nodes, number, scale), self._follower.bounds
         if shift is None:

@@ -44,9 +44,9 @@ def default_detectors(stepper: Stepper, interval: Range) -> tuple[TransitionDete
     return ends, BoundingTests(), SmoothBranchPoints(), SmoothFolds()
 
 
-def refined(curve: Curve, x: Array) -> bool:
+def refine_if_better(curve: Curve, x: Array) -> bool:
     """Let differences have shorter steps if derivatives at x become better; return whether so."""
-    part = part_of(curve)
+    part = part_of_steps(curve)
     if part * REFINEMENT < FINEST_PART:
         return False
     usual, finer, finest = (_derivatives(curve, x, part * REFINEMENT**k) for k in range(3))
@@ -56,7 +56,7 @@ def refined(curve: Curve, x: Array) -> bool:
     return is_better
 
 
-def part_of(curve: Curve) -> float:
+def part_of_steps(curve: Curve) -> float:
     """Return what part of the usual steps differences take."""
     return curve.selection.system.differences(curve.metric.interval[0]).part
 
@@ -170,7 +170,7 @@ class PieceFollower:
         self._before: State | None = None
         self._step_before: CurvedSegment | None = None
         self._blocked = self._tiny = self._shortened = 0
-        self._part = part_of(ray.curve)
+        self._part = part_of_steps(ray.curve)
         self._stops: EventsAlong | None = None
         self._flips = 0  # changes of sign that no detector took for a special point
 
@@ -290,7 +290,7 @@ class PieceFollower:
     def _refines(self) -> bool:
         """Let differences have shorter steps if shorter steps help; return whether so."""
         self._shortened = 0
-        return refined(self._curve, self._state.x)
+        return refine_if_better(self._curve, self._state.x)
 
     # -- ends ------------------------------------------------------------------------------------
 
@@ -354,7 +354,7 @@ class PieceFollower:
 
     def _stopped(self, why: str) -> Followed:
         """Return the piece that ends here; finer differences have been of no use."""
-        part = part_of(self._curve)
+        part = part_of_steps(self._curve)
         self._curve.selection.system.refine_differences(self._part)
         if piece := self._up_to_crossing():
             return piece

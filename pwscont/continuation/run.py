@@ -354,15 +354,18 @@ def _infinite(plan: Plan, discovery: Discovery, is_part: bool) -> tuple[Stretch,
 
 
 def _scope(
-    plan: Plan, searched: SearchScope, lost: int, discovery: Discovery, unmarked: int
+    plan: Plan, searched: SearchScope, without_digits: int, discovery: Discovery, unmarked: int
 ) -> SearchScope:
     """Return what was searched and what that promises.
 
-    ``lost``: the number of starts without a digit; ``unmarked``: of pieces without marked events.
+    ``without_digits``: the number of starts without a digit; ``unmarked``: of pieces without marked
+    events.
     """
     what, promise = searched.what, searched.promise
-    if lost:
-        what += f"; {lost} of the points found not followed, for no digit of them is certain"
+    if without_digits:
+        what += (
+            f"; {without_digits} of the points found not followed, for no digit of them is certain"
+        )
         promise = Guarantee.NOTHING
     if discovery.left_out:
         what += f"; {discovery.left_out} of the points found {IN_VAIN}"
@@ -419,7 +422,7 @@ def _reentries(discovery: Discovery, plan: Plan) -> Iterator[Found]:
                 continue
             try:
                 found = _coming_back(plan, ray, end, there, limits)
-            except Exception:
+            except Exception:  # H may be undefined beyond the interval, as users may have meant it
                 continue
             yield from found
 

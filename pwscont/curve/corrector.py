@@ -169,7 +169,7 @@ def zero(curve: Curve, border: Border, x: Array) -> Corrected | Failure:
     if curve.selection.is_straight:
         error = uncertainty(root)
     else:
-        root, error = _polished(curve, border, root)
+        root, error = _settled_root(curve, border, root)
     factor, rising = direction(curve, root)
     if factor.failed:
         return Failure(FailureReason.SINGULAR)
@@ -179,7 +179,7 @@ def zero(curve: Curve, border: Border, x: Array) -> Corrected | Failure:
     return Corrected(state, root.iterations, factor, root.contraction)
 
 
-def _polished(curve: Curve, border: Border, root: Root) -> tuple[Root, Array]:
+def _settled_root(curve: Curve, border: Border, root: Root) -> tuple[Root, Array]:
     """Return the root once the corrections are rounding, and the uncertainty of the root.
 
     For nearly every root a few corrections with the factorisation of the root leave only rounding.

@@ -38,8 +38,7 @@ from pwscont.basics.character import Character
 from pwscont.basics.rounding import CONFIDENCE, EPS
 from pwscont.curve.error_samples import Found, magnitude
 from pwscont.curve.metric import Metric, Range
-from pwscont.linear.balance import balanced
-from pwscont.linear.factorise import balanced_columns, bordered, last_unit
+from pwscont.linear.factorise import balanced, balanced_columns, bordered, last_unit
 from pwscont.system.box import Box
 from pwscont.system.contract import jacobian_at, residual_at
 from pwscont.system.system import PiecewiseLinearSystem, PiecewiseSystem

@@ -235,7 +235,8 @@ class PseudoArclength(Stepper):
         predicted, direction = self.predictor.predict(curve, previous, state, length)
         lo, hi = interval
         corrected: Corrected | Failure = OUTSIDE
-        if lo < float(predicted[-1]) < hi:
+        alpha = float(predicted[-1])
+        if lo < alpha < hi or alpha == state.alpha:  # a vertical piece may lie on an end
             corrected = self.corrector.correct(curve, predicted, direction)
         if not isinstance(corrected, Failure):
             return accepted(curve, state, predicted, corrected, length, self.step_size, gap)
@@ -421,7 +422,7 @@ class NaturalParameter(Stepper):
     def step(
         self, curve: Curve, interval: Range, state: State, before: Segment | None, longest: float
     ) -> Segment | Failure:
-        """Halve the increment of alpha until the corrector converges."""
+        """Shorten the increment of alpha until the corrector converges."""
         length = before.suggestion if isinstance(before, CurvedSegment) else self.step_size.first
         length = min(length, longest)
         lo, hi = interval
@@ -431,5 +432,5 @@ class NaturalParameter(Stepper):
             segment = land_on(curve, state, state.tangent, alpha, self.step_size)
             if not isinstance(segment, Failure):
                 return segment
-            length *= 0.5
+            length *= SHORTER
         return Failure(FailureReason.NO_TURN)

@@ -18,7 +18,6 @@ from itertools import product
 from typing import final
 
 import numpy as np
-import numpy.typing as npt
 import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components, maximum_bipartite_matching
 
@@ -30,8 +29,6 @@ from pwscont.curve.newton import Root
 from pwscont.enumeration.options import Table
 from pwscont.enumeration.polyhedron import Cells, Point, Slice
 from pwscont.system.system import Block, SlicewiseLinearSystem, number_of_cells
-
-Pattern = npt.NDArray[np.bool_]
 
 
 @final
@@ -61,24 +58,16 @@ def parts_of_table(table: Table) -> list[Part]:
         needs[np.ix_(own, unknown_of[own])] = True
     needs = needs[:, unknown_of]  # row by row
     _, label = connected_components(sp.csr_matrix(needs), directed=True, connection="strong")
-    owner = [int(label[block.rows[0]]) for block in blocks]
-    return [
-        Part(
-            rows := np.flatnonzero(label == number),
-            unknown_of[rows],
-            tuple(i for i, part in enumerate(owner) if part == number),
-        )
-        for number in _in_order(needs, label)
-    ]
-
-
-def _in_order(needs: Pattern, label: Indices) -> list[int]:
-    """Return the numbers of the components, each component after the components needed."""
-    before: dict[int, set[int]] = {int(number): set() for number in np.unique(label)}
-    for row, needed in np.argwhere(needs):
-        if label[row] != label[needed]:
-            before[int(label[row])].add(int(label[needed]))
-    return list(TopologicalSorter(before).static_order())
+    needed_by = {int(number): set[int]() for number in np.unique(label)}
+    for part, needed in label[np.argwhere(needs)].tolist():
+        if part != needed:
+            needed_by[part].add(needed)
+    parts = []
+    for number in TopologicalSorter(needed_by).static_order():
+        rows = np.flatnonzero(label == number)
+        inside = tuple(i for i, block in enumerate(blocks) if label[block.rows[0]] == number)
+        parts.append(Part(rows, unknown_of[rows], inside))
+    return parts
 
 
 def most_cells(parts: Sequence[Part], blocks: Sequence[Block]) -> int:
@@ -142,6 +131,15 @@ class PartSlice(SlicewiseLinearSystem):
         #: The error of the tests that the error of the parts before makes.
         self.inherited_slack: Array = EPS * (np.abs(K) @ known + np.abs(tests)) + spread
 
+    @classmethod
+    def whole(cls, table: Table) -> PartSlice:
+        """Return exact rows as one part, without inherited errors; tests in the blocks' order."""
+        n, every = len(table.rows[0][1]), tuple(range(len(table.blocks)))
+        nothing = Partial(np.zeros(n), np.zeros((0, n)))
+        part = cls(table, Part(np.arange(n), np.arange(n), every), nothing)
+        part._terms = np.zeros(n)
+        return part
+
     def blocks(self) -> tuple[Block, ...]:
         """Return the blocks of the part."""
         return self.table.blocks
@@ -195,8 +193,9 @@ class PartSlice(SlicewiseLinearSystem):
 
     def inherited_error(self, root: Root, character: Character) -> Array:
         """Return the errors of a root by the errors of the parts before, shape (k, size + 1)."""
-        residual = np.vstack([np.diag(EPS * self._terms), self._in_cell(character)[2].T])
-        return root.factor.solve_all(_with_zeros(residual))
+        own = np.diag(EPS * self._terms)[self._terms > 0.0]
+        residual = _with_zeros(np.vstack([own, self._in_cell(character)[2].T]))
+        return root.factor.solve_all(residual) if len(residual) else residual
 
     def magnitudes(self, scale: Array) -> Array:
         """Return typical magnitudes of the unknowns, small where the constants of the part are."""

@@ -200,20 +200,11 @@ def find_continua(
         return
     elif isinstance(system, PiecewiseLinearSystem):
         yield from _in_linear_pieces(system, metric)
-    else:
-        yield from _asked(system, metric, sorted(set(alphas)))
-
-
-def _asked(
-    system: SlicewiseLinearSystem, metric: Metric, alphas: list[float]
-) -> Iterator[Continuum]:
-    """Yield the values of alpha with infinitely many solutions, and stretches between values."""
-    for alpha in alphas:
-        if solve_slice(system, metric, alpha).faces:
-            yield Continuum(alpha, alpha, True, True, 0.0)
-    for lo, hi in pairwise(alphas):
-        if solve_slice(system, metric, 0.5 * (lo + hi)).faces:
-            yield Continuum(lo, hi, False, False, 0.0)
+    else:  # single values of alpha, and stretches between values
+        known = sorted(set(alphas))
+        for lo, hi in [*zip(known, known, strict=True), *pairwise(known)]:
+            if solve_slice(system, metric, 0.5 * (lo + hi)).faces:
+                yield Continuum(lo, hi, lo == hi, lo == hi, 0.0)
 
 
 def _beside(

@@ -46,14 +46,6 @@ WORST_IN_DOUBLES = EPS**-0.5
 CERTAINLY_OUTSIDE = 1e-5
 
 
-def _batches(numbers: Sequence[int], most: int) -> Iterator[Indices]:
-    """Yield all tuples of whole numbers from 0 to below ``numbers``, ``most`` at once."""
-    for first in range(0, prod(numbers), most):
-        check_budget()
-        which = np.arange(first, min(first + most, prod(numbers)))
-        yield np.array(np.unravel_index(which, numbers)).T if numbers else np.zeros((1, 0), np.intp)
-
-
 #: Largest negative test of a solution that is returned, as a part of the sum of the magnitudes of
 #: the test's terms.
 FAR_OUTSIDE = 0.1
@@ -83,13 +75,16 @@ class ExactSlice:
 
         Solutions far outside are left out. None for infinite numbers, or if it takes too long.
         """
-        numbers = *self._rows, self._tests
-        if self._price() > MOST_WORK or not all(np.isfinite(n).all() for n in numbers):
+        options = sum(len(block.rows) * len(block.modes) for block in self._blocks)
+        c, choices = len(self._common), number_of_cells(self._blocks)
+        before = (c + options) * c * self._n + choices * (self._n - c)  # the first cell is solved
+        are_finite = all(np.isfinite(n).all() for n in (*self._rows, self._tests))
+        if before > MOST_WORK or not are_finite:
             return None
         common = Echelon(self._n).extended([integers(self._rows[0][i]) for i in self._common])
         if common is None:
             return []
-        left, d = self._left(), self._n - len(self._common)
+        left, d = self._left(), self._n - c
         if len(left) * d * d * (d + len(self._tests)) > MOST_WORK:
             return None
         self._eliminated = common
@@ -103,20 +98,18 @@ class ExactSlice:
         cells = self._descend((), Echelon(self._n, level=common.determinant), left)
         return [found for picks, echelon in cells if (found := self._at(picks, echelon))]
 
-    def _price(self) -> int:
-        """Return the work before the first cell is solved exactly."""
-        n, common = self._n, len(self._common)
-        options = sum(len(block.rows) * len(block.modes) for block in self._blocks)
-        return (common + options) * common * n + number_of_cells(self._blocks) * (n - common)
-
     def _left(self) -> Indices:
         """Return the choices of modes, shape (N, blocks), whose solution may lie in the cell."""
         units = np.append(self._scale, 1.0)
         modes, tests = np.array(self._rows) * units, self._tests * units
         sizes = np.abs(modes[..., :-1]).max(axis=-1, keepdims=True)
         modes /= np.where(sizes > 0.0, sizes, 1.0)
-        pairs = zip(self._blocks, self._bounding, strict=True)
-        sides = [_sides(block, bounding, len(tests)) for block, bounding in pairs]
+        # +1 or -1 where a test bounds a mode of a block, else 0
+        sides = [np.zeros((len(block.modes), len(tests))) for block in self._blocks]
+        for block, bounding, side in zip(self._blocks, self._bounding, sides, strict=True):
+            for k, bounds in enumerate(bounding):
+                signs = [block.modes[k][block.tests.index(test)] for test in bounds]
+                side[k, bounds] = np.where(signs, 1.0, -1.0)
 
         def excluded(picks: Indices, rows: Array) -> Signs:
             inverse = np.linalg.inv(rows[..., :-1])
@@ -129,8 +122,13 @@ class ExactSlice:
             outside = side * (x @ tests.T) < -slack
             return outside.any(axis=1) & (condition <= WORST_IN_DOUBLES)
 
-        left, most = [], 1 + ENTRIES_AT_ONCE // self._n**2
-        for picks in _batches([len(block.modes) for block in self._blocks], most):
+        numbers, left = [len(block.modes) for block in self._blocks], list[Indices]()
+        most = 1 + ENTRIES_AT_ONCE // self._n**2
+        for first in range(0, prod(numbers), most):
+            check_budget()
+            which = np.arange(first, min(first + most, prod(numbers)))
+            choices = np.unravel_index(which, numbers) if numbers else np.zeros((0, 1), np.intp)
+            picks = np.array(choices).T
             rows = np.repeat(modes[:1], len(picks), axis=0)
             for block, k in zip(self._blocks, picks.T, strict=True):
                 rows[:, block.rows] = modes[:, block.rows][k]
@@ -211,15 +209,6 @@ def _inverse(matrix: Array, scale: Array) -> Array:
     assert echelon is not None, "the cell is regular"
     columns, D = [echelon.solved(n + i) for i in range(n)], echelon.determinant
     return np.array([[_float(Fraction(y, D)) for y in column] for column in columns])
-
-
-def _sides(block: Block, bounding: Sequence[Sequence[int]], tests: int) -> Array:
-    """Return +1 or -1 where a test bounds a mode of a block, shape (modes, tests), else 0."""
-    sides = np.zeros((len(block.modes), tests))
-    for side, mode, bounds in zip(sides, block.modes, bounding, strict=True):
-        for test in bounds:
-            side[test] = 1.0 if mode[block.tests.index(test)] else -1.0
-    return sides
 
 
 def _float(value: Fraction) -> float:

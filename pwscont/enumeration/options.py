@@ -22,7 +22,7 @@ from pwscont.basics.rounding import EPS, GUARD
 from pwscont.curve.magnitudes import rounded_to_one
 from pwscont.curve.metric import LARGEST, SHORTEST, Metric
 from pwscont.enumeration.echelon import MOST_WORK, independent
-from pwscont.linear.balance import balanced
+from pwscont.linear.factorise import balanced
 from pwscont.system.box import Box
 from pwscont.system.contract import residual_at
 from pwscont.system.promises import check_blocks, refuse_bent, refuse_bent_tests

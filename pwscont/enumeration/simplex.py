@@ -181,7 +181,10 @@ def feasible(forms: Forms, programs: Vertices) -> Vertices:
         if not len(left):
             break
         row = (forms.rows[form][:, np.newaxis] @ left.directions[:, :-1])[:, 0]
-        gain = _gains(left, row * np.where(value < 0.0, 1.0, -1.0)[:, np.newaxis])
+        # how much each form of the basis helps; less than zero for a change not allowed
+        slopes = row * np.where(value < 0.0, 1.0, -1.0)[:, np.newaxis]
+        asked = np.take_along_axis(left.signs, left.basis, axis=1)
+        gain = np.where(asked == ANY, np.abs(slopes), slopes * _WAY[asked])
         can = (gain > _rounding(row)).any(axis=1)
         stuck = np.flatnonzero(~can)
         parts = form[stuck], value[stuck], row[stuck], gain[stuck]
@@ -204,12 +207,6 @@ def _most_wrong(forms: Forms, vertices: Vertices) -> tuple[Indices, Array]:
 def slack_of(vertices: Vertices) -> Array:
     """Return the size, shape (N,), up to which values of the wrong sign hold."""
     return SLACK * (1.0 + np.abs(vertices.points).max(axis=1, initial=0.0))
-
-
-def _gains(vertices: Vertices, slopes: Array) -> Array:
-    """Return how much each form of the basis helps; less than zero for a change not allowed."""
-    asked = np.take_along_axis(vertices.signs, vertices.basis, axis=1)
-    return np.where(asked == ANY, np.abs(slopes), slopes * _WAY[asked])
 
 
 def _rounding(row: Array) -> Array:

@@ -23,14 +23,8 @@ from pwscont.curve.curve import Curve
 from pwscont.curve.error_samples import is_same, slack_by_constants, slack_of_values
 from pwscont.curve.metric import Metric
 from pwscont.curve.newton import Border, Root, newton, uncertainty
-from pwscont.enumeration.by_parts import (
-    Partial,
-    PartSlice,
-    cells_of,
-    parts_of_table,
-    solve_parts,
-    solve_scalar,
-)
+from pwscont.enumeration import by_parts
+from pwscont.enumeration.by_parts import Partial, PartSlice
 from pwscont.enumeration.choices import Choices
 from pwscont.enumeration.options import Problem, Table, problem_of
 from pwscont.enumeration.polyhedron import Cells, Face, Point, Slice, face_of
@@ -50,7 +44,8 @@ REFINEMENTS = 3
 
 def solve_slice(system: SlicewiseLinearSystem, metric: Metric, alpha: float) -> Slice:
     """Return all solutions of a system at ``alpha``; refuse blocks that do not fit the system."""
-    table = Table.at(system, alpha, metric.scale[:-1])
+    part = system if isinstance(system, PartSlice) else None
+    table = part.table if part else Table.at(system, alpha, metric.scale[:-1])
     return _by_parts(system, metric, alpha, table) or _at_once(system, metric, alpha, table)
 
 
@@ -88,7 +83,7 @@ def lone_points(faces: Iterable[Face], metric: Metric, known: Sequence[Point] = 
 def cells_to_try(system: SlicewiseLinearSystem, metric: Metric, alpha: float) -> int:
     """Return how many cells of a slice are solved: the sum over parts, not the product."""
     table = Table.at(system, alpha, metric.scale[:-1])
-    blocks = ([table.blocks[i] for i in part.blocks] for part in parts_of_table(table))
+    blocks = ([table.blocks[i] for i in part.blocks] for part in by_parts.parts_of_table(table))
     return sum(map(number_of_cells, blocks))
 
 
@@ -98,24 +93,25 @@ def _by_parts(
     """Return all solutions part by part; None for a system of a single part, or of few cells."""
     if number_of_cells(table.blocks) <= FEW_CELLS:
         return None
-    parts = parts_of_table(table)
+    parts = by_parts.parts_of_table(table)
     if len(parts) == 1:
         return None
 
     def solve(part: PartSlice) -> Slice:
         scale = part.magnitudes(metric.scale[part.unknowns])
-        if part.size == 1 and (scalar := solve_scalar(part, float(scale[0]))):
+        if part.size == 1 and (scalar := by_parts.solve_scalar(part, float(scale[0]))):
             return scalar
         around = Metric(np.append(scale, 1.0))
         found = _at_once(part, around, 0.0, part.table)
         points = (replace(p, in_doubt=is_in_doubt(part, around, p)) for p in found.points)
         return replace(found, points=tuple(points))
 
-    found = solve_parts(table, parts, solve)
+    found = by_parts.solve_parts(table, parts, solve)
     if found is None:
         return None
     points = [
-        _whole(system, metric, alpha, partial, cells_of(table, parts, partial)) for partial in found
+        _whole(system, metric, alpha, partial, by_parts.cells_of(table, parts, partial))
+        for partial in found
     ]
     return Slice(tuple(filter(None, points)), (), points.count(None))
 

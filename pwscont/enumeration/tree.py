@@ -16,24 +16,15 @@ from math import prod
 from typing import final
 
 import numpy as np
-import numpy.typing as npt
 
 from pwscont.basics.arrays import Array, Indices
 from pwscont.basics.budget import check_budget
 from pwscont.basics.character import Character
+from pwscont.enumeration import simplex
 from pwscont.enumeration.choices import Choices, inequalities_of, narrowed, together
 from pwscont.enumeration.options import Problem, Table, problem_of
 from pwscont.enumeration.polyhedron import satisfies
-from pwscont.enumeration.simplex import (
-    NOT_NEGATIVE,
-    NOT_POSITIVE,
-    OPEN,
-    Forms,
-    Vertices,
-    feasible,
-    first_vertex,
-    slack_of,
-)
+from pwscont.enumeration.simplex import Forms, Vertices
 from pwscont.system.system import SlicewiseLinearSystem
 
 #: Most choices in a batch: a larger batch would gain little and cost memory.
@@ -67,10 +58,16 @@ def leaves(
         ends = _search(problem, per_program)
     if ends is None:  # all choices, by batches for each choice of the first blocks
         first = next(m for m in range(len(numbers) + 1) if prod(numbers[m:]) <= BATCH)
-        open_blocks = (OPEN,) * (len(numbers) - first)
+        open_blocks = (simplex.OPEN,) * (len(numbers) - first)
         ends = ((*picks, *open_blocks) for picks in product(*map(range, numbers[:first])))
-    for picks in ends:
-        yield from filter(len, _finished(problem, np.array(picks, dtype=np.intp)))
+    for some in ends:  # choices of some blocks, of which all completions are left
+        check_budget()
+        picks = np.array(some, dtype=np.intp)
+        order = np.argsort(picks == simplex.OPEN, kind="stable")
+        reordered = replace(problem, blocks=[problem.blocks[i] for i in order])
+        begun = _of_first(reordered, picks[picks != simplex.OPEN].tolist())
+        for choices in filter(len, together(reordered, begun) if begun else ()):
+            yield replace(choices, picks=choices.picks[np.argsort(order)])
 
 
 @final
@@ -164,18 +161,7 @@ def enumerate_cells(
         yield from (AffineCells.of(problem, choices) for choices in found)
 
 
-def _finished(problem: Problem, picks: Indices) -> Iterator[Choices]:
-    """Yield the complete choices that begin with ``picks``, in which blocks may be open."""
-    check_budget()
-    order = np.argsort(picks == OPEN, kind="stable")
-    reordered = replace(problem, blocks=[problem.blocks[i] for i in order])
-    chosen = tuple(picks[picks != OPEN].tolist())
-    first = _of_first(reordered, chosen)
-    for choices in together(reordered, first) if first else ():
-        yield replace(choices, picks=choices.picks[np.argsort(order)])
-
-
-def _of_first(problem: Problem, picks: tuple[int, ...]) -> Choices | None:
+def _of_first(problem: Problem, picks: Iterable[int]) -> Choices | None:
     """Return the choice of options of the first blocks, None if nothing satisfies its equations."""
     choice: Choices | None = Choices.before_all(problem)
     for pick in picks:
@@ -190,59 +176,45 @@ def _search(problem: Problem, per_program: float) -> list[tuple[int, ...]] | Non
     first = _of_first(problem, single)
     if first is None:
         return []
-    found = _Search(Forms.of(problem, blocks, first), per_program).ends()
+    found = _ends(simplex.Forms.of(problem, blocks, first), per_program)
     return found and sorted(single + picks for picks in found)
 
 
-@final
-class _Search:
-    """A search over the options of some blocks, depth first, in batches of linear programs."""
-
-    def __init__(self, forms: Forms, per_program: float) -> None:
-        self._forms, self._numbers = forms, forms.numbers
-        self._most = prod(self._numbers.tolist()) // per_program
-        self._batch = max(1, PROGRAMS // int(self._numbers.max()))
-        asked = forms.options.reshape(-1, forms.options.shape[-1])
-        sides = [(asked & side > 0).T for side in (NOT_NEGATIVE, NOT_POSITIVE)]
-        self._asked = np.vstack(sides).astype(float)
-
-    def ends(self) -> list[tuple[int, ...]] | None:
-        """Return the choices to be completed; None if there are too many programs."""
-        ends: list[tuple[int, ...]] = []
-        stack, programs = [feasible(self._forms, first_vertex(self._forms))], 0
-        while stack and programs <= self._most:
-            check_budget()
-            nodes = stack.pop()
-            stack += [nodes[self._batch :]] if len(nodes) > self._batch else []
-            nodes = nodes[: self._batch]
-            wrong = self._wrong(nodes)
-            is_end = self._is_end(nodes, wrong)
-            ends += map(tuple, nodes.picks[is_end].tolist())
-            branches = self._branches(nodes[~is_end], wrong[~is_end])
-            programs += len(branches)
-            stack += [feasible(self._forms, branches)] if len(branches) else []
-        return None if stack else ends
-
-    def _wrong(self, nodes: Vertices) -> Array:
-        """Return how wrong each option is at each vertex, shape (N, k, m); 0 for decided blocks."""
-        values = self._forms.values(nodes.points)
+def _ends(forms: Forms, per_program: float) -> list[tuple[int, ...]] | None:
+    """Return the choices to be completed, depth first, in batches of programs; None if too many."""
+    numbers, shape = forms.numbers, forms.options.shape[:2]
+    most, batch = prod(numbers.tolist()) // per_program, max(1, PROGRAMS // int(numbers.max()))
+    options = forms.options.reshape(-1, forms.options.shape[-1])
+    signs = simplex.NOT_NEGATIVE, simplex.NOT_POSITIVE
+    asked = np.vstack([(options & sign > 0).T for sign in signs]).astype(float)
+    ends, programs = list[tuple[int, ...]](), 0
+    stack = [simplex.feasible(forms, simplex.first_vertex(forms))]
+    while stack and programs <= most:
+        check_budget()
+        nodes = stack.pop()
+        stack += [nodes[batch:]] if len(nodes) > batch else []
+        nodes = nodes[:batch]
+        values, is_open = forms.values(nodes.points), nodes.picks == simplex.OPEN
         sides = np.maximum(np.hstack([-values, values]), 0.0)
-        wrong: Array = (sides @ self._asked).reshape(len(nodes), *self._forms.options.shape[:2])
-        wrong *= (nodes.picks == OPEN)[:, :, np.newaxis]
-        return wrong
+        # how wrong each option of each open block is at each vertex
+        wrong = (sides @ asked).reshape(len(nodes), *shape) * is_open[:, :, np.newaxis]
+        # complete, or the choice holds at the vertex and fits into a batch
+        left = np.where(is_open, numbers, 1).astype(float).prod(axis=1)
+        holds = wrong.max(axis=(1, 2), initial=0.0) <= simplex.slack_of(nodes)
+        is_end = holds & (left <= BATCH) | (left == 1.0)
+        ends += map(tuple, nodes.picks[is_end].tolist())
+        branches = _branches(forms, nodes[~is_end], wrong[~is_end])
+        programs += len(branches)
+        stack += [simplex.feasible(forms, branches)] if len(branches) else []
+    return None if stack else ends
 
-    def _is_end(self, nodes: Vertices, wrong: Array) -> npt.NDArray[np.bool_]:
-        """Tell which choices are complete, or hold at the vertex and fit into a batch."""
-        numbers = np.where(nodes.picks == OPEN, self._numbers, 1).astype(float).prod(axis=1)
-        holds = wrong.max(axis=(1, 2), initial=0.0) <= slack_of(nodes)
-        return holds & (numbers <= BATCH) | (numbers == 1.0)
 
-    def _branches(self, nodes: Vertices, wrong: Array) -> Vertices:
-        """Return all options of the block whose options are most wrong, for every choice."""
-        block = np.where(nodes.picks == OPEN, wrong.sum(axis=2), -1.0).argmax(axis=1)
-        numbers = self._numbers[block]
-        parent = np.repeat(np.arange(len(nodes)), numbers)
-        option = np.arange(len(parent)) - np.repeat(np.cumsum(numbers) - numbers, numbers)
-        picks = nodes.picks[parent]
-        picks[np.arange(len(parent)), block[parent]] = option
-        return nodes[parent].asking(self._forms.options[block[parent], option], picks)
+def _branches(forms: Forms, nodes: Vertices, wrong: Array) -> Vertices:
+    """Return all options of the block whose options are most wrong, for every choice."""
+    block = np.where(nodes.picks == simplex.OPEN, wrong.sum(axis=2), -1.0).argmax(axis=1)
+    numbers = forms.numbers[block]
+    parent = np.repeat(np.arange(len(nodes)), numbers)
+    option = np.arange(len(parent)) - np.repeat(np.cumsum(numbers) - numbers, numbers)
+    picks = nodes.picks[parent]
+    picks[np.arange(len(parent)), block[parent]] = option
+    return nodes[parent].asking(forms.options[block[parent], option], picks)

@@ -19,7 +19,7 @@ from pwscont.basics.arrays import Array
 from pwscont.basics.printing import number
 from pwscont.evolution.plotting import MOST_COLORED, SAMPLES, colored, owners_of
 from pwscont.evolution.states import SAME_TIME
-from pwscont.graph.exports import DUST
+from pwscont.graph.branch_graph import DUST
 from pwscont.scenes.styles import COLORS
 from pwscont.view.numbers import MOST_NUMBERS, row_of
 from pwscont.view.records import packed, style_record

@@ -31,7 +31,7 @@ from pwscont.evolution.states import (
     EvolutionStructure,
     StateReader,
 )
-from pwscont.graph.archive import (
+from pwscont.graph.storage import (
     DamagedError,
     Fields,
     damaged,

@@ -22,7 +22,7 @@ from pwscont.evolution.memory import SystemWithMemory
 from pwscont.evolution.paths import cycle_of
 from pwscont.evolution.rays import ByRays
 from pwscont.evolution.states import EvolutionState
-from pwscont.graph.exports import DUST
+from pwscont.graph.branch_graph import DUST
 from pwscont.scenes.answer import DEFAULT_LOOK, Answer, Look, Runnable, values_within
 from pwscont.scenes.panels import quantity_named
 

@@ -14,25 +14,13 @@ from itertools import combinations, compress, pairwise
 
 import numpy as np
 
+from pwscont.basics import outcome
 from pwscont.basics.errors import PwscontError
-from pwscont.basics.outcome import (
-    ACCUMULATE,
-    FILL,
-    FILL_CURVES,
-    GIVEN_UP,
-    IN_VAIN,
-    NOTHING_FOUND,
-    ON_BOUND,
-    TOUCH,
-    TWOFOLD,
-    FailureReason,
-    Guarantee,
-    Kind,
-)
+from pwscont.basics.outcome import FailureReason, Guarantee, Kind
 from pwscont.basics.printing import apart, number
 from pwscont.basics.rounding import CONFIDENCE, EPS, GUARD
 from pwscont.graph import queries
-from pwscont.graph.records import Piece, SpecialPoint, are_one
+from pwscont.graph.records import SpecialPoint, are_one
 from pwscont.graph.structure import NOT_SEARCHED, ConnectedPieces, connected
 from pwscont.system.system import SlicewiseLinearSystem
 
@@ -70,7 +58,7 @@ def loose_ends(graph: ConnectedPieces) -> dict[SpecialPoint, int]:
 def is_on_purpose(graph: ConnectedPieces, point: SpecialPoint) -> bool:
     """Tell whether the system or the user ends branches at a point."""
     ends = point.kind == Kind.EVENT and len(graph.pieces_at(point.id)) == 1
-    return point.kind == Kind.END or ends or ON_BOUND in point.message
+    return point.kind == Kind.END or ends or outcome.ON_BOUND in point.message
 
 
 #: Failures after which a branch is said to run to infinity.
@@ -186,8 +174,11 @@ Gap = tuple[float, float]
 
 def verdict(graph: ConnectedPieces) -> str:
     """Return what is known of a graph, for :attr:`pwscont.BranchGraph.guarantee`."""
-    if graph.searched.spent:
-        return _unfinished(graph)
+    if spent := graph.searched.spent:
+        ended = spent.partition(";")[0]
+        left = [point for point in graph.special_points(Kind.STOPPED) if ended in point.message]
+        places = _places("open ends", graph, left, _accumulation)
+        return "; ".join([f"{spent}: there may be more", *places])
     ends = [point for point in loose_ends(graph) if is_on_purpose(graph, point)]
     if gaps := unbalanced(graph) or doubled(graph):
         return f"not balanced: {'; '.join(_causes(graph, gaps))}"
@@ -196,7 +187,7 @@ def verdict(graph: ConnectedPieces) -> str:
     found = graph.pieces or graph.infinite or any(p.kind != Kind.STOPPED for p in graph.nodes)
     if not found and not promises:
         where = "on" if graph.searched.what == NOT_SEARCHED.what else "by"
-        return "; ".join([f"{NOTHING_FOUND} {where} {graph.searched.what}", *doubts])
+        return "; ".join([f"{outcome.NOTHING_FOUND} {where} {graph.searched.what}", *doubts])
     words = "balanced" if doubts else WORDS[graph.searched.promise]
     single = {stretch[0] for stretch in graph.infinite if stretch[0] == stretch[1]}
     single |= {piece.interval[0] for piece in graph.verticals}
@@ -263,19 +254,26 @@ def _doubts(graph: ConnectedPieces) -> Iterator[str]:
     """Yield what was found at special points and prevents a search from keeping a promise."""
     of_many = {point for point in graph.nodes if queries.is_beside_infinite(graph, point.alpha)}
     lost = [point for point in graph.nodes if point.kind == Kind.STOPPED or point.lost]
-    alone = [p for p in lost if not (FILL_CURVES in p.message and p in of_many)]
+    alone = [p for p in lost if not (outcome.FILL_CURVES in p.message and p in of_many)]
     yield from _stops(graph, alone)
     yield from _left_out(graph)
     yield from _places(IN_PART, graph, graph.special_points(Kind.PARTIAL_CORNER))
     if known := [stretch.ends for stretch in graph.infinite if stretch[0] < stretch[1]]:
         yield f"infinitely many solutions for {graph.parameter} in {', '.join(known)}"
-    filled = [p for p in graph.nodes if FILL in p.message and p not in of_many]
+    filled = [p for p in graph.nodes if outcome.FILL in p.message and p not in of_many]
     left = [p for p in filled if not all(piece.is_vertical for piece in graph.pieces_at(p.id))]
     yield from _places("solutions fill more than curves", graph, left)
     yield from _touches(graph)
-    twofold = [point for point in graph.nodes if TWOFOLD in point.message]
+    twofold = [point for point in graph.nodes if outcome.TWOFOLD in point.message]
     yield from _places("two curves may be taken for one on the piece that ends", graph, twofold)
-    begun = [graph.point(each.start) for each in graph.pieces if _goes_back(graph, each)]
+    begun = []
+    for piece in graph.pieces:  # alpha rises and falls, by more than rounding and the ends' errors
+        ends = (graph.point(node) for node in (piece.start, piece.end))
+        error = max((point.error[-1] for point in ends if len(point.error)), default=0.0)
+        clear = GUARD * EPS * np.abs(piece.alpha).max() + CONFIDENCE * error
+        steps = np.diff(piece.alpha)
+        if steps.min() < -clear and steps.max() > clear:
+            begun.append(graph.point(piece.start))
     yield from _places("a fold was passed over on the piece that begins", graph, begun)
     vague = [point for point in graph.nodes if point.digits < TOO_FEW_DIGITS]
     yield from _places("hardly a digit is known", graph, vague)
@@ -283,23 +281,14 @@ def _doubts(graph: ConnectedPieces) -> Iterator[str]:
 
 def _left_out(graph: ConnectedPieces) -> Iterator[str]:
     """Yield what a run left out of its search."""
-    for what, left in ("the search was", GIVEN_UP), ("starts were", IN_VAIN):
+    for what, left in ("the search was", outcome.GIVEN_UP), ("starts were", outcome.IN_VAIN):
         if left in graph.searched.what:
             yield f"{what} {left}"
 
 
-def _goes_back(graph: ConnectedPieces, piece: Piece) -> bool:
-    """Tell whether alpha rises and falls on a piece, by more than rounding and the ends' errors."""
-    ends = (graph.point(node) for node in (piece.start, piece.end))
-    error = max((point.error[-1] for point in ends if len(point.error)), default=0.0)
-    clear = GUARD * EPS * np.abs(piece.alpha).max() + CONFIDENCE * error
-    steps = np.diff(piece.alpha)
-    return bool(steps.min() < -clear and steps.max() > clear)
-
-
 def _touches(graph: ConnectedPieces) -> Iterator[str]:
     """Yield where only the curves that arrive are known to go on."""
-    touching = [point for point in graph.nodes if TOUCH in point.message]
+    touching = [point for point in graph.nodes if outcome.TOUCH in point.message]
     yield from _places("curves touch, or more than two cross,", graph, touching)
 
 
@@ -338,7 +327,7 @@ def _reason(point: SpecialPoint) -> str:
 
 def _accumulation(point: SpecialPoint) -> str:
     """Return the part of the message about special points that accumulate."""
-    _, what, limit = point.message.partition(ACCUMULATE)
+    _, what, limit = point.message.partition(outcome.ACCUMULATE)
     return f"{what}{limit.split(';')[0]}"
 
 
@@ -358,12 +347,3 @@ def _places(
         more = f" and {rest} more" if rest > 0 else ""
         because = f" ({reason})" if reason else ""
         yield f"{what} at {graph.parameter} = {', '.join(shown)}{more}{because}"
-
-
-def _unfinished(graph: ConnectedPieces) -> str:
-    """Say what ended the run, and where there is more."""
-    spent = graph.searched.spent
-    why = spent.partition(";")[0]
-    points = [point for point in graph.special_points(Kind.STOPPED) if why in point.message]
-    places = _places("open ends", graph, points, _accumulation)
-    return "; ".join([f"{spent}: there may be more", *places])

@@ -150,8 +150,11 @@ class BoxProof:
         wrong: list[tuple[float, int, int]] = []
         with suppress(SystemNeededError), np.errstate(all="ignore"):  # loaded without the system
             wrong = list(self.disagreements(graph))
-        gaps = [self._beyond_a_stop(graph, alpha) for alpha, count, found in wrong if found < count]
-        known = [gap for gap in gaps if gap is not None]
+        stops, known = [point.alpha for point in graph.special_points(Kind.STOPPED)], list[Range]()
+        for alpha in (alpha for alpha, count, found in wrong if found < count):
+            part = next(part for part in self._parts(graph) if part[0] <= alpha <= part[1])
+            if any(graph.same(np.array(part), stop).any() for stop in stops):
+                known.append(part)  # a piece was stopped at an end
         if known and self.holds and len(known) == len(wrong):
             return (
                 f"not complete: solutions that are proved are missing for {graph.parameter} in "
@@ -199,12 +202,6 @@ class BoxProof:
         """Return the parts of the interval between special points and ends of stretches."""
         ends = {end for each in self.stretches for end in (each.lo, each.hi)}
         return list(pairwise(sorted(ends.union(graph.breaks()))))
-
-    def _beyond_a_stop(self, graph: ConnectedPieces, alpha: float) -> Range | None:
-        """Return the part around alpha if a piece was stopped at an end of the part, else None."""
-        stops = [point.alpha for point in graph.special_points(Kind.STOPPED)]
-        part = next((each for each in self._parts(graph) if each[0] <= alpha <= each[1]), None)
-        return part if part and any(graph.same(np.array(part), at).any() for at in stops) else None
 
     def _inside(self, graph: ConnectedPieces, alpha: float, typical: Array) -> Iterator[Corners]:
         """Yield the solutions of a graph in the box, with their slack."""

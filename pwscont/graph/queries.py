@@ -22,7 +22,7 @@ from pwscont.curve.newton import Border, newton
 from pwscont.curve.pseudo_arclength import SLOWEST
 from pwscont.curve.stepper import CurvedSegment
 from pwscont.enumeration.continua import Continuum
-from pwscont.graph.records import Piece, Solution, SpecialPoint, Stretch, are_one, significant
+from pwscont.graph.records import Piece, Solution, Stretch, are_one, significant
 from pwscont.graph.structure import ConnectedPieces
 from pwscont.linear.factorise import bordered, last_unit
 from pwscont.system.abilities import completed, completed_point, shown_points
@@ -39,10 +39,14 @@ MOVED = 1e-3
 def _refined(graph: ConnectedPieces, piece: Piece, alpha: float) -> Solution:
     """Return the solution of a piece at an alpha strictly inside it, to full accuracy."""
     system, interval = graph.system, graph.interval
+    a, b = _around(piece.points, alpha)
     if system is None:
-        x, error, digits = _on_chord(piece, alpha), np.zeros(0), 16.0
+        if len(piece.points) > 2:
+            words = f"piece {piece.id} is curved, and this graph was loaded without its system"
+            raise SystemNeededError(f"{words}; use BranchGraph.load(path, system=...)")
+        x, error, digits = a + (alpha - a[-1]) / (b[-1] - a[-1]) * (b - a), np.zeros(0), 16.0
     else:
-        points = np.array([completed_point(system, x) for x in _around(piece.points, alpha)])
+        points = np.array([completed_point(system, a), completed_point(system, b)])
         scale = Metric.of(system, interval).scale
         moved = MOVED * np.abs(points[1] - points[0])
         if (stray := stray_alpha(system, piece, alpha, scale, moved)) is not None:
@@ -116,9 +120,7 @@ def _is_sure(segment: CurvedSegment, border: Border, s: float) -> bool:
     return not isinstance(root, Failure) and root.contraction <= SLOWEST
 
 
-def fine_points(
-    system: PiecewiseSystem, piece: Piece, interval: tuple[float, float], parts: int
-) -> Array:
+def fine_points(system: PiecewiseSystem, piece: Piece, interval: Range, parts: int) -> Array:
     """Return points along a piece, shape (k, n + 1), with each step cut into ``parts``.
 
     A step was taken only where the cubic solves the selection to a tolerance (docs/theory, F14).
@@ -197,16 +199,6 @@ def _around(points: Array, alpha: float) -> tuple[Array, Array]:
     return ordered[i - 1], ordered[i]
 
 
-def _on_chord(piece: Piece, alpha: float) -> Array:
-    if len(piece.points) > 2:
-        words = f"piece {piece.id} is curved, and this graph was loaded without its system"
-        raise SystemNeededError(f"{words}; use BranchGraph.load(path, system=...)")
-    a, b = _around(piece.points, alpha)
-    x: Array = a + (alpha - a[-1]) / (b[-1] - a[-1]) * (b - a)
-    x[-1] = alpha
-    return x
-
-
 def joined(parts: Iterable[Continuum], known: Sequence[float]) -> tuple[Stretch, ...]:
     """Return the stretches that parts cover together; ends at known values of alpha are these."""
     ends = [*known, 0.0]
@@ -266,23 +258,17 @@ def solutions_at(graph: ConnectedPieces, alpha: float) -> list[Solution]:
 
 def solution_at(graph: ConnectedPieces, node: int) -> Solution:
     """Return a special point as a solution at the alpha of the point."""
-    point, pieces = graph.point(node), graph.pieces_at(node)
+    point, pieces, system = graph.point(node), graph.pieces_at(node), graph.system
     if pieces:
         piece = pieces[0]
         where = piece.character, piece.label, index_at(graph, node), piece.id
+    elif system is None:
+        where = Character(()), "unknown", 0, -1
     else:  # no piece leaves from the solution: its cell is that of the point itself
-        where = (*_cell_of(graph, point), 0, -1)
+        character = system.character(completed(system, point.z, point.alpha), point.alpha)
+        where = character, system.label(character), 0, -1
     known = point.kind, point.error, point.digits, point.quantities
     return Solution(point.z, point.alpha, *where, *known)
-
-
-def _cell_of(graph: ConnectedPieces, point: SpecialPoint) -> tuple[Character, str]:
-    """Return character and label of the cell in which a point lies."""
-    if graph.system is None:
-        return Character(()), "unknown"
-    z = completed(graph.system, point.z, point.alpha)
-    character = graph.system.character(z, point.alpha)
-    return character, graph.system.label(character)
 
 
 def multiplicity(graph: ConnectedPieces) -> list[Stretch]:

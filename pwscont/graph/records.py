@@ -329,6 +329,8 @@ class Stretch(tuple[float, float, int | float]):
 
     Attributes
     ----------
+    lo, hi : float
+    count : int or float
     lo_closed, hi_closed : bool
         Whether the number holds at that end as well. At a fold, where two solutions merge, the
         number is in between, and neither neighbour includes the end.
@@ -353,6 +355,21 @@ class Stretch(tuple[float, float, int | float]):
 
     def _repr_html_(self) -> str:
         return card(f"Stretch {self.ends}", [("solutions", self[2])])
+
+    @property
+    def lo(self) -> float:
+        """The least alpha."""
+        return self[0]
+
+    @property
+    def hi(self) -> float:
+        """The largest alpha."""
+        return self[1]
+
+    @property
+    def count(self) -> int | float:  # type: ignore[override]  # tuple.count is of no use here
+        """The number of solutions."""
+        return self[2]
 
     @property
     def ends(self) -> str:

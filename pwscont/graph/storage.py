@@ -1,17 +1,22 @@
 """The file of a branch graph: written and read, and given a system.
 
-The file may have been edited by hand: the type of every entry, the shape of every array and the
-target of every reference are checked before a graph is made.
+Arrays and a header stand in one archive, which is written whole or not at all. The file may have
+been edited by hand: the type of every entry, the shape of every array and the target of every
+reference are checked before a graph is made.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import json
+import os
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
+from dataclasses import dataclass
 from functools import partial
-from math import inf
+from io import BytesIO
+from math import inf, isfinite, isnan
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any, TypeAlias, final
 
 import numpy as np
 
@@ -22,28 +27,141 @@ from pwscont.basics.outcome import Guarantee, SearchScope, kind_of
 from pwscont.basics.quantities import Kept, Quantities
 from pwscont.basics.rounding import SAME_ALPHA
 from pwscont.curve.metric import Range
-from pwscont.graph.archive import (
-    DamagedError,
-    Fields,
-    damaged,
-    read_archive,
-    stacked,
-    write_archive,
-)
+from pwscont.graph import records
 from pwscont.graph.proved import BoxProof
 from pwscont.graph.queries import stray_alpha
-from pwscont.graph.records import (
-    Piece,
-    Place,
-    SpecialPoint,
-    Stretch,
-    attempted,
-    first_digits,
-    from_first_digits,
-)
+from pwscont.graph.records import Piece, Place, SpecialPoint, Stretch
 from pwscont.graph.structure import ConnectedPieces
 from pwscont.system.abilities import completed, shown_size
 from pwscont.system.system import PiecewiseSystem
+
+
+def write_archive(path: str | Path, header: Mapping[str, Any], arrays: Mapping[str, Any]) -> None:
+    """Write a header, as JSON, and arrays by name, or raise a GraphFileError.
+
+    The file appears whole or not at all, and nothing else is left behind.
+    """
+    content = BytesIO()
+    named: dict[str, Any] = {"header": np.array(json.dumps(header)), **arrays}
+    # not compressed: digits are random, and compressing them takes ten times as long as all else
+    np.savez(content, **named)
+    try:
+        temporary = Path(path).with_name(Path(path).name + ".part")
+        try:
+            temporary.write_bytes(content.getbuffer())
+            os.replace(temporary, path)
+        finally:
+            temporary.unlink(missing_ok=True)
+    except (OSError, TypeError, ValueError) as error:  # the last two: no path of a file
+        why = getattr(error, "strerror", None) or error
+        raise GraphFileError(f"cannot write {path}: {why}") from error
+
+
+def read_archive(path: str | Path, kind: str, names: Sequence[str]) -> tuple[Any, dict[str, Any]]:
+    """Return the header and the arrays with these names, or raise a GraphFileError."""
+    try:
+        # opened here: numpy would leave an unreadable file open
+        with Path(path).open("rb") as raw, np.load(raw, allow_pickle=False) as stored:
+            arrays = {name: stored[name] for name in ("header", *names)}
+        return json.loads(str(arrays.pop("header"))), arrays
+    except OSError as error:
+        raise GraphFileError(f"cannot read {path}: {error.strerror or error}") from error
+    except Exception as error:  # a damaged zip fails in a dozen ways
+        raise GraphFileError(f"{path} is not a {kind} file, or it is damaged") from error
+
+
+def damaged(path: str | Path, kind: str, why: Exception) -> GraphFileError:
+    """Return the error for a file whose content makes no sense."""
+    return GraphFileError(f"{path} is not a {kind} file, or it is damaged: {why}")
+
+
+def stacked(rows: Sequence[Any]) -> Any:
+    """Return rows as one array; without rows an array of shape (0, 0)."""
+    return np.vstack(rows) if len(rows) else np.empty((0, 0))
+
+
+class DamagedError(Exception):
+    """An entry of a file is missing or of the wrong type; the message names the entry."""
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Fields:
+    """A JSON object read from a file, named in messages; a wrong entry raises a DamagedError."""
+
+    name: str
+    data: Any
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.data, dict):
+            raise DamagedError(f"{self.name} is no JSON object")
+
+    def has(self, key: str) -> bool:
+        """Tell whether there is an entry, for entries that older files lack."""
+        return key in self.data
+
+    def entry(self, key: str) -> Any:
+        """Return an entry of any type."""
+        if key not in self.data:
+            raise DamagedError(f"{self.name} has no {key}")
+        return self.data[key]
+
+    def integer(self, key: str, least: int) -> int:
+        """Return a whole number that is not below ``least``."""
+        return self._fitting(
+            key, lambda v: type(v) is int and v >= least, f"a whole number from {least} on"
+        )
+
+    def number(self, key: str) -> float:
+        """Return a number, which may be infinite."""
+        return float(self._fitting(key, lambda v: is_number(v) and not isnan(v), "a number"))
+
+    def finite(self, key: str) -> float:
+        """Return a finite number."""
+        self.number(key)
+        return float(self._fitting(key, isfinite, "finite"))
+
+    def text(self, key: str) -> str:
+        """Return a text."""
+        return str(self._fitting(key, lambda v: isinstance(v, str), "a text"))
+
+    def word(self, key: str) -> str:
+        """Return a text that is not empty."""
+        text = self.text(key)
+        if not text:
+            raise DamagedError(f"{key} of {self.name} must not be empty")
+        return text
+
+    def items(self, key: str, length: int | None = None) -> list[Any]:
+        """Return a list."""
+        what = "a list" if length is None else f"a list of {length}"
+        return self._fitting(key, lambda v: isinstance(v, list) and length in (None, len(v)), what)
+
+    def numbers(self, key: str) -> Array:
+        """Return a list of numbers."""
+        self._fitting(key, lambda v: isinstance(v, list), "a list")
+        values = self._fitting(key, lambda v: all(map(is_number, v)), "a list of numbers")
+        return np.array(values, dtype=float)
+
+    def objects(self, key: str) -> list[Fields]:
+        """Return a list of JSON objects, each named by the place in the list."""
+        return [Fields(f"entry {i} of {key}", item) for i, item in enumerate(self.items(key))]
+
+    def _fitting(self, key: str, fits: Callable[[Any], bool], what: str) -> Any:
+        """Return an entry that fits; the words ``what`` say what would fit."""
+        value = self.entry(key)
+        if not fits(value):
+            raise DamagedError(f"{key} of {self.name} must be {what}, got {str(value)[:40]}")
+        return value
+
+
+def is_number(value: Any) -> bool:
+    """Tell whether a JSON value is a number that a float can hold."""
+    try:
+        return type(value) is float or (type(value) is int and isfinite(float(value)))
+    except OverflowError:
+        return False
+
 
 FORMAT = "pwscont branch graph"
 VERSION = 2
@@ -60,18 +178,7 @@ Contents: TypeAlias = dict[str, Any]
 
 def write(path: str | Path, graph: ConnectedPieces, proof: BoxProof | None) -> None:
     """Write a graph; the file appears whole or not at all."""
-    arrays = {
-        "nodes": stacked([point.z for point in graph.nodes]),
-        "starts": stacked([start.z for start in graph.starts]),
-        "errors": first_digits(stacked([p.error for p in (*graph.nodes, *graph.starts)])),
-        "points": stacked([piece.points for piece in graph.pieces]),
-    }
-    write_archive(path, _header(graph, proof), arrays)
-
-
-def _header(graph: ConnectedPieces, proof: BoxProof | None) -> dict[str, Any]:
-    """Return the header: all of a graph that is not an array of numbers."""
-    searched = graph.searched
+    searched, points = graph.searched, (*graph.nodes, *graph.starts)
     header: dict[str, Any] = {
         "format": FORMAT,
         "version": VERSION,
@@ -79,9 +186,9 @@ def _header(graph: ConnectedPieces, proof: BoxProof | None) -> dict[str, Any]:
         "parameter": graph.parameter,
         "searched": [searched.what, int(searched.promise), searched.spent],
         "gap": searched.gap,
-        "nodes": [_node_header(point) for point in graph.nodes],
-        "starts": [_node_header(start) for start in graph.starts],
-        "pieces": [_piece_header(piece) for piece in graph.pieces],
+        "nodes": [_header(point) for point in graph.nodes],
+        "starts": [_header(start) for start in graph.starts],
+        "pieces": [_header(piece) for piece in graph.pieces],
         "infinite": [[*row[:2], row.lo_closed, row.hi_closed] for row in graph.infinite],
     }
     with suppress(InvalidSystemError):  # names that do not fit: the numbers are kept
@@ -89,20 +196,25 @@ def _header(graph: ConnectedPieces, proof: BoxProof | None) -> dict[str, Any]:
             header["names"] = graph.names
     if proof is not None:
         header["proof"] = proof.plain()
-    return header
+    arrays = {
+        "nodes": stacked([point.z for point in graph.nodes]),
+        "starts": stacked([start.z for start in graph.starts]),
+        "errors": records.first_digits(stacked([point.error for point in points])),
+        "points": stacked([piece.points for piece in graph.pieces]),
+    }
+    write_archive(path, header, arrays)
 
 
-def _node_header(point: SpecialPoint) -> dict[str, Any]:
-    """Return the header of a special point; for a recorded value that fails, a text says why."""
-    names = "id", "message", "backward", "piece", "digits", "lost", "events"
-    values = {"kind": str(point.kind), "alpha": float(point.alpha), "recorded": attempted(point)}
-    return {name: getattr(point, name) for name in names} | values
-
-
-def _piece_header(piece: Piece) -> dict[str, Any]:
-    names = "id", "start", "end", "label", "det_sign"
-    values = {"signs": str(piece.character), "count": len(piece.points)}
-    return {name: getattr(piece, name) for name in names} | values
+def _header(each: SpecialPoint | Piece) -> dict[str, Any]:
+    """Return all of a special point or a piece that is not an array of numbers."""
+    if isinstance(each, Piece):
+        names = "id start end label det_sign"
+        values = {"signs": str(each.character), "count": len(each.points)}
+    else:  # for a recorded value that fails, a text says why
+        names = "id message backward piece digits lost events"
+        values = {"kind": str(each.kind), "alpha": float(each.alpha)}
+        values["recorded"] = records.attempted(each)
+    return {name: getattr(each, name) for name in names.split()} | values
 
 
 def read(path: str | Path) -> tuple[Contents, BoxProof | None]:
@@ -127,7 +239,11 @@ def _contents(header: Fields, arrays: dict[str, Any]) -> Contents:
         raise DamagedError("nodes, starts and points have different numbers of unknowns")
     if len(errors) != len(nodes) + len(starts) or (errors < 0.0).any():
         raise DamagedError("errors must be one row for each node and start, none negative")
-    names, interval = _names(header, next(iter(sizes), None)), _interval(header)
+    names, interval = None, _interval(header)
+    if header.has("names"):  # old files have none
+        names = tuple(header.items("names", next(iter(sizes), None)))
+        if not all(isinstance(name, str) for name in names):
+            raise DamagedError("names must be texts")
     contents: Contents = {
         "points": _special_points(header, "nodes", nodes, errors[: len(nodes)], names),
         "starts": _special_points(header, "starts", starts, errors[len(nodes) :], names),
@@ -177,22 +293,12 @@ def _proof(header: dict[str, Any]) -> BoxProof | None:
         raise DamagedError(f"the proof makes no sense: {error}") from error
 
 
-def _names(header: Fields, unknowns: int | None) -> tuple[str, ...] | None:
-    """Return the names of the unknowns, which old files lack."""
-    if not header.has("names"):
-        return None
-    names = header.items("names", unknowns)
-    if not all(isinstance(name, str) for name in names):
-        raise DamagedError("names must be texts")
-    return tuple(names)
-
-
 def _table(name: str, values: Any) -> Array:
     if not isinstance(values, np.ndarray):  # numpy returns bytes for a member that is no array
         raise DamagedError(f"{name} must be rows of numbers")
     if values.dtype not in (float, np.uint16) or values.ndim != 2:
         raise DamagedError(f"{name} must be rows of numbers, got {values.dtype}{values.shape}")
-    numbers = from_first_digits(values) if values.dtype == np.uint16 else np.asarray(values)
+    numbers = records.from_first_digits(values) if values.dtype == np.uint16 else np.asarray(values)
     if not (np.abs(numbers) <= LARGEST_STORED).all():
         raise DamagedError(f"{name} must be finite, and at most {LARGEST_STORED:g}")
     return numbers
@@ -201,32 +307,30 @@ def _table(name: str, values: Any) -> Array:
 def _special_points(
     header: Fields, kind: str, states: Array, errors: Array, names: tuple[str, ...] | None
 ) -> list[SpecialPoint]:
-    headers = header.objects(kind)
+    """Return special points of a kind: the nodes, or the starts; old files lack some entries."""
+    found, headers = list[SpecialPoint](), header.objects(kind)
     if len(states) != len(headers):
         raise DamagedError(f"there are {len(headers)} {kind} with {len(states)} states")
-    return [_node(*row, names) for row in zip(headers, states, errors, strict=True)]
-
-
-def _node(header: Fields, z: Array, error: Array, names: tuple[str, ...] | None) -> SpecialPoint:
-    piece = header.entry("piece")
-    return SpecialPoint(
-        id=header.integer("id", -1),
-        kind=kind_of(header.word("kind")),
-        place=Place(np.append(z, header.finite("alpha")), error),
-        message=header.text("message"),
-        backward=header.text("backward"),
-        piece=None if piece is None else header.integer("piece", 0),
-        digits=header.number("digits"),
-        lost=header.integer("lost", 0),
-        quantities=Quantities(names, _recorded(header)),
-        events=header.text("events") if header.has("events") else "",  # not in files at first
-    )
-
-
-def _recorded(header: Fields) -> dict[str, Kept]:
-    """Return the recorded values of a special point, which old files lack."""
-    values = Fields(f"recorded of {header.name}", header.data.get("recorded", {}))
-    return {name: Kept(values.finite_or_text(name)) for name in values.data}
+    for each, z, error in zip(headers, states, errors, strict=True):
+        recorded = Fields(f"recorded of {each.name}", each.data.get("recorded", {}))
+        kept = {  # a text says why a quantity failed
+            name: Kept(value if isinstance(value, str) else recorded.finite(name))
+            for name, value in recorded.data.items()
+        }
+        point = SpecialPoint(
+            id=each.integer("id", -1),
+            kind=kind_of(each.word("kind")),
+            place=Place(np.append(z, each.finite("alpha")), error),
+            message=each.text("message"),
+            backward=each.text("backward"),
+            piece=None if each.entry("piece") is None else each.integer("piece", 0),
+            digits=each.number("digits"),
+            lost=each.integer("lost", 0),
+            quantities=Quantities(names, kept),
+            events=each.text("events") if each.has("events") else "",
+        )
+        found.append(point)
+    return found
 
 
 def _pieces(headers: list[Fields], points: Array) -> list[Piece]:
@@ -234,32 +338,32 @@ def _pieces(headers: list[Fields], points: Array) -> list[Piece]:
     counts = [header.integer("count", 2) for header in headers]
     if sum(counts) != len(points):
         raise DamagedError(f"pieces have {sum(counts)} points, there are {len(points)}")
-    parts = np.split(points, np.cumsum(counts, dtype=int)[:-1]) if counts else []
-    return [_piece(*row) for row in zip(headers, parts, strict=True)]
+    found, ends = list[Piece](), np.cumsum(counts, dtype=int).tolist()
+    for header, count, end in zip(headers, counts, ends, strict=True):
+        signs = header.text("signs")
+        if set(signs) - {"+", "-"}:
+            raise DamagedError(f"signs of {header.name} must be + or -")
+        piece = Piece(
+            id=header.integer("id", 0),
+            start=header.integer("start", 0),
+            end=header.integer("end", 0),
+            character=Character.read(signs),
+            naming=partial(_named, header.text("label")),
+            points=points[end - count : end],
+            det_sign=header.integer("det_sign", -MOST_STORED),  # any number along an interface
+        )
+        found.append(piece)
+    return found
 
 
-def _piece(header: Fields, points: Array) -> Piece:
-    signs = header.text("signs")
-    if set(signs) - {"+", "-"}:
-        raise DamagedError(f"signs of {header.name} must be + or -")
-    return Piece(
-        id=header.integer("id", 0),
-        start=header.integer("start", 0),
-        end=header.integer("end", 0),
-        character=Character.read(signs),
-        naming=partial(_name, header.text("label")),
-        points=points,
-        det_sign=header.integer("det_sign", -MOST_STORED),  # any number along an interface
-    )
-
-
-def _name(name: str, character: Character) -> str:
+def _named(name: str, _: Character) -> str:
     """Return the name that the system gave to a piece's character."""
     return name
 
 
 def _interval(header: Fields) -> tuple[float, float]:
-    ends = Fields("the interval", dict(zip(("lo", "hi"), header.items("interval", 2), strict=True)))
+    lo, hi = header.items("interval", 2)
+    ends = Fields("the interval", {"lo": lo, "hi": hi})
     lo, hi = ends.finite("lo"), ends.finite("hi")
     if not lo < hi:
         raise DamagedError(f"the interval needs lo < hi, got ({lo}, {hi})")
@@ -267,8 +371,8 @@ def _interval(header: Fields) -> tuple[float, float]:
 
 
 def _searched(header: Fields) -> SearchScope:
-    words = dict(zip(("what", "promise", "spent"), header.items("searched", 3), strict=True))
-    searched = Fields("searched", words)
+    what, promise, spent = header.items("searched", 3)
+    searched = Fields("searched", {"what": what, "promise": promise, "spent": spent})
     promise = searched.integer("promise", 0)
     if promise not in set(Guarantee):
         raise DamagedError(f"promise of searched must be at most {max(Guarantee)}, got {promise}")

@@ -85,7 +85,7 @@ def defect(what: str, x: Array, size: float) -> Defect:
 
 def closer_look(system: PiecewiseSystem, x: Array, radius: float) -> Iterator[Defect]:
     """Yield the defects at and around a point."""
-    yield from _kinks(system, x, radius)
+    yield from kinks(system, x, radius, "that no test function announces")
     if isinstance(system, SlicewiseLinearSystem):
         yield from _wrong_classes(system, x)
     if is_solution(system, x):
@@ -113,7 +113,7 @@ def _terms(selection: Selection, x: Array) -> Array:
     return terms
 
 
-def _kinks(system: PiecewiseSystem, x: Array, radius: float) -> Iterator[Defect]:
+def kinks(system: PiecewiseSystem, x: Array, radius: float, which: str) -> Iterator[Defect]:
     """Look for kinks of the selection and of the tests along some lines through a point."""
     alpha = float(x[-1])
     character, differences = system.character(x[:-1], alpha), system.differences(alpha)
@@ -128,8 +128,7 @@ def _kinks(system: PiecewiseSystem, x: Array, radius: float) -> Iterator[Defect]
                 step[-1] = 0.0
             at = _kink(lambda t, f=function, d=step: f(x + t * d))  # type: ignore[misc]
             if at is not None:
-                words = f"{what} a kink or jump that no test function announces"
-                yield defect(words, x + at * step, abs(at) * radius)
+                yield defect(f"{what} a kink or jump {which}", x + at * step, np.nan)
                 break
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from difflib import get_close_matches
 from itertools import combinations
 from typing import Any, final
 
@@ -19,14 +20,17 @@ from pwscont.kit.inspection import (
     closer_look,
     defect,
     is_solution,
+    kinks,
     relative,
 )
-from pwscont.system.abilities import completed_point, end_of, shown_size
+from pwscont.system.abilities import ABILITIES, completed_point, end_of, shown_size
 from pwscont.system.box import Box
 from pwscont.system.contract import check_contract, check_declaration, checked_scale
 from pwscont.system.selection import Selection
 from pwscont.system.system import PiecewiseLinearSystem, PiecewiseSystem
 
+#: Two names are nearly one if difflib's ratio is at least this.
+ALIKE = 0.86
 #: Most Newton steps to the interface of a test function.
 STEPS_TO_INTERFACE = 20
 
@@ -115,10 +119,11 @@ def check_system(
         checked_scale(system, system.scale(alpha, alpha))
         Box.of(system)
         check_contract(system, z, alpha)
-        defects += [*_wrong_jacobians(system, x), *_wrong_interfaces(system, x)]
+        defects += [*_wrong_jacobians(system, x), *_wrong_interfaces(system, x, float(radius))]
         defects += closer_look(system, x, float(radius))
         solutions += [x] if is_solution(system, x) else []
         count += 1
+        defects += _misspelt(system, x) if count == 1 else []
     defects += _not_unique(system, solutions)
     return Report(tuple(_shown(system, found) for found in defects), count)
 
@@ -172,11 +177,25 @@ def _wrong_jacobians(system: PiecewiseSystem, x: Array) -> Iterator[Defect]:
             yield defect(f"{what} does not match differences", x, size)
 
 
-def _wrong_interfaces(system: PiecewiseSystem, x: Array) -> Iterator[Defect]:
+def _misspelt(system: PiecewiseSystem, x: Array) -> Iterator[Defect]:
+    """Yield methods of a user's class whose names are nearly those of methods that are called."""
+    called = {name for each in (PiecewiseSystem, *ABILITIES) for name in vars(each)}
+    for each in type(system).__mro__:
+        if each.__module__.partition(".")[0] in ("pwscont", "builtins", "abc"):
+            continue
+        for name in sorted(vars(each).keys() - called):
+            near = () if name.startswith("_") else get_close_matches(name, called, 1, ALIKE)
+            if near and name != f"{near[0]}s":  # a name of many may be a helper of the user
+                yield defect(f"{name} is never asked for; is {near[0]} meant?", x, np.nan)
+
+
+def _wrong_interfaces(system: PiecewiseSystem, x: Array, radius: float) -> Iterator[Defect]:
     for test in range(len(system.test_functions(x[:-1], float(x[-1])))):
         y = _on_interface(system, x, test)
         if y is not None:
             yield from _wrong_interface(system, y, test)
+            which = "on the boundary of its own cell: decide by character.signs, not by z"
+            yield from kinks(system, y, radius, which)
 
 
 def _on_interface(system: PiecewiseSystem, x: Array, test: int) -> Array | None:

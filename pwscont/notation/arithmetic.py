@@ -58,18 +58,20 @@ OF_TWO: dict[str, tuple[Callable[[Any, Any, Any], Any], ...]] = {
     "power": (lambda a, b, y: b * a ** (b - 1.0), lambda a, b, y: np.log(a) * y),
     "float_power": (lambda a, b, y: b * a ** (b - 1.0), lambda a, b, y: np.log(a) * y),
 }
-#: Functions with kinks or jumps -> the switch to write instead, empty if no switch fits.
+#: What to write for comparisons, in which max, min and np.where of Python and numpy end.
+COMPARED = "sw.where instead; for max and min: sw.max, sw.min"
+#: Functions with kinks or jumps -> what to write, empty if no switch fits.
 KINKED = {
-    **dict.fromkeys(["absolute", "fabs"], "sw.abs"),
-    **dict.fromkeys(["maximum", "fmax", "max", "amax"], "sw.max"),
-    **dict.fromkeys(["minimum", "fmin", "min", "amin"], "sw.min"),
-    "clip": "sw.clip",
+    **dict.fromkeys(["absolute", "fabs"], "sw.abs instead"),
+    **dict.fromkeys(["maximum", "fmax", "max", "amax"], "sw.max instead"),
+    **dict.fromkeys(["minimum", "fmin", "min", "amin"], "sw.min instead"),
+    "clip": "sw.clip instead",
     **dict.fromkeys(["sort", "argsort", "argmax", "argmin", "median", "round", "around"], ""),
-    **dict.fromkeys(["sign", "heaviside", "copysign", "signbit"], "sw.where"),
+    **dict.fromkeys(["sign", "heaviside", "copysign", "signbit"], ""),
     **dict.fromkeys(["floor", "ceil", "rint", "trunc", "remainder", "fmod"], ""),
     **dict.fromkeys(["floor_divide", "mod", "logical_and", "logical_or", "logical_not"], ""),
-    **dict.fromkeys(["less", "less_equal", "greater", "greater_equal"], "sw.where"),
-    **dict.fromkeys(["equal", "not_equal"], "sw.where"),
+    **dict.fromkeys(["less", "less_equal", "greater", "greater_equal"], COMPARED),
+    **dict.fromkeys(["equal", "not_equal"], COMPARED),
 }
 #: Functions that are answered from the values alone.
 QUESTIONS = frozenset({"isfinite", "isnan", "isinf"})
@@ -82,7 +84,7 @@ class UntraceableError(TypeError):
 def refuse_kink(name: str) -> InvalidSystemError:
     """Return the error for a kink that no switch announces."""
     better = KINKED.get(name)
-    advice = f"write {better} instead" if better else "write it with the switches of sw"
+    advice = f"write {better}" if better else "write it with the switches of sw; H is continuous"
     return InvalidSystemError(
         f"the function decides by numpy's {name!r} of something that depends on (z, alpha), a kink "
         f"that no switch announces: {advice}; if it is smooth all the same, Complementarity takes "

@@ -28,8 +28,7 @@ from pwscont.enumeration.polyhedron import Face, face_of
 from pwscont.enumeration.slices import FEW_CELLS, Points
 from pwscont.enumeration.tree import CUT_OFF_LINES, leaves
 from pwscont.graph.records import FEW_DIGITS, significant
-from pwscont.linear.balance import balanced
-from pwscont.linear.factorise import factor
+from pwscont.linear.factorise import balanced, factor
 from pwscont.search.enumeration import starts_at
 from pwscont.search.search import Search
 from pwscont.system.box import Box

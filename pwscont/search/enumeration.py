@@ -105,7 +105,8 @@ def enumerate_solutions(system: SlicewiseLinearSystem, alpha: float) -> Solution
     if not isinstance(system, SlicewiseLinearSystem):
         raise InvalidInputError(
             f"enumerate_solutions needs a SlicewiseLinearSystem, and {type(system).__name__} is "
-            "none; use explore with MultiStart, or write it by Switched(..., linear=True)"
+            "none; if H is linear in z at fixed alpha, derive from that class, else ask "
+            "explore(...).solutions(alpha)"
         )
     check_attributes(system)
     alpha = float(finite_array("alpha", alpha, ()))

@@ -15,16 +15,8 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from pwscont.basics.arrays import (
-    Array,
-    Matrix,
-    finite_array,
-    generic,
-    indices,
-    is_everywhere,
-    joined,
-    product,
-)
+from pwscont.basics import arrays
+from pwscont.basics.arrays import Array, Matrix
 from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidInputError, InvalidSystemError
 from pwscont.basics.printing import at, short
@@ -77,19 +69,21 @@ def check_contract(system: PiecewiseSystem, z: Array, alpha: float) -> Values:
     if not isinstance(label := system.label(character), str):
         raise broken(system, "label", f"must return a text, got {label!r}")
     found = system.bounding_tests(character)
-    bounding = indices(found) if isinstance(found, range | list | tuple | np.ndarray) else None
+    bounding = (
+        arrays.indices(found) if isinstance(found, range | list | tuple | np.ndarray) else None
+    )
     if bounding is None or bounding.ndim != 1:
         words = f"must return a sequence of the numbers of tests, got {short(repr(found))}"
         raise broken(system, "bounding_tests", words)
     if beyond := bounding[(bounding < 0) | (bounding >= m)].tolist():
         raise broken(system, "bounding_tests", f"returned {beyond}, but there are {m} tests")
-    if not is_everywhere(z == given):
+    if not arrays.is_everywhere(z == given):
         raise InvalidSystemError(
             f"a method of {type(system).__name__} writes to its argument z; let it work on a copy"
         )
     if not np.array_equal(residual, again, equal_nan=True):
         apart = np.abs(again - residual)
-        terms = product(abs(jacobian), np.abs(joined(z, alpha)))
+        terms = arrays.product(abs(jacobian), np.abs(arrays.joined(z, alpha)))
         # sums in another order are the same value
         if (apart > MOST_ROUNDING * (np.abs(residual) + np.abs(again) + terms)).any():
             i = int(np.argmax(apart))
@@ -156,8 +150,8 @@ def _check_arguments(method: Callable[..., Any], name: str, arguments: str) -> N
 
 def checked_scale(system: PiecewiseSystem, magnitudes: Any) -> Array:
     """Return typical magnitudes, shape (n,), or refuse other than n positive numbers."""
-    scale = finite_array(f"{type(system).__name__}.scale()", magnitudes)
-    if scale.shape != (system.size,) or not is_everywhere(scale > 0.0):
+    scale = arrays.finite_array(f"{type(system).__name__}.scale()", magnitudes)
+    if scale.shape != (system.size,) or not arrays.is_everywhere(scale > 0.0):
         raise broken(system, "scale()", f"must return {system.size} positive numbers")
     return scale
 
@@ -166,7 +160,7 @@ def checked_magnitudes(magnitudes: Any, size: int) -> Array | None:
     """Return typical magnitudes that a caller gives, shape (size,), or refuse other numbers."""
     if magnitudes is None:
         return None
-    scale = finite_array("scale", magnitudes)
+    scale = arrays.finite_array("scale", magnitudes)
     if scale.shape not in ((), (1,), (size,)) or not (scale > 0.0).all():
         raise InvalidInputError(f"scale must be {size} positive numbers, got {magnitudes!r}")
     return np.broadcast_to(scale, (size,)).copy()
@@ -232,14 +226,17 @@ def _refuse_wrong_derivative(
     that are not finite, or steps that are lost in the rounding of the point.
     """
     differences = system.differences(float(at_point[-1]))
-    direction = differences.scale * generic(len(at_point))
+    direction = differences.scale * arrays.generic(len(at_point))
     x, reach = at_point + DISTANCE_TO_POINT * direction, max(STEPS) * abs(direction[-1])
     if differences.hi - differences.lo <= 2.0 * reach:
         direction[-1] = 0.0
     else:  # all steps stay in the interval
         x[-1] = min(max(x[-1], differences.lo + reach), differences.hi - reach)
     matrix = derivative(x[:-1], float(x[-1]))
-    slopes, terms = product(matrix, direction), product(abs(matrix), np.abs(direction))
+    slopes, terms = (
+        arrays.product(matrix, direction),
+        arrays.product(abs(matrix), np.abs(direction)),
+    )
     terms[~np.isfinite(terms)] = 0.0  # nan is wrong where the function has a slope
     quotients: list[Array] = []
     wrong = np.ones(len(slopes), dtype=bool)
@@ -266,8 +263,8 @@ def _refuse_wrong_derivative(
     wrong &= ~(np.abs(quotients[-1] - slopes) <= rounding)
     for step in FINEST if wrong.any() else ():  # H may oscillate within all other steps
         ahead, behind = x + step * direction, x - step * direction
-        apart = np.abs(function(ahead) - function(behind) - product(matrix, ahead - behind))
-        wrong &= ~(apart < WRONG_SLOPE * product(abs(matrix), np.abs(ahead - behind)))
+        apart = np.abs(function(ahead) - function(behind) - arrays.product(matrix, ahead - behind))
+        wrong &= ~(apart < WRONG_SLOPE * arrays.product(abs(matrix), np.abs(ahead - behind)))
     if not wrong.any():
         return
     words = f"is wrong in row {np.flatnonzero(wrong)[0]}: it is not the derivative of"

@@ -8,7 +8,7 @@ as in a thin cell: a caller who sees slow convergence asks for finer steps.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import TypeAlias, TypeVar, final
 
@@ -76,15 +76,10 @@ class Differences:
 
     def jacobian(self, function: Function, x: Array) -> Array:
         """Return the Jacobian of ``function`` at ``x``, shape (k, n + 1), about 10 digits right."""
-        columns = []
+        *z, alpha = x.tolist()
         with np.errstate(invalid="ignore"):  # inf - inf gives nan, which callers refuse
-            for j, value in enumerate(x[:-1]):
-                forward, backward = x.copy(), x.copy()
-                forward[j] += (h := self._step(float(value), j))
-                backward[j] -= h
-                change = _change(_value(function, backward), _value(function, forward))
-                columns.append(change / (forward[j] - backward[j]))  # not 2 h, for rounding
-            return np.stack([*columns, self._by_alpha(function, x)], axis=1)
+            columns = [_slope(_of(function, x, j), v, self._step(v, j)) for j, v in enumerate(z)]
+            return np.array([*columns, self.by_parameter(_of(function, x, -1), alpha)]).T
 
     def by_parameter(self, function: Callable[[float], Array], alpha: float) -> Array:
         """Return the derivative at ``alpha`` of a function of the parameter alone.
@@ -93,10 +88,7 @@ class Differences:
         """
         h = min(self._step(alpha, -1), 0.5 * (self.hi - self.lo))
         if self.contains(alpha - h) and self.contains(alpha + h):
-            forth, back = alpha + h, alpha - h
-            change = _change(_value(function, back), _value(function, forth))
-            column: Array = change / (forth - back)  # not 2 h, for rounding
-            return column
+            return _slope(function, alpha, h)
         h *= self._inward(alpha, h)
         near, far = alpha + h, min(max(alpha + 2.0 * h, self.lo), self.hi)
         a, b, here = near - alpha, far - alpha, _value(function, alpha)
@@ -108,14 +100,13 @@ class Differences:
         """Return the Jacobian of an affine ``function``, shape (k, n + 1), right to rounding."""
         x = np.zeros_like(self.scale)
         x[-1] = self.base
-        columns = _chords(function, x, np.append(power_of_two(self.scale[:-1]), self.far))
-        return np.stack(columns, axis=1)
+        return np.array(_chords(function, x, [*power_of_two(self.scale[:-1]), self.far])).T
 
     def exact_in_z(self, function: Function, x: Array) -> Array:
         """Return the Jacobian at ``x`` of a ``function`` that is affine in z at every alpha."""
         start = np.append(np.zeros(len(x) - 1), x[-1])
         columns = _chords(function, start, power_of_two(self.scale[:-1]))
-        return np.stack([*columns, self._by_alpha(function, x)], axis=1)
+        return np.array([*columns, self.by_parameter(_of(function, x, -1), float(x[-1]))]).T
 
     def along(self, function: Function, x: Array, direction: Array) -> Array:
         """Return the derivative along a direction, of any length but zero, to fourth order."""
@@ -132,7 +123,7 @@ class Differences:
     def to_fourth_order(self, function: Function, x: Array) -> Array:
         """Return the Jacobian of ``function`` at ``x``, shape (k, n + 1), about 12 digits right."""
         columns = [self.along(function, x, direction) for direction in np.diag(self.scale)]
-        return np.stack(columns, axis=1) / self.scale
+        return np.array(columns).T / self.scale
 
     def _inward(self, alpha: float, reach: float) -> float:
         """Return the sign of the steps of alpha that lead away from a close end of the interval."""
@@ -144,15 +135,23 @@ class Differences:
         larger: float = max(abs(value) / scale, 1.0) ** (1.0 / 3.0)
         return float(self.part * STEP * scale * larger)
 
-    def _by_alpha(self, function: Function, x: Array) -> Array:
-        """Return the last column of the Jacobian of a function of x."""
 
-        def at(alpha: float) -> Array:
-            y = x.copy()
-            y[-1] = alpha
-            return function(y)
+def _of(function: Function, x: Array, j: int) -> Callable[[float], Array]:
+    """Return a function of x as a function of the component x_j alone."""
 
-        return self.by_parameter(at, float(x[-1]))
+    def at(value: float) -> Array:
+        y = x.copy()
+        y[j] = value
+        return function(y)
+
+    return at
+
+
+def _slope(function: Callable[[float], Array], x: float, h: float) -> Array:
+    """Return the central difference with step h; x + h is rounded, so not by 2 h."""
+    forth, back = x + h, x - h
+    slope: Array = _change(_value(function, back), _value(function, forth)) / (forth - back)
+    return slope
 
 
 def _change(before: Array, after: Array) -> Array:
@@ -170,13 +169,11 @@ def _value(function: Callable[[T], Array], x: T) -> Array:
     return np.array(function(x), dtype=float)
 
 
-def _chords(function: Function, x: Array, ends: Array) -> list[Array]:
+def _chords(function: Function, x: Array, ends: Iterable[float]) -> list[Array]:
     """Return the slopes of ``function`` as a single entry of ``x`` at a time moves to ``ends``."""
     origin, slopes = _value(function, x), []
     for j, end in enumerate(ends):
-        other = x.copy()
-        other[j] = end
-        value = _value(function, other)
+        value = _value(_of(function, x, j), end)
         change = _change(origin, value)
         # rounding of the values is no slope: a singular matrix stays singular
         change[np.abs(change) <= ROUNDED * np.maximum(np.abs(origin), np.abs(value))] = 0.0

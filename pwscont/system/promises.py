@@ -12,29 +12,15 @@ from itertools import chain
 
 import numpy as np
 
-from pwscont.basics.arrays import (
-    Array,
-    Matrix,
-    are_finite,
-    dense,
-    generic,
-    is_everywhere,
-    joined,
-    product,
-)
+from pwscont.basics import arrays
+from pwscont.basics.arrays import Array, Matrix
 from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidSystemError
 from pwscont.basics.printing import at, short
 from pwscont.basics.rounding import CONFIDENCE, EPS, GUARD
+from pwscont.system import contract
 from pwscont.system.box import Box
-from pwscont.system.contract import (
-    Values,
-    check_contract,
-    jacobian_at,
-    refuse_wrong_gradients,
-    refuse_wrong_jacobian,
-    residual_at,
-)
+from pwscont.system.contract import Values
 from pwscont.system.selection import Selection
 from pwscont.system.system import (
     Block,
@@ -64,9 +50,9 @@ def check_start(
     system: PiecewiseSystem, interval: tuple[float, float], z: Array, alpha: float
 ) -> None:
     """Refuse a system, fitted to the interval, that breaks contract or promises at a start."""
-    values = check_contract(system, z, alpha)
+    values = contract.check_contract(system, z, alpha)
     character, _, _, residual, jacobian = values
-    terms = np.abs(residual) + product(abs(jacobian), system.differences(alpha).scale)
+    terms = np.abs(residual) + arrays.product(abs(jacobian), system.differences(alpha).scale)
     small = np.flatnonzero((terms > 0.0) & (terms < LEAST_TERMS))
     if len(small):
         raise InvalidSystemError(
@@ -74,12 +60,12 @@ def check_start(
             f"{terms[small[0]]:.3g}, less than {LEAST_TERMS:.3g}, where numbers lose digits: "
             "multiply it by a constant"
         )
-    x = joined(z, alpha)
+    x = arrays.joined(z, alpha)
     check_promises(system, interval, x, values)
     if not isinstance(system, PiecewiseLinearSystem):
         with np.errstate(all="ignore"):
-            refuse_wrong_jacobian(system, character, x)
-            refuse_wrong_gradients(system, x)
+            contract.refuse_wrong_jacobian(system, character, x)
+            contract.refuse_wrong_gradients(system, x)
             _refuse_wrong_periods(system, x)
 
 
@@ -87,14 +73,14 @@ def _refuse_wrong_periods(system: PiecewiseSystem, x: Array) -> None:
     """Refuse a period of an unknown over which H changes, at a generic point."""
     period, alpha = Box.of(system).period, float(x[-1])
     scale = np.minimum(system.differences(alpha).scale, np.append(period, np.inf))
-    z = (x + scale * generic(len(scale)))[:-1]
+    z = (x + scale * arrays.generic(len(scale)))[:-1]
     for j in np.flatnonzero(np.isfinite(period)).tolist():
         here, there = (
-            residual_at(system, y, alpha, system.character(y, alpha))
+            contract.residual_at(system, y, alpha, system.character(y, alpha))
             for y in (z, z + period[j] * (np.arange(len(z)) == j))
         )
-        slopes = abs(jacobian_at(system, z, alpha, system.character(z, alpha)))
-        terms = np.abs(here) + np.abs(there) + product(slopes, scale)
+        slopes = abs(contract.jacobian_at(system, z, alpha, system.character(z, alpha)))
+        terms = np.abs(here) + np.abs(there) + arrays.product(slopes, scale)
         wrong = np.abs(there - here) > AFFINE_DEFECT * terms
         if wrong.any():
             row = int(np.flatnonzero(wrong)[0])
@@ -112,11 +98,11 @@ def check_promises(
     character, tests, gradients, residual, jacobian = values
     if type(system).blocks is not SlicewiseLinearSystem.blocks:
         check_blocks(system, len(tests))
-    dx = system.differences(float(x[-1])).scale * np.abs(generic(len(x)))
+    dx = system.differences(float(x[-1])).scale * np.abs(arrays.generic(len(x)))
     lo, hi = interval
     is_straight = isinstance(system, PiecewiseLinearSystem)
     dx[-1] *= is_straight * ((hi - x[-1]) or (lo - x[-1])) / (hi - lo)
-    if not are_finite(residual):
+    if not arrays.are_finite(residual):
         words = f"returned {residual} at {at(x)}, where linear pieces are finite"
         raise broken(system, f"residual in {system.label(character)}", words)
     refuse_bent(system, character, x, dx, residual, jacobian)
@@ -133,14 +119,16 @@ def refuse_bent(
 ) -> None:
     """Refuse a selection whose value at ``x + dx`` is not what value and Jacobian at ``x`` say."""
     there = x + dx
-    value = residual_at(system, there[:-1], float(there[-1]), character)
-    excess = _bend(value, residual, product(jacobian, dx), product(abs(jacobian), np.abs(dx)))
-    if is_everywhere(excess <= 0.0):
+    value = contract.residual_at(system, there[:-1], float(there[-1]), character)
+    excess = _bend(
+        value, residual, arrays.product(jacobian, dx), arrays.product(abs(jacobian), np.abs(dx))
+    )
+    if arrays.is_everywhere(excess <= 0.0):
         return  # nearly always
     refuse_infinite(system, f"jacobian in {system.label(character)}", jacobian)
     # the size of each row over several cells: in a single cell terms may cancel
-    cells = (Character.of(generic(len(character.array), shift)) for shift in range(CELLS))
-    rows = [residual_at(system, there[:-1], float(there[-1]), cell) for cell in cells]
+    cells = (Character.of(arrays.generic(len(character.array), shift)) for shift in range(CELLS))
+    rows = [contract.residual_at(system, there[:-1], float(there[-1]), cell) for cell in cells]
     if (excess > GUARD * EPS * np.abs(rows).max(axis=0)).any():
         raise _bent(system, f"residual in {system.label(character)}", dx)
 
@@ -153,7 +141,7 @@ def refuse_bent_tests(
     expect(system, "test_functions", there, tests.shape)
     if not len(tests):
         return
-    changes, least = product(abs(gradients), np.abs(dx)), 1.0 / LARGEST_TO_SQUARE
+    changes, least = arrays.product(abs(gradients), np.abs(dx)), 1.0 / LARGEST_TO_SQUARE
     bad = np.flatnonzero((changes > LARGEST_TO_SQUARE) | ((changes < least) & (changes > 0.0)))
     if len(bad):
         raise InvalidSystemError(
@@ -161,8 +149,8 @@ def refuse_bent_tests(
             f"{changes[bad[0]]:.3g}, outside the range [{least:g}, {LARGEST_TO_SQUARE:g}] in which "
             "squares can be computed: multiply the test function by a constant"
         )
-    excess = _bend(there, tests, product(gradients, dx), changes)
-    if is_everywhere(excess <= 0.0):
+    excess = _bend(there, tests, arrays.product(gradients, dx), changes)
+    if arrays.is_everywhere(excess <= 0.0):
         return
     refuse_infinite(system, "test_jacobian", gradients)
     if (excess > 0.0).any():
@@ -185,24 +173,20 @@ def _bent(system: PiecewiseSystem, what: str, dx: Array) -> InvalidSystemError:
     )
 
 
-def refuse_bent_ray(selection: Selection, x: Array, dx: Array, scale: Array) -> None:
-    """Refuse a selection that bends along the ray from ``x`` to ``x + dx``."""
+def refuse_wrong_ray(selection: Selection, x: Array, dx: Array, scale: Array) -> None:
+    """Refuse a ray from ``x`` to ``x + dx`` on which the selection bends, or on which H changes.
+
+    A ray that was found from the cell before (docs/theory, F11) shows a wrong Jacobian so.
+    """
     # an error of the direction changes no second difference
     start, middle, end = (selection.residual(x + part * dx) for part in (0.0, 0.5, 1.0))
-    sizes = abs(selection.jacobian(x))
-    terms = sizes @ (np.abs(x) + np.abs(dx)) + np.abs(start) + np.abs(middle) + np.abs(end)
-    rounding = GUARD * EPS * (sizes @ scale)
-    if (np.abs(start - 2.0 * middle + end) > AFFINE_DEFECT * terms + rounding).any():
-        raise _bent(selection.system, f"residual in {selection.label}", dx)
-
-
-def refuse_stray_ray(selection: Selection, x: Array, dx: Array, scale: Array) -> None:
-    """Refuse a ray, found from the cell before (docs/theory, F11), along which H changes."""
-    rest = np.abs(selection.residual(x + dx) - selection.residual(x))
     sizes, length = abs(selection.jacobian(x)), float(np.abs(dx / scale).max())
-    terms = sizes @ (np.abs(x) + np.abs(dx)) + length * (sizes @ scale)
-    row = int(np.argmax(rest - AFFINE_DEFECT * terms))
-    if rest[row] > AFFINE_DEFECT * terms[row]:
+    of_point, typical = sizes @ (np.abs(x) + np.abs(dx)), sizes @ scale
+    terms = of_point + np.abs(start) + np.abs(middle) + np.abs(end)
+    if (np.abs(start - 2.0 * middle + end) > AFFINE_DEFECT * terms + GUARD * EPS * typical).any():
+        raise _bent(selection.system, f"residual in {selection.label}", dx)
+    excess = np.abs(end - start) - AFFINE_DEFECT * (of_point + length * typical)
+    if excess[row := int(np.argmax(excess))] > 0.0:
         raise InvalidSystemError(
             f"{type(selection.system).__name__}.residual and jacobian disagree in row {row} in "
             f"{selection.label}, reached at alpha = {x[-1]:.10g}: a Jacobian is wrong, or this "
@@ -217,7 +201,7 @@ def refuse_jump(one: Selection, other: Selection, x: Array, error: Array, scale:
     slopes = abs(one.jacobian(x)), abs(other.jacobian(x))
     excess = jump - sum(each @ uncertain for each in slopes)
     typical, near = np.abs(x) + scale, set[int]()
-    aside = np.append((generic(len(x)) * scale)[:-1], 0.0)
+    aside = np.append((arrays.generic(len(x)) * scale)[:-1], 0.0)
     for side in (one, other) if (excess > 0.0).any() else ():
         sizes = abs(side.test_gradients(x)) @ typical
         near |= set(side.bounding[np.abs(side.tests(x)) <= AT_CORNER * sizes].tolist())
@@ -241,7 +225,7 @@ def refuse_jump(one: Selection, other: Selection, x: Array, error: Array, scale:
 def _meet(sides: tuple[Selection, Selection], x: Array, uncertain: Array, scale: Array) -> bool:
     """Tell whether the tests let a point lie in the closed cells of two selections."""
     for side in sides:
-        gradients = np.abs(dense(side.test_gradients(x)))
+        gradients = np.abs(arrays.dense(side.test_gradients(x)))
         terms = gradients * (np.abs(x) + scale)
         least = np.where(terms > 0.0, terms, np.inf).min(axis=1, initial=np.inf)
         if (GUARD * EPS * terms.sum(axis=1) > least).any():
@@ -255,7 +239,10 @@ def refuse_undefined(system: PiecewiseSystem, interval: tuple[float, float]) -> 
     """Refuse a system whose H is finite, or other than zero, at no point tried around zero."""
     lo, hi = interval
     scale, values = system.differences(lo).scale[:-1], []
-    guesses = [np.zeros(len(scale)), *(scale * generic(len(scale), k) for k in range(1, PROBES))]
+    guesses = [
+        np.zeros(len(scale)),
+        *(scale * arrays.generic(len(scale), k) for k in range(1, PROBES)),
+    ]
     probes = [(z.copy(), alpha) for alpha in (lo, 0.5 * (lo + hi), hi) for z in guesses]
     for z, alpha in probes:
         with np.errstate(all="ignore"):
@@ -290,7 +277,7 @@ def checked_necessary(system: SlicewiseLinearSystem, alpha: float) -> tuple[Arra
     necessary = system.necessary(alpha)
     if not (isinstance(necessary, tuple | list) and len(necessary) == 2):
         raise broken(system, "necessary()", f"must return (A, b), got {short(repr(necessary))}")
-    A, b = dense(necessary[0]), np.asarray(necessary[1])
+    A, b = arrays.dense(necessary[0]), np.asarray(necessary[1])
     if b.ndim != 1 or A.shape != (len(b), system.size):
         words = f"must return A of shape (l, {system.size}) and b of shape (l,), got shapes"
         raise broken(system, "necessary()", f"{words} {A.shape} and {b.shape}")
@@ -301,11 +288,7 @@ def _check_owners(
     system: SlicewiseLinearSystem, what: str, limit: int, claims: list[tuple[int, ...]]
 ) -> None:
     """Refuse rows or tests that do not exist, or that several blocks claim."""
-    claimed = list(chain.from_iterable(claims))
-    fits = not claimed or (min(claimed) >= 0 and max(claimed) < limit)
-    if fits and len(set(claimed)) == len(claimed):
-        return
-    for index, times in Counter(claimed).items():
+    for index, times in Counter(chain.from_iterable(claims)).items():
         if not 0 <= index < limit:
             words = f"there is no {what} {index}, only 0 to {limit - 1}"
             raise broken(system, "blocks():", words)

@@ -128,9 +128,7 @@ class BoundingTests(TransitionDetector):
         above = plus(np.abs(values), -NEXT_TO_ZERO, _terms(rows, state.x, scale))
         if not smallest(above) > 0.0:  # seldom
             near = np.flatnonzero(above <= 0.0)
-            stays = _is_zero_along(rows[near], values[near], slopes[near], state, scale)
-            if selection.adjacent_cells:
-                stays |= _stays_zero(selection, rows[near], slopes[near], scale)
+            stays = _stay_zero(curve, state, rows[near], values[near], slopes[near])
             values[near[stays]], slopes[near[stays]] = 1.0, 0.0
         return Reading(values, slopes)
 
@@ -141,18 +139,26 @@ class BoundingTests(TransitionDetector):
 
         A dip that is rounding of the test is none; affine tests have none.
         """
-        selection = segment.curve.selection
+        selection, scale = segment.curve.selection, segment.curve.metric.scale
         if selection.is_straight or not len(start.values):
             return None
-        if smallest(start.values) < 0.0 and _is_outside(segment, start, end):
-            return Failure(FailureReason.OUTSIDE_OF_CELL)
+        if smallest(start.values) < 0.0:  # seldom
+            x, rows = segment.start.x, selection.unsigned_gradients(segment.start.x)
+            error = CONFIDENCE * (abs(rows) @ segment.start.size)
+            is_clear = start.values < -NEXT_TO_ZERO * _terms(rows, x, scale) - error
+            if (is_clear & (end.values < start.values)).any():
+                return Failure(FailureReason.OUTSIDE_OF_CELL)
         parts = THIRDS if segment.length > LONG_STEP else (INSIDE,)
         places = (segment.near(part * segment.length) for part in parts)
         for x in filter(segment.curve.metric.admits, places):
             values = selection.tests(x)
             if smallest(values) < 0.0:  # seldom
-                terms = _terms(selection.unsigned_gradients(x), x, segment.curve.metric.scale)
-                if _is_dip(values, terms, start, end):
+                terms = _terms(selection.unsigned_gradients(x), x, scale)
+                sizes = np.maximum(np.abs(start.values), np.abs(end.values))
+                positive = (end.values > 0.0) & ((start.values > 0.0) | (start.slopes > 0.0))
+                stays_zero = (start.slopes == 0.0) & (end.slopes == 0.0)
+                deep = values < -NEXT_TO_ZERO * np.maximum(terms, sizes)
+                if (deep & positive & ~stays_zero).any():
                     return Failure(FailureReason.THIN_CELL)
         return None
 
@@ -204,45 +210,25 @@ def crossed(x: Array, back: Ray, forth: Ray) -> SpecialPointFound:
     return SpecialPointFound(kind, x, message, (back, forth))
 
 
-def _is_outside(segment: CurvedSegment, start: Reading, end: Reading) -> bool:
-    """Tell whether a test is clearly negative at the beginning of a step, and falls."""
-    selection, state, scale = segment.curve.selection, segment.start, segment.curve.metric.scale
-    rows = selection.unsigned_gradients(state.x)
-    clear = NEXT_TO_ZERO * _terms(rows, state.x, scale) + CONFIDENCE * (abs(rows) @ state.size)
-    return bool(((start.values < -clear) & (end.values < start.values)).any())
-
-
-def _is_dip(inside: Array, terms: Array, start: Reading, end: Reading) -> bool:
-    """Tell whether any test is negative inside a step and positive at both ends."""
-    positive = (end.values > 0.0) & ((start.values > 0.0) | (start.slopes > 0.0))
-    stays_zero = (start.slopes == 0.0) & (end.slopes == 0.0)
-    sizes = np.maximum(np.abs(start.values), np.abs(end.values))
-    deep = inside < -NEXT_TO_ZERO * np.maximum(terms, sizes)
-    return bool((deep & positive & ~stays_zero).any())
-
-
-def _is_zero_along(
-    gradients: Matrix, values: Array, slopes: Array, state: State, scale: Array
+def _stay_zero(
+    curve: Curve, state: State, gradients: Matrix, values: Array, slopes: Array
 ) -> Signs:
-    """Tell which tests are zero along a piece, to the rounding of the tests' own terms.
+    """Tell which tests next to zero stay zero along a piece, to the rounding of the tests' terms.
 
     A slope is zero if the slope would not lift the test out of its rounding within the length of
     the interval, which is 1 in the metric. Where nothing moves, values and slopes are rounding of
-    typical values.
+    typical values. Along a path that is known to run on interfaces slopes alone tell: gradients by
+    differences err, and next to a branch point the error of the tangent is magnified.
     """
+    selection, scale = curve.selection, curve.metric.scale
     rounding = rounding_of_tests(gradients, state.x, state.error, scale)
     flat = np.maximum(rounding, GUARD * EPS * (abs(gradients) @ np.abs(state.tangent)))
-    return np.asarray((np.abs(values) <= rounding) & (np.abs(slopes) <= flat))
-
-
-def _stays_zero(selection: Selection, gradients: Matrix, slopes: Array, scale: Array) -> Signs:
-    """Tell which tests next to zero are zero along a path that is known to run on interfaces.
-
-    Gradients by differences err, and next to a branch point the error of the tangent is magnified.
-    """
-    is_exact = selection.system.knows_derivatives
-    level = LEVEL_ON_PATH if is_exact else LEVEL_BY_DIFFERENCES
-    return np.asarray(np.abs(slopes) <= level * (abs(gradients) @ scale))
+    stay: Signs = (np.abs(values) <= rounding) & (np.abs(slopes) <= flat)
+    if selection.adjacent_cells:
+        is_exact = selection.system.knows_derivatives
+        level = LEVEL_ON_PATH if is_exact else LEVEL_BY_DIFFERENCES
+        stay |= np.abs(slopes) <= level * (abs(gradients) @ scale)
+    return stay
 
 
 def across(curve: Curve, state: State, test: int) -> Ray | None:
@@ -267,12 +253,11 @@ def at_corner(corner: Corner, curve: Curve, back: Ray | None = None) -> SpecialP
         new = Selection(system, beyond(here, x, test))
         if test not in new.bounding:  # rounding names a cell that is not bounded by the test
             zero = zero | frozenset(new.bounding.tolist())
-    which = np.array(sorted(zero), dtype=np.intp)
-    gradients = system.some_test_gradients(x[:-1], float(x[-1]), which)
-    if not np.isfinite(abs(gradients) @ np.ones(len(x))).all():  # as of a root of zero
+    around = replace(corner, zero=zero)
+    if not np.isfinite(abs(around.gradients) @ np.ones(len(x))).all():  # as of a root of zero
         why = str(Failure(FailureReason.NOT_FINITE))
         return SpecialPointFound(Kind.STOPPED, x, why, () if back is None else (back,))
-    found = tangent_cone(replace(corner, zero=zero), back)
+    found = tangent_cone(around, back)
     for ray in found.rays:
         check_continuity(curve, ray.curve.selection, ray, x, error)
     others = tuple(ray for ray in found.rays if back is None or not same_piece(ray, back))
@@ -294,20 +279,18 @@ def at_corner(corner: Corner, curve: Curve, back: Ray | None = None) -> SpecialP
         message = f"start on the boundary of {rays[0].curve.selection.label}"
         return SpecialPointFound(Kind.START, x, message, rays)
     if back is not None:
-        rays = (_as_uncertain_as(back, zero), *others)
+        rays = (_as_uncertain_as(back, around), *others)
     return SpecialPointFound(found.kind, x, _message(found, tests, len(zero)), rays)
 
 
-def _as_uncertain_as(back: Ray, zero: frozenset[int]) -> Ray:
-    """Return the ray with an error that covers where along the ray each of these tests vanishes."""
-    state, which = back.state, np.array(sorted(zero), dtype=np.intp)
-    system, z, alpha = back.curve.selection.system, state.x[:-1], state.alpha
-    gradients = system.some_test_gradients(z, alpha, which)
-    slopes = np.abs(gradients @ state.tangent)
+def _as_uncertain_as(back: Ray, corner: Corner) -> Ray:
+    """Return the ray with an error that covers where along the ray each test vanishes."""
+    state, gradients = back.state, corner.gradients
+    slopes, values = np.abs(gradients @ state.tangent), np.abs(corner.tests[corner.which])
     steep = slopes > SLANT * (abs(gradients) @ np.abs(state.tangent))
     if not steep.any():
         return back
-    apart = float((np.abs(system.some_tests(z, alpha, which))[steep] / slopes[steep]).max())
+    apart = float((values[steep] / slopes[steep]).max())
     error = np.vstack([state.error, apart * state.tangent])
     return replace(back, state=replace(state, error=error))
 

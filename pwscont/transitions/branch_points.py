@@ -21,19 +21,10 @@ from typing import final
 import numpy as np
 
 from pwscont.basics.arrays import Array, Matrix, generic, product
-from pwscont.basics.character import Character
 from pwscont.basics.outcome import TOUCH, Failure, FailureReason, Kind
 from pwscont.basics.rounding import CONFIDENCE, EPS
-from pwscont.curve.crossing import (
-    CLOSE_TO_CROSSING,
-    ERROR_OF_DIFFERENCES,
-    FULL_RANK,
-    LOCATED_AGAIN,
-    Crossing,
-    crossing,
-    crossing_near,
-    loses_rank,
-)
+from pwscont.curve import crossing
+from pwscont.curve.crossing import Crossing
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.looks import hidden_in
 from pwscont.curve.stepper import CurvedSegment, Segment
@@ -81,7 +72,11 @@ class SmoothBranchPoints(TransitionDetector):
         others = _in_other_cells(curve)
         if not others:
             return Reading(state.orientation * BOTH_SIGNS, UNKNOWN)  # nearly always
-        signs = [state.orientation, *(_sign_around(own, state) for own in others)]
+        signs = [state.orientation]
+        for own in others:  # zero where the sign differs on both sides
+            around = {_sign_beside(own, state.x, state.tangent, side) for side in (-1.0, 1.0)}
+            known = around - {None}
+            signs.append(known.pop() or 0 if len(known) == 1 else 0)
         return Reading(np.outer(signs, BOTH_SIGNS).ravel(), np.zeros(2 * len(signs)))
 
     def look_inside(self, segment: CurvedSegment) -> State | Failure | None:
@@ -118,7 +113,7 @@ class SmoothBranchPoints(TransitionDetector):
             point = path_through(curve, here)
         if point:
             return point
-        if found := crossing_near(curve, state.x):
+        if found := crossing.crossing_near(curve, state.x):
             return branch_point(curve, found, state)
         after = -state.orientation if 0 <= index < OWN_SIGNS else state.orientation
         onward = Ray(curve, State(state.x, state.tangent, state.error, after, is_singular=True))
@@ -153,11 +148,12 @@ def branch_point_on_interface(curve: Curve, state: State) -> SpecialPointFound |
 
     ``state``: the point as an arrival on the path.
     """
-    rays = _crossing_rays(curve, _in_cells(curve, curve.selection.adjacent_cells), state)
+    cells = curve.selection.adjacent_cells
+    own = (Curve(Selection(curve.selection.system, cell), curve.metric) for cell in cells)
+    rays = _crossing_rays(curve, own, state)
     if not (rays or _across(curve, state)):
         return None
-    after = _sign_beside(curve, state.x, state.tangent, 1.0)
-    after = after or -state.orientation
+    after = _sign_beside(curve, state.x, state.tangent, 1.0) or -state.orientation
     onward = State(state.x, state.tangent, state.error, after, is_singular=True)
     path = [_along(curve, Ray(curve, state).reversed()), _along(curve, Ray(curve, onward))]
     kind, does = (Kind.BRANCH_POINT, "") if rays else (Kind.TRANSITION, ", outside of all cells")
@@ -173,14 +169,14 @@ def path_through(curve: Curve, corner: Corner) -> SpecialPointFound | None:
     here, scale = curve.selection, corner.metric.scale
     if here.is_straight or not 0 < len(corner.zero) <= MOST_TESTS_ON_PATH:
         return None
-    found = crossing_near(curve, corner.x, 1.0 / CLOSE_TO_CROSSING)
+    found = crossing.crossing_near(curve, corner.x, 1.0 / crossing.CLOSE_TO_CROSSING)
     if found is None:
         return None
     x = found.x  # more digits: where the curve meets the interface, the Jacobian loses rank
     tests, rows = replace(corner, x=x).vanishing(here)
     values = corner.system.some_tests(x[:-1], float(x[-1]), tests)
     sizes = abs(rows) @ scale
-    if not len(tests) or (np.abs(values) > LOCATED_AGAIN * sizes).any():
+    if not len(tests) or (np.abs(values) > crossing.LOCATED_AGAIN * sizes).any():
         return None
     tangent = _least_along(found, rows)
     if (np.abs(product(rows, tangent)) > DISTANCE_TO_SIGN * sizes).any():
@@ -189,9 +185,10 @@ def path_through(curve: Curve, corner: Corner) -> SpecialPointFound | None:
     path = Curve(Selection(corner.system, here.character, cells), corner.metric)
     sign = _sign_before(curve, x, tangent)
     point = branch_point_on_interface(path, State(x, tangent, found.error, sign))
-    own = [ray for ray in point.rays if ray.cells == (here.cell,)] if point else []
-    rest = (ray for ray in point.rays if ray is not own[0]) if point else ()
-    return point.leading((own[0], *rest)) if point and own else None
+    own = next((ray for ray in point.rays if ray.cells == (here.cell,)), None) if point else None
+    if point is None or own is None:
+        return None
+    return point.leading((own, *(ray for ray in point.rays if ray is not own)))
 
 
 def path_from(corner: Corner) -> SpecialPointFound | None:
@@ -202,11 +199,6 @@ def path_from(corner: Corner) -> SpecialPointFound | None:
     return next(filter(None, (path_through(curve, corner) for curve in cells)), None)
 
 
-def _in_cells(curve: Curve, cells: Iterable[Character]) -> list[Curve]:
-    """Return a path along an interface as a curve of each of these cells."""
-    return [Curve(Selection(curve.selection.system, cell), curve.metric) for cell in cells]
-
-
 def _in_other_cells(curve: Curve) -> list[Curve]:
     """Return a curved path along an interface as a curve of each other cell, none of very many."""
     here = curve.selection
@@ -214,13 +206,8 @@ def _in_other_cells(curve: Curve) -> list[Curve]:
         return []  # nearly always
     pairs = zip(here.adjacent_cells, here.adjacent_names, strict=True)
     followed = here.system.cell(here.character)
-    return _in_cells(curve, (cell for cell, name in pairs if name != followed))
-
-
-def _sign_around(own: Curve, state: State) -> int:
-    """Return the sign of det[J; t^T] in a cell, zero where the sign differs on both sides."""
-    signs = {_sign_beside(own, state.x, state.tangent, side) for side in (-1.0, 1.0)} - {None}
-    return signs.pop() or 0 if len(signs) == 1 else 0
+    others = (cell for cell, name in pairs if name != followed)
+    return [Curve(Selection(here.system, cell), curve.metric) for cell in others]
 
 
 def _crossing_rays(path: Curve, cells: Iterable[Curve], state: State) -> list[Ray]:
@@ -229,7 +216,7 @@ def _crossing_rays(path: Curve, cells: Iterable[Curve], state: State) -> list[Ra
     A curve may lie on further interfaces itself, as where equations are decoupled: the cells beside
     have that curve in common.
     """
-    ways: list[tuple[Array, list[Curve]]] = []
+    ways, rays = list[tuple[Array, list[Curve]]](), list[Ray]()
     for own in cells:
         for way in _ways_across(own, state):
             alike = (them for known, them in ways if path.metric.norm(way - known) <= SAME_WAY)
@@ -237,19 +224,13 @@ def _crossing_rays(path: Curve, cells: Iterable[Curve], state: State) -> list[Ra
                 them.append(own)
             else:
                 ways.append((way, [own]))
-    return [_crossing_ray(way, owners, state) for way, owners in ways]
-
-
-def _crossing_ray(way: Array, owners: list[Curve], state: State) -> Ray:
-    """Return the ray along a way that leads into some cells, or along their common boundary."""
-    first = owners[0]
-    sign = _sign_before(first, state.x, state.tangent)
-    onward = State(state.x, way, state.error, sign, is_singular=True)
-    if len(owners) == 1:
-        return Ray(first, onward)
-    cells, here = tuple(own.selection.character for own in owners), first.selection
-    path = Curve(Selection(here.system, here.character, cells), first.metric)
-    return _along(path, Ray(path, onward))
+    for way, owners in ways:
+        first, around = owners[0], tuple(own.selection.character for own in owners)
+        sign = _sign_before(first, state.x, state.tangent)
+        onward = State(state.x, way, state.error, sign, is_singular=True)
+        both = Curve(Selection(first.selection.system, around[0], around), first.metric)
+        rays.append(_along(both, Ray(both, onward)) if len(owners) > 1 else Ray(first, onward))
+    return rays
 
 
 def _ways_across(own: Curve, state: State) -> list[Array]:
@@ -260,8 +241,7 @@ def _ways_across(own: Curve, state: State) -> list[Array]:
     if not (across := _across(own, state)):
         return []
     other, rates = across
-    both = (other, rates), (-other, -rates)
-    return [way for way, into in both if (into > -DISTANCE_TO_SIGN).all()]
+    return [side * other for side in (1.0, -1.0) if (side * rates > -DISTANCE_TO_SIGN).all()]
 
 
 def _across(own: Curve, state: State) -> tuple[Array, Array] | None:
@@ -271,12 +251,12 @@ def _across(own: Curve, state: State) -> tuple[Array, Array] | None:
     where nothing crosses, or a curve within the interface does.
     """
     metric, x = own.metric, state.x
-    if not (found := crossing_near(own, x)):
+    if not (found := crossing.crossing_near(own, x)):
         return None
     other = _least_along(found, metric.covector(state.tangent))
     gradients = own.selection.test_gradients(x)
     sizes = abs(gradients) @ metric.scale
-    vanish = np.abs(own.selection.tests(x)) <= LOCATED_AGAIN * sizes
+    vanish = np.abs(own.selection.tests(x)) <= crossing.LOCATED_AGAIN * sizes
     rates = (product(gradients, other) / np.where(sizes > 0.0, sizes, 1.0))[vanish]
     return (other, rates) if (np.abs(rates) > DISTANCE_TO_SIGN).any() else None
 
@@ -322,11 +302,11 @@ def _along(curve: Curve, ray: Ray) -> Ray:
 
 def at_branch_point(curve: Curve, x: Array) -> SpecialPointFound | None:
     """Return the branch point that a start is, at the start's alpha up to errors, None if none."""
-    found = crossing_near(curve, x, curve.metric.slack(x, FULL_RANK))
+    found = crossing.crossing_near(curve, x, curve.metric.slack(x, crossing.FULL_RANK))
     if found is None or not found.meets:
         return None
     tangent, at = found.directions[0], found.x.copy()
-    if abs(at[-1] - x[-1]) <= CONFIDENCE * ERROR_OF_DIFFERENCES * curve.metric.width:
+    if abs(at[-1] - x[-1]) <= CONFIDENCE * crossing.ERROR_OF_DIFFERENCES * curve.metric.width:
         at[-1] = x[-1]
     sign = _sign_before(curve, at, tangent)
     error = np.vstack([found.error, at - found.x])
@@ -355,7 +335,7 @@ def _locate(
     (lo, hi), last = bracket, segment.end
     for _ in range(MOST_BISECTIONS):
         middle = 0.5 * (lo + hi)
-        found = crossing(segment.curve, segment.near(middle))
+        found = crossing.crossing(segment.curve, segment.near(middle))
         point = found if isinstance(found, Crossing) and _belongs(segment, found.x) else None
         if point is None and last is segment.end and _is_double(segment):
             return None
@@ -363,16 +343,20 @@ def _locate(
             if not point.meets:
                 return Failure(FailureReason.SINGULAR)
             middle = 0.5 * (lo + segment.position(point.x))
-            if middle <= lo:
-                return point
-        state = segment.at(middle)
-        if point is not None and (isinstance(state, Failure) or state.orientation == before):
+        state = segment.at(middle) if middle > lo else None
+        if point is not None and not (isinstance(state, State) and state.orientation != before):
             return point  # the sign has not flipped on the way to the point
-        if isinstance(state, Failure):
+        if not isinstance(state, State):
             return state
         lo, hi = (middle, hi) if state.orientation == before else (lo, middle)
         last = state
-    return _touching(segment, last, hi - lo, before)
+    ends = segment.start.x, segment.end.x
+    if all(crossing.loses_rank(segment.curve, x) for x in ends):
+        return Failure(FailureReason.TWICE)
+    error = np.vstack([last.error, (hi - lo) * last.tangent])
+    touching = State(last.x, last.tangent, error, before)
+    is_singular = crossing.loses_rank(segment.curve, last.x)
+    return touching if is_singular else Failure(FailureReason.SINGULAR)
 
 
 def _is_double(segment: CurvedSegment) -> bool:
@@ -384,17 +368,9 @@ def _is_double(segment: CurvedSegment) -> bool:
         beside = (state.x + aside, state.x - aside)
         return len({_sign_at(curve, x, state.tangent) for x in beside} & {-1, 1}) == 2
 
-    return all(loses_rank(curve, end.x) and flips(end) for end in (segment.start, segment.end))
-
-
-def _touching(segment: CurvedSegment, last: State, apart: float, before: int) -> State | Failure:
-    """Return the point, known up to a distance, at which the sign flips and curves touch."""
-    if all(loses_rank(segment.curve, end.x) for end in (segment.start, segment.end)):
-        return Failure(FailureReason.TWICE)
-    if not loses_rank(segment.curve, last.x):
-        return Failure(FailureReason.SINGULAR)
-    error = np.vstack([last.error, apart * last.tangent])
-    return State(last.x, last.tangent, error, before)
+    return all(
+        crossing.loses_rank(curve, end.x) and flips(end) for end in (segment.start, segment.end)
+    )
 
 
 def _belongs(segment: CurvedSegment, x: Array) -> bool:

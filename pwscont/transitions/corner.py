@@ -18,7 +18,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
 from itertools import chain, product
 from math import prod
 from typing import TypeGuard, final
@@ -26,7 +25,7 @@ from typing import TypeGuard, final
 import numpy as np
 import scipy.sparse as sp
 
-from pwscont.basics.arrays import Array, Matrix, by_rows, dense, generic
+from pwscont.basics.arrays import Array, by_rows, dense, generic
 from pwscont.basics.budget import check_budget
 from pwscont.basics.character import Character
 from pwscont.basics.outcome import Failure, Kind
@@ -35,9 +34,9 @@ from pwscont.basics.rounding import EPS
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.error_samples import has_digits
 from pwscont.curve.metric import Metric
-from pwscont.enumeration.by_parts import is_regular, most_cells, parts_of_table
+from pwscont.enumeration.by_parts import PartSlice, is_regular, most_cells, parts_of_table
 from pwscont.enumeration.options import Table
-from pwscont.enumeration.polyhedron import Cells
+from pwscont.enumeration.polyhedron import Cells, Slice
 from pwscont.enumeration.slices import FEW_CELLS, solve_slice
 from pwscont.linear.factorise import last_unit
 from pwscont.linear.jacobian import StructuredJacobian
@@ -61,7 +60,6 @@ from pwscont.transitions.rays import (
     Ray,
     are_level,
     beside,
-    has_named_cells,
     rounding_of_tests,
     state_on,
 )
@@ -186,18 +184,14 @@ def _completed(corner: Corner, directions: Sequence[Direction]) -> Iterator[Dire
         tests = every_test[level].tolist()[:MOST_PATTERN_TESTS]
         signs = product((False, True), repeat=len(tests))
         others = (cells[0].with_signs(tests, some) for some in signs) if tests else ()
-        more = (cell for cell in others if cell != cells[0] and _is_null(corner, direction, cell))
-        every = cells[0], *more
-        yield direction, every
+        every = [cells[0]]
+        for cell in (other for other in others if other != cells[0]):
+            jacobian = Selection(corner.system, cell).jacobian(corner.x)
+            terms = abs(jacobian) @ np.abs(direction)
+            every += [cell] if (np.abs(jacobian @ direction) <= ASTRAY * terms).all() else []
+        yield direction, tuple(every)
         if len(every) > 1 and level.all():
-            yield -direction, every
-
-
-def _is_null(corner: Corner, direction: Array, cell: Character) -> bool:
-    """Tell whether a direction is a null vector of the Jacobian in a cell."""
-    jacobian = Selection(corner.system, cell).jacobian(corner.x)
-    terms = abs(jacobian) @ np.abs(direction)
-    return bool((np.abs(jacobian @ direction) <= ASTRAY * terms).all())
+            yield -direction, tuple(every)
 
 
 def is_solid(corner: Corner, character: Character) -> bool:
@@ -252,8 +246,6 @@ def same_piece(ray: Ray, back: Ray) -> bool:
 MOST_CELLS_OF_CONE = 4**8
 #: Most vanishing tests of a system without blocks, whose sign patterns are tried one after another.
 MOST_PATTERN_TESTS = 12
-#: Jacobians that a cone problem keeps: those of blocks with up to this many modes.
-KEPT_JACOBIANS = 4
 #: Generic right-hand sides e that are tried for an index.
 MOST_RIGHT_HAND_SIDES = 3
 
@@ -264,9 +256,21 @@ def rays_cell_by_cell(corner: Corner) -> list[Direction] | None:
     That is where the cells are many or not known, where a cell has more than one null vector, or
     where the slope of a vanishing test along the null vector may be zero.
     """
-    found: list[Direction] = []
-    cells = _few_cells(corner)
-    for character in cells or ():
+    system, zero, found = corner.system, corner.zero, list[Direction]()
+    if not isinstance(system, SlicewiseLinearSystem) or not zero:
+        return None
+    if _has_blocks(system):
+        blocks = [block for block in system.blocks() if not zero.isdisjoint(block.tests)]
+        choices = [block.modes for block in corner.restricted(blocks)]
+        if prod(map(len, choices)) > FEW_CELLS:
+            return None
+        tests = [test for block in blocks for test in block.tests]
+        cells = [corner.character.with_signs(tests, chain(*some)) for some in product(*choices)]
+    elif len(zero) > MOST_PATTERN_TESTS:
+        return None
+    else:
+        cells = corner.all_cells()
+    for character in cells:
         selection = Selection(corner.system, character)
         direction = corner.direction_in(selection)
         if direction is None:
@@ -276,22 +280,7 @@ def rays_cell_by_cell(corner: Corner) -> list[Direction] | None:
             return None
         if (slopes > 0.0).all() or (slopes < 0.0).all():
             found.append((np.copysign(1.0, slopes[0]) * direction, (character,)))
-    return None if cells is None else found
-
-
-def _few_cells(corner: Corner) -> list[Character] | None:
-    """Return the cells that meet at a corner, None where they are not known or many."""
-    system, zero = corner.system, corner.zero
-    if not isinstance(system, SlicewiseLinearSystem) or not zero:
-        return None
-    if not has_named_cells(system):
-        return corner.all_cells() if len(zero) <= MOST_PATTERN_TESTS else None
-    blocks = [block for block in system.blocks() if not zero.isdisjoint(block.tests)]
-    choices = [block.modes for block in corner.restricted(blocks)]
-    if prod(map(len, choices)) > FEW_CELLS:
-        return None
-    tests = [test for block in blocks for test in block.tests]
-    return [corner.character.with_signs(tests, chain(*modes)) for modes in product(*choices)]
+    return found
 
 
 def rays_of_slices(corner: Corner) -> tuple[list[Direction], int] | None:
@@ -300,57 +289,53 @@ def rays_of_slices(corner: Corner) -> tuple[list[Direction], int] | None:
     None where the cells that meet at the corner are too many. Of a cone of dimension two or more
     the extreme rays are returned.
     """
-    problem = _in_parts(corner) or ConeProblem(corner)
-    if not problem.is_small:
+    if (blocks := _blocks(corner)) is None:
         return None
-    metric = Metric(np.append(corner.metric.scale, 1.0))
+    size, cells, table = len(corner.x), number_of_cells(blocks), None
+    if _has_blocks(corner.system) and cells > FEW_CELLS:
+        # alpha fixes the length, so that parts may have far fewer cells: then no ray may be
+        # vertical, and none is, if every part is regular in all cells
+        table = _cone_table(corner, blocks, last_unit(size))
+        parts = parts_of_table(table)
+        are_far_fewer = FEW_CELLS * most_cells(parts, blocks) <= cells
+        if not (are_far_fewer and is_regular(table, parts, corner.metric.scale)):
+            table = None
+    table = table or _cone_table(corner, blocks, generic(size) / corner.metric.scale)
+    if not _is_small(table):
+        return None
     rays, extreme, dimension = [], [], 1
+    tests = [test for block in blocks for test in block.tests]
     for side in (1.0, -1.0):
-        found = solve_slice(problem, metric, side)
+        forms = [(matrix, side * constants) for matrix, constants in table.rows]
+        found = _solved(corner, replace(table, rows=forms))
         for point in found.points:
-            cells = point.characters
-            cells = cells.listed() if isinstance(cells, Cells) else tuple(cells)
-            rays.append((point.x[:-1], cells))
+            cells_of = point.characters
+            own = cells_of.listed() if isinstance(cells_of, Cells) else cells_of
+            around = (corner.character.with_signs(tests, cell.signs) for cell in own)
+            rays.append((point.x[:-1], tuple(around)))
         for face in found.faces:
-            extreme += [(x[:-1], (face.character,)) for x in face.corners]
+            cell = corner.character.with_signs(tests, face.character.signs)
+            extreme += [(x[:-1], (cell,)) for x in face.corners]
             dimension = max(dimension, 1 + face.dimension)
     return rays + extreme, dimension
 
 
-def _in_parts(corner: Corner) -> ConeProblem | None:
-    """Return the cone problem in parts, with the length fixed by alpha.
-
-    None where parts would hardly have fewer cells, or a ray may be vertical: no ray is, if every
-    part is regular in all cells.
-    """
-    if not _has_blocks(corner.system):
-        return None
-    problem = ConeProblem(corner, last_unit(len(corner.x)))
-    blocks = problem.blocks()
-    if (cells := number_of_cells(blocks)) <= FEW_CELLS:
-        return None
-    parts = parts_of_table(problem.table)
-    if FEW_CELLS * most_cells(parts, blocks) > cells:
-        return None
-    return problem if is_regular(problem.table, parts, corner.metric.scale) else None
-
-
 def _has_blocks(system: PiecewiseSystem) -> TypeGuard[SlicewiseLinearSystem]:
-    """Tell whether a system names its cells block by block, so that the cells are counted first."""
-    return isinstance(system, SlicewiseLinearSystem) and has_named_cells(system)
+    """Tell whether a system says by blocks which cells there are, or by its own ``cells``."""
+    kind, default = type(system), SlicewiseLinearSystem
+    own = kind.cells is not default.cells or getattr(kind, "blocks", None) is not default.blocks
+    return isinstance(system, default) and own
 
 
 def index_along(ray: Ray, zero: frozenset[int]) -> int:
     """Return the index of a ray along interfaces, from where the tests ``zero`` vanish."""
-    system, x, tangent = ray.curve.selection.system, ray.state.x, ray.state.tangent
-    scale, which = ray.curve.metric.scale, np.array(sorted(zero), dtype=np.intp)
-    rows = system.some_test_gradients(x[:-1], float(x[-1]), which)
+    system, state, metric = ray.curve.selection.system, ray.state, ray.curve.metric
+    near = Corner.at(system, metric, state.x, state.error, zero)
+    rows, which, tangent = near.gradients, near.which, state.tangent
     slopes = np.asarray(rows @ tangent)
-    level = np.abs(slopes) <= SLANT * (abs(rows) @ (np.abs(tangent) + SLANT * scale))
-    stay = frozenset(which[level].tolist())
-    near = Corner.at(system, ray.curve.metric, x, ray.state.error, stay)
+    level = np.abs(slopes) <= SLANT * (abs(rows) @ (np.abs(tangent) + SLANT * metric.scale))
     near.tests[which] = np.where(level, 0.0, slopes)  # tests that grow along the ray are positive
-    return index_at(ray, near)
+    return index_at(ray, replace(near, zero=frozenset(which[level].tolist())))
 
 
 def index_at(ray: Ray, near: Corner) -> int:
@@ -365,107 +350,79 @@ def index_at(ray: Ray, near: Corner) -> int:
 
     ``near``: the point, with only the tests that vanish along the ray as tests that vanish.
     """
-    scale = ray.curve.metric.scale
-    size = abs(ray.curve.selection.jacobian(ray.state.x)) @ scale
-    metric, row = Metric(np.append(scale, 1.0)), last_unit(len(scale))
+    blocks, row = _blocks(near), last_unit(len(near.x))
+    size = abs(ray.curve.selection.jacobian(ray.state.x)) @ ray.curve.metric.scale
     for shift in range(MOST_RIGHT_HAND_SIDES):
-        problem = ConeProblem(near, row, generic(len(size), float(shift)) * size)
-        if not problem.is_small:
+        right = np.append(generic(len(size), float(shift)) * size, 0.0)
+        table = None if blocks is None else _cone_table(near, blocks, row, right)
+        if table is None or not _is_small(table):
             break
-        found = solve_slice(problem, metric, 0.0)
+        found = _solved(near, table)
         isolated = (len(point.characters) == 1 and point.det_sign for point in found.points)
         if not found.faces and all(isolated):  # and inside of a cell
             return sum(point.det_sign for point in found.points)
     return ray.det_sign
 
 
-@final
-class ConeProblem(SlicewiseLinearSystem):
-    """H'(x; d) = e together with c . d = alpha, for the unknown direction d.
+# -- the cone problem H'(x; d) = e together with c . d = 1 or another number -----------------------
 
-    ``corner``: the signs of the vanishing tests along d choose the cell.
-    ``row``, shape (n + 1,): the row c; default a generic row.
-    ``right``, shape (n,): the right-hand side e; default zero.
+
+def _blocks(corner: Corner) -> list[Block] | None:
+    """Return the blocks of the cone problem, with only the modes of cells that meet at the corner.
+
+    For a system that does not name its cells, return all these cells as one block, None for many.
     """
+    if _has_blocks(corner.system):
+        return corner.restricted(corner.system.blocks())
+    if len(corner.zero) > MOST_PATTERN_TESTS:
+        return None
+    cells = tuple(cell.signs for cell in corner.all_cells())
+    return [Block(tuple(range(len(corner.tests))), tuple(range(len(corner.x) - 1)), cells)]
 
-    def __init__(
-        self, corner: Corner, row: Array | None = None, right: Array | None = None
-    ) -> None:
-        self.size = len(corner.x)
-        self._corner, self._scale = corner, corner.metric.scale
-        self._row = generic(self.size) / self._scale if row is None else row
-        self._right = np.zeros(self.size - 1) if right is None else right
-        self._constant = np.where(corner.tests >= 0.0, 1.0, -1.0)
-        self._constant[list(corner.zero)] = 0.0
-        self._rows = lru_cache(KEPT_JACOBIANS)(self._rows_of)  # cells are asked for several times
 
-    @cached_property
-    def _gradients(self) -> Array:
-        x = self._corner.x
-        gradients = +dense(self._corner.system.test_jacobian(x[:-1], float(x[-1])))
-        gradients[self._corner.flat | (self._constant != 0.0)] = 0.0
-        return gradients
+def _cone_table(
+    corner: Corner, blocks: Sequence[Block], row: Array, right: Array | None = None
+) -> Table:
+    """Return the cone problem for the unknown direction d: (J_chi d, row . d) = right.
 
-    def test_functions(self, z: Array, alpha: float) -> Array:
-        """Return grad(kappa_i) . d for the tests that vanish, the sign of each other test."""
-        return np.asarray(self._gradients @ z + self._constant)
-
-    def test_jacobian(self, z: Array, alpha: float) -> Matrix:
-        """Return the gradients by (d, alpha)."""
-        return np.column_stack([self._gradients, np.zeros(len(self._gradients))])
-
-    def residual(self, z: Array, alpha: float, character: Character) -> Array:
-        """Return (J_chi d - e, c . d - alpha)."""
-        return np.append(self._rows(character) @ z - self._right, self._row @ z - alpha)
-
-    def jacobian(self, z: Array, alpha: float, character: Character) -> Matrix:
-        """Return the constant Jacobian."""
-        matrix = np.zeros((self.size, self.size + 1))
-        matrix[:-1, :-1] = dense(self._rows(character))
-        matrix[-1, :-1], matrix[-1, -1] = self._row, -1.0
-        return matrix
-
-    def _rows_of(self, character: Character) -> Matrix:
-        """Return dH/dx of a cell that meets at the corner, or refuse infinite entries."""
-        system, x = self._corner.system, self._corner.x
-        jacobian = jacobian_at(system, x[:-1], float(x[-1]), character)
+    The signs of the vanishing tests along d choose the cell. ``right``, shape (n + 1,): default
+    (0, ..., 0, 1).
+    """
+    system, x, here = corner.system, corner.x, corner.character
+    constant = np.where(corner.tests >= 0.0, 1.0, -1.0)
+    constant[list(corner.zero)] = 0.0
+    gradients = +dense(system.test_jacobian(x[:-1], float(x[-1])))
+    gradients[corner.flat | (constant != 0.0)] = 0.0
+    rows, right = list[tuple[Array, Array]](), last_unit(len(x)) if right is None else right
+    for k in range(max((len(block.modes) for block in blocks), default=1)):
+        cell = here
+        for block in blocks:
+            cell = cell.with_signs(block.tests, block.modes[min(k, len(block.modes) - 1)])
+        jacobian = jacobian_at(system, x[:-1], float(x[-1]), cell)
         entries = by_rows(jacobian).data if sp.issparse(jacobian) else jacobian
         if not isinstance(jacobian, StructuredJacobian) and not np.isfinite(entries).all():
             why = f"this cell meets others at {at(x)}, where H is continued into it"
-            refuse_infinite(system, f"jacobian in {system.label(character)}", jacobian, why)
-        return jacobian
+            refuse_infinite(system, f"jacobian in {system.label(cell)}", jacobian, why)
+        rows.append((np.vstack([dense(jacobian), row]), -right))
 
-    def bounding_tests(self, character: Character) -> list[int]:
-        """Return the bounding tests of the cell that vanish at the corner."""
-        corner = self._corner
-        return [i for i in corner.system.bounding_tests(character) if i in corner.zero]
+    def bounds(block: Block, mode: tuple[bool, ...]) -> list[int]:
+        """Return the tests of a block that vanish at the corner and bound a mode."""
+        bounding = system.bounding_tests(here.with_signs(block.tests, mode))
+        return [i for i in bounding if i in corner.zero and i in block.tests]
 
-    def scale(self, lo: float, hi: float) -> Array:
-        """Return the metric's scale."""
-        return self._scale
+    bounding = [[bounds(block, mode) for mode in block.modes] for block in blocks]
+    return Table(rows, (gradients, constant), tuple(blocks), bounding)
 
-    @property
-    def is_small(self) -> bool:
-        """Whether all cells that meet at the corner can be tried."""
-        if not _has_blocks(self._corner.system):
-            return len(self._corner.zero) <= MOST_PATTERN_TESTS
-        blocks = self.blocks()
-        if number_of_cells(blocks) <= MOST_CELLS_OF_CONE:
-            return True
-        return most_cells(parts_of_table(self.table), blocks) <= MOST_CELLS_OF_CONE
 
-    @cached_property
-    def table(self) -> Table:
-        """The problem as matrices, whose pattern shows its independent parts."""
-        return Table.at(self, 0.0, self._scale)
+def _is_small(table: Table) -> bool:
+    """Tell whether all cells that meet at the corner can be tried."""
+    blocks = table.blocks
+    if number_of_cells(blocks) <= MOST_CELLS_OF_CONE:
+        return True
+    return most_cells(parts_of_table(table), blocks) <= MOST_CELLS_OF_CONE
 
-    def blocks(self) -> tuple[Block, ...]:
-        """Return the system's blocks, with only the modes of the cells that meet at the corner.
 
-        For a system that does not name its cells, return all these cells as one block.
-        """
-        corner = self._corner
-        if _has_blocks(corner.system):
-            return tuple(corner.restricted(corner.system.blocks()))
-        cells = tuple(cell.signs for cell in corner.all_cells())
-        return (Block(tuple(range(len(corner.tests))), tuple(range(self.size - 1)), cells),)
+def _solved(corner: Corner, table: Table) -> Slice:
+    """Return all directions that solve a cone problem; characters have the tests of the blocks."""
+    metric = Metric(np.append(corner.metric.scale, 1.0))
+    return solve_slice(PartSlice.whole(table), metric, 0.0)

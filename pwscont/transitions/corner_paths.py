@@ -60,29 +60,24 @@ def rays_by_perturbation(corner: Corner, back: Direction | None) -> list[Directi
 
 
 def _add(paths: Paths, found: list[Direction], end: tuple[Character, Array] | None) -> bool:
-    """Add the ray next to the end of a path, unless known; tell whether there is such a ray."""
-    ray = _verified(paths, *end) if end else None
-    norm = paths.corner.metric.norm
-    if ray and not any(norm(ray[0] - d) < SAME_UNIT_VECTOR for d, _ in found):
-        found.append(ray)
-    return ray is not None
-
-
-def _verified(paths: Paths, character: Character, direction: Array) -> Direction | None:
-    """Return the ray of a cell next to a direction, None where there is no ray."""
-    corner, metric = paths.corner, paths.corner.metric
+    """Add the ray of a cell next to the end of a path, unless known; tell whether there is one."""
+    if end is None:
+        return False
+    (character, direction), corner, metric = end, paths.corner, paths.corner.metric
     selection = Selection(corner.system, character)
     exact = corner.direction_in(selection)
     if exact is None:
-        return None
+        return False
     ray = np.copysign(1.0, float(metric.covector(exact).dot(direction))) * exact
     slopes = corner.slopes_along(selection, ray)
     if metric.norm(ray - metric.normalised(direction)) >= SAME_UNIT_VECTOR or (slopes < 0.0).any():
-        return None
-    if slopes.all():
-        return ray, (character,)
-    around = [paths.character(ray, paths.away(shift)) for shift in range(MOST_AROUND)]
-    return ray, tuple({corner.system.cell(c): c for c in (character, *around)}.values())
+        return False
+    cells = [character]
+    if not slopes.all():
+        cells += [paths.character(ray, paths.away(shift)) for shift in range(MOST_AROUND)]
+    if not any(metric.norm(ray - known) < SAME_UNIT_VECTOR for known, _ in found):
+        found.append((ray, tuple({corner.system.cell(cell): cell for cell in cells}.values())))
+    return True
 
 
 @final
@@ -91,9 +86,7 @@ class Paths:
 
     def __init__(self, corner: Corner) -> None:
         self.corner, self.crossings = corner, 0
-        self._zero = np.array(sorted(corner.zero), dtype=np.intp)
-        z, alpha = corner.x[:-1], float(corner.x[-1])
-        self._gradients = Rows(corner.system.some_test_gradients(z, alpha, self._zero))
+        self._zero, self._gradients = corner.which, Rows(corner.gradients)
 
     def away(self, shift: int) -> Array:
         """Return a generic direction, for odd numbers the opposite of the direction before."""

@@ -11,7 +11,7 @@ from typing import final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Indices
+from pwscont.basics.arrays import Array
 from pwscont.basics.outcome import Failure, Kind
 from pwscont.basics.printing import at, counted, named, short
 from pwscont.basics.rounding import CONFIDENCE, CONVERGED, EPS, GUARD
@@ -204,21 +204,16 @@ class TransitionDetector(ABC):
         positive = start.values > 0.0
         distances = ratio_test(np.where(positive, start.values, np.inf), start.slopes)
         unknown = np.flatnonzero(positive & (start.slopes == 0.0))
-        if len(unknown) and np.isfinite(farthest):
-            distances[unknown] = self._falls_by_reading(segment, unknown, farthest)
-        return distances
-
-    def _falls_by_reading(self, segment: Segment, which: Indices, farthest: float) -> Array:
-        """Return where functions without a slope fall to zero on a ray, between places."""
-        places = np.linspace(0.0, farthest, PLACES_ON_RAY + 1)[:-1]
-        read = np.array([values_on(self, segment, s)[which] for s in places])
-        distances = np.full(len(which), np.inf)
-        for k, row in enumerate(read.T):
-            fallen = np.flatnonzero((row[:-1] > 0.0) & (row[1:] <= 0.0))
+        if not (len(unknown) and np.isfinite(farthest)):
+            return distances
+        places = np.linspace(0.0, farthest, PLACES_ON_RAY + 1)[:-1].tolist()
+        read = np.array([values_on(self, segment, s) for s in places])
+        for k in unknown:
+            fallen = np.flatnonzero((read[:-1, k] > 0.0) & (read[1:, k] <= 0.0))
             if len(fallen):
-                lo, hi = (float(s) for s in places[fallen[0] : fallen[0] + 2])
+                lo, hi = places[fallen[0] : fallen[0] + 2]
                 while lo < (middle := 0.5 * (lo + hi)) < hi:
-                    is_positive = values_on(self, segment, middle)[which[k]] > 0.0
+                    is_positive = values_on(self, segment, middle)[k] > 0.0
                     lo, hi = (middle, hi) if is_positive else (lo, middle)
                 distances[k] = hi
         return distances
@@ -400,16 +395,13 @@ def locate_sign_change(
         return locate_point(segment, bracket[0])
     from scipy.optimize import brentq  # noqa: PLC0415  it takes as long to import as all the rest
 
-    @cache
-    def state(s: float) -> State:
-        found = segment.at(s)
-        if isinstance(found, Failure):
-            raise _OffCurveError(found)
-        return found
+    at = cache(segment.at)
 
     @cache  # noise may give a second value another sign
     def along(s: float) -> float:
-        return function(state(s))
+        if isinstance(found := at(s), Failure):
+            raise _OffCurveError(found)
+        return function(found)
 
     try:
         ends = sorted(map(along, bracket))
@@ -418,7 +410,7 @@ def locate_sign_change(
         xtol = narrow * (segment.length if isinstance(segment, CurvedSegment) else bracket[1])
         most = MOST_BRACKET_HALVINGS**2  # Brent's method takes many steps where a zero is flat
         s = brentq(along, *bracket, xtol=xtol, rtol=4.0 * EPS, maxiter=most)
-        return state(s) if is_curved else locate_point(segment, s)
+        return at(s) if is_curved else locate_point(segment, s)
     except _OffCurveError as off:
         failure: Failure = off.args[0]
         return failure

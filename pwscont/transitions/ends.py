@@ -39,6 +39,7 @@ from pwscont.system.abilities import Ending, end_of
 from pwscont.system.box import Box
 from pwscont.system.selection import Selection
 from pwscont.system.system import PiecewiseSystem, SlicewiseLinearSystem
+from pwscont.transitions import smooth_folds
 from pwscont.transitions.bounding import BoundingTests, at_corner, crossed, turns
 from pwscont.transitions.branch_points import at_branch_point
 from pwscont.transitions.corner import same_piece, tangent_cone
@@ -51,12 +52,6 @@ from pwscont.transitions.detector import (
     locate_zero,
 )
 from pwscont.transitions.rays import Corner, Ray, check_continuity, inward_ray
-from pwscont.transitions.smooth_folds import (
-    STEEPEST_AT_FOLD,
-    fold_at_end,
-    fold_point,
-    leads_outside,
-)
 
 #: Most steps of Newton that put a solution on its curve.
 MOST_SETTLING = 8
@@ -140,7 +135,7 @@ def _inside(curve: Curve, x: Array, error: Array) -> SpecialPointFound:
         return at_branch_point(curve, x) or stopped
     jacobian, row, factor = held
     tangent = curve.metric.normalised(factor.solve(last_unit(len(x))))
-    is_upright = abs(tangent[-1]) <= STEEPEST_AT_FOLD * curve.metric.width
+    is_upright = abs(tangent[-1]) <= smooth_folds.STEEPEST_AT_FOLD * curve.metric.width
     is_doubtful = is_upright or (x[-1] in curve.metric.interval and not curve.selection.is_straight)
     if is_doubtful and loses_rank(curve, x) and (point := at_branch_point(curve, x)):
         return point
@@ -148,7 +143,7 @@ def _inside(curve: Curve, x: Array, error: Array) -> SpecialPointFound:
     error = uncertainty(Root(x, known, jacobian, row, factor, curve.metric.scale))
     # det [J; r] is proportional to r.t, and e_j.t is positive like t.t: the signs are equal
     state = State(x, tangent, error, factor.sign, magnitude(x, error))
-    fold = fold_at_end(curve, state)
+    fold = smooth_folds.fold_at_end(curve, state)
     if fold and (there := Corner.at(curve.selection.system, curve.metric, fold.x, fold.error)).zero:
         return departures(there)  # the fold may be known less exactly than the start
     forth = Ray(curve, fold or state)
@@ -219,20 +214,17 @@ def at_end(curve: Curve, state: State) -> SpecialPointFound:
     """Return the special point at which a curve reaches an end of the interval."""
     back = Ray(curve, state).reversed()
     corner = Corner.at(curve.selection.system, curve.metric, state.x, state.error)
-    if not corner.zero and (fold := fold_at_end(curve, state)):
-        return fold_point(curve, fold, ", at the end of the interval")
+    if not corner.zero and (fold := smooth_folds.fold_at_end(curve, state)):
+        return smooth_folds.fold_point(curve, fold, ", at the end of the interval")
     found = tangent_cone(corner, back) if corner.zero else None
     rays, dimension = (found.rays, found.dimension) if found else ((), 1)
-    others = (ray for ray in rays if not same_piece(ray, back))
-    inside = tuple(ray for ray in others if turns(back, ray) or _bends_inwards(ray))
+    is_straight, inside = curve.selection.is_straight, list[Ray]()
+    for ray in (ray for ray in rays if not same_piece(ray, back)):
+        is_level = not (is_straight or ray.curve.slope(ray.state))  # at the end
+        bends_inwards = is_level and not smooth_folds.leads_outside(ray)
+        inside += [ray] if turns(back, ray) or bends_inwards else []
     wide = f"; {FILL} a cone of dimension {dimension}" if dimension > 1 else ""
     return SpecialPointFound(Kind.END, state.x, f"end of the interval{wide}", (back, *inside))
-
-
-def _bends_inwards(ray: Ray) -> bool:
-    """Tell whether a curved piece that is level at an end of the interval begins there."""
-    is_straight, slope = ray.curve.selection.is_straight, ray.curve.slope(ray.state)
-    return not (is_straight or slope or leads_outside(ray))
 
 
 def _fold(segment: CurvedSegment, found: State | Failure) -> State | None:
@@ -241,7 +233,9 @@ def _fold(segment: CurvedSegment, found: State | Failure) -> State | None:
     if isinstance(near, Failure):
         bracket = 0.0, segment.length
         near = locate_sign_change(segment, segment.curve.slope, bracket, NARROW_BRACKET)
-    fold = fold_at_end(segment.curve, segment.end if isinstance(near, Failure) else near)
+    fold = smooth_folds.fold_at_end(
+        segment.curve, segment.end if isinstance(near, Failure) else near
+    )
     if fold is None or segment.curve.metric.covector(segment.chord).dot(fold.tangent) >= 0.0:
         return fold
     return fold.reversed()  # beyond a fold the way out of the interval leads back
@@ -254,7 +248,7 @@ def points_inside(ray: Ray, lo: float, hi: float) -> bool:
     """
     alpha, slope, same = ray.state.alpha, ray.curve.slope(ray.state), SAME_ALPHA * (hi - lo)
     is_out = (alpha - lo <= same and slope < 0.0) or (hi - alpha <= same and slope > 0.0)
-    return not (is_out or leads_outside(ray))
+    return not (is_out or smooth_folds.leads_outside(ray))
 
 
 #: On curved pieces a slope below this, relative to typical magnitudes, is an error of the tangent.

@@ -198,7 +198,7 @@ class _Stretch:
     def _is_pole(self, lo: float, place: float, hi: float) -> bool:
         """Tell whether |g| grows from both sides towards the place of a sign change."""
         beside = [(end, place + DISTANCE_TO_PLACE * (end - place)) for end in (lo, hi)]
-        sizes = np.abs([[self._event.value(self._exact(s)[0]) for s in pair] for pair in beside])
+        sizes = np.abs([[self._on_curve(s) for s in pair] for pair in beside])
         return bool((sizes[:, 1] > POLE_GROWS * sizes[:, 0]).all())
 
     def _around(self, sign: float, lo: float, zero: float, hi: float) -> Array:
@@ -210,8 +210,7 @@ class _Stretch:
         def divided(s: float) -> float:
             """Return g over the distance to the zero, positive if the zero is the only zero."""
             places.append(s)
-            value = self._event.value(self._exact(s)[0])
-            return sign * value / (zero - s) if s != zero else np.inf
+            return sign * self._on_curve(s) / (zero - s) if s != zero else np.inf
 
         plain, close = COMPARED_AT * cell, DISTANCE_TO_PLACE * cell
         beside = lo, lo + plain, hi - plain, zero - close, zero + close, hi
@@ -226,7 +225,15 @@ class _Stretch:
 
     def _rough(self, s: float) -> float:
         """Return g at a place of the cubic, or of the ray."""
-        return self._event.value(self._segment.near(s))
+        x = self._segment.near(s)
+        self._metric.admits(x)  # moves rounding of alpha into the interval
+        return self._event.value(x)
+
+    def _on_curve(self, s: float) -> float:
+        """Return g at a point of the curve."""
+        x, _ = self._exact(s)
+        self._metric.admits(x)
+        return self._event.value(x)
 
     def _exact(self, s: float) -> tuple[Array, Array]:
         """Return a point of the curve, and the size of the point's error."""
@@ -238,10 +245,7 @@ class _Stretch:
     def _values(self, places: Array) -> Array:
         """Return g at places in the interval, the last place on the curve itself."""
         *inside, last = places.tolist()
-        points = [*map(self._segment.near, inside), self._exact(last)[0]]
-        for x in points:
-            self._metric.admits(x)  # moves rounding of alpha into the interval
-        return np.array([self._event.value(x) for x in points])
+        return np.array([*map(self._rough, inside), self._on_curve(last)])
 
     def _beside_least(self, places: Array, values: Array) -> Array:
         """Return graded places around where g seems to vanish, if g comes close to zero."""
@@ -267,14 +271,10 @@ class _Stretch:
             is_least = signs[at] == signs[beyond] and sizes[at] <= sizes[beyond]
             if is_least and signs[at] * self._rough(beside) < sizes[at]:
                 valleys.append((*sorted((s[at], s[beyond])), signs[at]))
-
-        def on_curve(s: float) -> float:
-            return self._event.value(self._exact(s)[0])
-
         for lo, hi, sign in valleys:
             low, lowest = _least(self._rough, lo, hi, sign)
             if abs(lowest) <= SHALLOW_DIP * float(sizes.max()) and self._is_curved:
-                low, lowest = _least(on_curve, lo, hi, sign)
+                low, lowest = _least(self._on_curve, lo, hi, sign)
             if lowest < 0.0:
                 yield low
 
@@ -312,21 +312,19 @@ def checked_events(events: Mapping[str, Any], shown: int | None = None) -> Event
     """
     if not isinstance(events, Mapping):
         raise InvalidInputError(f"events must be a mapping of names to functions, got {events!r}")
-    return Events(tuple(_checked(name, what, shown) for name, what in events.items()))
-
-
-def _checked(name: Any, what: Any, shown: int | None) -> UserEvent:
-    if what is Stop:
-        raise InvalidInputError(
-            f"the event {name!r} is the class Stop: give Stop(g) with a function g(z, alpha)"
-        )
-    function = what.function if isinstance(what, Stop) else what
-    if not (isinstance(name, str) and name and callable(function)):
-        raise InvalidInputError(
-            f"events must be given as name: function (z, alpha) -> float, or name: Stop(function), "
-            f"got {name!r}: {what!r}"
-        )
-    return UserEvent(name, function, isinstance(what, Stop), shown)
+    checked = list[UserEvent]()
+    for name, what in events.items():
+        if what is Stop:
+            words = (
+                f"the event {name!r} is the class Stop: give Stop(g) with a function g(z, alpha)"
+            )
+            raise InvalidInputError(words)
+        function = what.function if isinstance(what, Stop) else what
+        if not (isinstance(name, str) and name and callable(function)):
+            words = "as name: function (z, alpha) -> float, or name: Stop(function)"
+            raise InvalidInputError(f"events must be given {words}, got {name!r}: {what!r}")
+        checked.append(UserEvent(name, function, isinstance(what, Stop), shown))
+    return Events(tuple(checked))
 
 
 @final

@@ -264,13 +264,22 @@ class Corner:
         flat = np.zeros(len(self.tests), dtype=bool)
         if isinstance(self.system, SlicewiseLinearSystem) or not self.zero:
             return flat
-        scale, which = self.metric.scale, np.array(sorted(self.zero), dtype=np.intp)
-        aside = self.x + GUARD * (magnitude(self.x, self.error) + EPS * scale) * generic(len(scale))
-        here, there = (
-            self.system.some_test_gradients(x[:-1], float(x[-1]), which) for x in (self.x, aside)
-        )
-        flat[which] = abs(here) @ scale <= abs(there - here) @ scale
+        scale, here = self.metric.scale, self.gradients
+        aside = GUARD * (magnitude(self.x, self.error) + EPS * scale) * generic(len(scale))
+        there = replace(self, x=self.x + aside).gradients
+        flat[self.which] = abs(here) @ scale <= abs(there - here) @ scale
         return flat
+
+    @property
+    def which(self) -> Indices:
+        """The tests that vanish, in order, shape (k,)."""
+        return np.array(sorted(self.zero), dtype=np.intp)
+
+    @property
+    def gradients(self) -> Matrix:
+        """The gradients of the tests that vanish, shape (k, n + 1)."""
+        z, alpha = self.x[:-1], float(self.x[-1])
+        return self.system.some_test_gradients(z, alpha, self.which)
 
     def all_cells(self) -> list[Character]:
         """Return a character for each cell, from all sign patterns of the vanishing tests."""
@@ -309,12 +318,3 @@ class Corner:
         slopes: Array = (rows @ direction) * ~self.flat[tests]
         least = SLANT * (abs(rows) @ (np.abs(direction) + NOISE * self.metric.scale))
         return np.where(np.abs(slopes) > least, slopes, 0.0)
-
-
-def has_named_cells(system: PiecewiseSystem) -> bool:
-    """Tell whether a system says which cells there are, by blocks or by its own ``cells``."""
-    by_blocks = (
-        isinstance(system, SlicewiseLinearSystem)
-        and type(system).blocks is not SlicewiseLinearSystem.blocks
-    )
-    return by_blocks or type(system).cells is not PiecewiseSystem.cells

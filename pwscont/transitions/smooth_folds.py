@@ -193,10 +193,16 @@ def _with_slope(state: State, slope: float, error: Array) -> State:
 
 
 def leaning(ray: Ray) -> Ray:
-    """Return a ray along an end of the interval, leant so that the ray leads into the interval."""
+    """Return a ray along an end of the interval, leant so that the ray leads into the interval.
+
+    A vertical piece on the end does not lean.
+    """
     curve, state = ray.curve, ray.state
     side = _side(curve, state)
     if not side or curve.slope(state):
+        return ray
+    there = beside(curve, state, FIRST_SECANT)
+    if isinstance(there, State) and not curve.slope(there):
         return ray
     slope = side * LEAN_INWARDS * float(curve.metric.scale[-1])
     return replace(ray, state=_with_slope(state, slope, state.error))

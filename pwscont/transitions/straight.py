@@ -21,17 +21,8 @@ from typing import NamedTuple, final
 
 import numpy as np
 
-from pwscont.basics.arrays import (
-    Array,
-    Matrix,
-    Signs,
-    are_finite,
-    is_anywhere,
-    is_everywhere,
-    joined,
-    largest,
-    product,
-)
+from pwscont.basics import arrays
+from pwscont.basics.arrays import Array, Matrix, Signs
 from pwscont.basics.character import Character
 from pwscont.basics.outcome import Failure
 from pwscont.basics.rounding import CONFIDENCE, CONVERGED, EPS, GUARD
@@ -39,15 +30,14 @@ from pwscont.curve.curve import Curve, State
 from pwscont.curve.error_samples import magnitude, samples
 from pwscont.curve.metric import Range
 from pwscont.curve.stepper import Segment
-from pwscont.linear.bordered import GROWTH
-from pwscont.linear.factor import ProductForm
+from pwscont.linear.factor import GROWTH, ProductForm
 from pwscont.linear.factorise import column, inner, kink_by_columns, last_unit
 from pwscont.linear.jacobian import StructuredJacobian
 from pwscont.linear.vectors import Rows, add_multiples
 from pwscont.system.abilities import Ending
 from pwscont.system.box import Box
 from pwscont.system.selection import Selection
-from pwscont.system.system import PiecewiseLinearSystem
+from pwscont.system.system import PiecewiseLinearSystem, PiecewiseSystem
 from pwscont.system.values import own_array
 from pwscont.transitions.bounding import BoundingTests, crossed
 from pwscont.transitions.detector import Reading, SpecialPointFound, TransitionDetector, ratio_test
@@ -76,7 +66,9 @@ class StraightTests(TransitionDetector):
 
     def __init__(self) -> None:
         self._slowly = BoundingTests()
-        self._gradients: Gradients | None = None
+        self._system: PiecewiseSystem | None = None
+        self._rows: Rows  # the gradients of all tests of the system
+        self._scale: Array  # of the metric
         self._last: Entered | None = None
 
     def read(self, curve: Curve, state: State) -> Reading:
@@ -122,14 +114,16 @@ class StraightTests(TransitionDetector):
 
     def _begun(self, ray: Ray) -> Entered | None:
         """Return a ray that begins inside a cell; None where that is not clear."""
-        curve, state = ray.curve, ray.state
-        gradients = self._gradients_of(curve, state.x)
-        tests = gradients.tests_at(state.x)
-        may_end = isinstance(gradients.system, Ending)
-        if may_end or not gradients.are_inside(curve, tests, state):
+        curve, state, selection = ray.curve, ray.state, ray.curve.selection
+        tests = self._tests_at(curve, state.x)
+        if isinstance(selection.system, Ending) or not (len(tests) and arrays.are_finite(tests)):
+            return None
+        extent = arrays.largest(np.abs(state.x) / self._scale)
+        is_inside = (selection.side * tests[selection.bounding] > 0.0).all()
+        if not is_inside or self._near_zero(tests, extent, state.size).any():
             return None
         cell = self._cell_of(curve, state)
-        return cell and Entered(state, ray, cell, tests, gradients.rows.dot(cell.along))
+        return cell and Entered(state, ray, cell, tests, self._rows.dot(cell.along))
 
     def _at_end(self, last: Entered, room: float, end: float) -> SpecialPointFound | None:
         """Return the end of the interval at a distance, None where hard; leave the cell."""
@@ -143,21 +137,40 @@ class StraightTests(TransitionDetector):
         here = State(found.x, start.tangent, found.error, start.orientation, found.size)
         return at_end(last.ray.curve, here)
 
-    def _gradients_of(self, curve: Curve, x: Array) -> Gradients:
-        known, system = self._gradients, curve.selection.system
-        if known is None or known.system is not system or known.scale is not curve.metric.scale:
-            self._gradients = known = Gradients(curve, x)
-        return known
+    def _tests_at(self, curve: Curve, x: Array) -> Array:
+        """Return a copy of all tests at a point, shape (m,); know the gradients from here on."""
+        system, scale = curve.selection.system, curve.metric.scale
+        if self._system is not system or self._scale is not scale:
+            self._system, self._scale = system, scale
+            self._rows = Rows(system.test_jacobian(x[:-1], float(x[-1])))
+            self._typical: Array = arrays.product(self._rows.magnitudes, scale)
+        values = system.test_functions(x[:-1], float(x[-1]))
+        return own_array(system, "test_functions", values, self._typical.shape)
+
+    def _near_zero(self, tests: Array, extent: float, size: Array) -> Signs:
+        """Tell which tests may be zero because of the error, or of a correction, of a point."""
+        reach = GUARD * EPS * (1.0 + extent) + 2.0 * CONFIDENCE * arrays.largest(size / self._scale)
+        return np.asarray(np.abs(tests) <= reach * self._typical)
+
+    def _is_corner(self, before: Array, tests: Array, point: CorrectedPoint, but: int) -> bool:
+        """Tell whether another test vanishes at a point, or has another sign than before."""
+        near = self._near_zero(tests, point.extent, point.size).nonzero()[0]
+        near = near[near != but]
+        if not len(near):
+            return False  # nearly always
+        turned = (tests[near] >= 0.0) != (before[near] >= 0.0)
+        rounding = rounding_of_tests(self._rows.some(near), point.x, point.error, self._scale)
+        return bool((turned | (np.abs(tests[near]) <= rounding)).any())
 
     def _across(self, curve: Curve, start: State, index: int, s: float) -> Entered | None:
         """Return the point where a test vanishes, and the ray beyond; None where that is hard."""
-        gradients, selection = self._gradients_of(curve, start.x), curve.selection
+        selection, x = curve.selection, start.x + s * start.tangent
         test = int(selection.bounding[index])
-        x, gradient = start.x + s * start.tangent, gradients.rows.one(test)
         if isinstance(selection.system, Ending) or not curve.metric.admits(x):
             return None
-        cell, tests = self._cell_of(curve, start), gradients.tests_at(x)
-        beyond = Character.beyond(tests, test, bool(selection.side[index] < 0.0))
+        cell, tests = self._cell_of(curve, start), self._tests_at(curve, x)
+        gradient = self._rows.one(test)
+        beyond = Character.of(tests).with_sign(test, bool(selection.side[index] < 0.0))
         other = Curve(Selection(selection.system, beyond), curve.metric)
         level = SLANT * np.abs(gradient).dot(np.abs(start.tangent))
         is_crossed = abs(gradient.dot(start.tangent)) > level
@@ -166,12 +179,12 @@ class StraightTests(TransitionDetector):
         point = cell.cross(other, x, test, gradient, float(tests[test]))
         if point is None:
             return None
-        rates = gradients.rows.dot(cell.along)
+        rates = self._rows.dot(cell.along)
         changes = point.along * rates
         if point.aside is not None:
-            changes += gradients.rows.dot(joined(point.aside, 0.0))
+            changes += self._rows.dot(arrays.joined(point.aside, 0.0))
         here = tests - changes
-        if not are_finite(here) or gradients.is_corner(tests, here, point, test):
+        if not arrays.are_finite(here) or self._is_corner(tests, here, point, test):
             return None
         # alpha reverses if the path turns
         forwards = cell.turn * math.copysign(1.0, start.tangent[-1])
@@ -191,45 +204,6 @@ class StraightTests(TransitionDetector):
             return None
         row = curve.metric.covector(curve.metric.normalised(cell.along))
         return cell if abs(row.dot(start.tangent)) > 1.0 - ALIGNED else None
-
-
-@final
-class Gradients:
-    """The gradients of all tests of a piecewise-linear system, asked for at ``x``."""
-
-    def __init__(self, curve: Curve, x: Array) -> None:
-        self.system, self.scale = curve.selection.system, curve.metric.scale
-        self.rows = Rows(self.system.test_jacobian(x[:-1], float(x[-1])))
-        self._typical: Array = product(self.rows.magnitudes, self.scale)
-
-    def tests_at(self, x: Array) -> Array:
-        """Return a copy of all tests at a point, shape (m,)."""
-        values = self.system.test_functions(x[:-1], float(x[-1]))
-        return own_array(self.system, "test_functions", values, self._typical.shape)
-
-    def are_inside(self, curve: Curve, tests: Array, state: State) -> bool:
-        """Tell whether a state lies inside the cell of a curve, and no test is next to zero."""
-        if not len(tests) or not are_finite(tests):
-            return False
-        if self._near_zero(tests, largest(np.abs(state.x) / self.scale), state.size).any():
-            return False
-        return bool((curve.selection.side * tests[curve.selection.bounding] > 0.0).all())
-
-    def _near_zero(self, tests: Array, extent: float, size: Array) -> Signs:
-        """Tell which tests may be zero because of the error, or of a correction, of a point."""
-        reach = GUARD * EPS * (1.0 + extent) + 2.0 * CONFIDENCE * largest(size / self.scale)
-        return np.asarray(np.abs(tests) <= reach * self._typical)
-
-    def is_corner(self, before: Array, tests: Array, point: CorrectedPoint, but: int) -> bool:
-        """Tell whether another test vanishes at a point, or has another sign than before."""
-        near = self._near_zero(tests, point.extent, point.size).nonzero()[0]
-        near = near[near != but]
-        if not len(near):
-            return False  # nearly always
-        rows, values = self.rows.some(near), tests[near]
-        turned = (values >= 0.0) != (before[near] >= 0.0)
-        rounding = rounding_of_tests(rows, point.x, point.error, self.scale)
-        return bool((turned | (np.abs(values) <= rounding)).any())
 
 
 #: Systems of fewer unknowns are audited at every transition, all systems after AUDIT_AFTER
@@ -289,7 +263,7 @@ class StraightCell:
         if core is None:
             return None
         solver = ProductForm(core, n)
-        cell = cls(curve, solver, joined(-solver.solve(column(jacobian, n)), 1.0))
+        cell = cls(curve, solver, arrays.joined(-solver.solve(column(jacobian, n)), 1.0))
         is_at_hand = isinstance(jacobian, StructuredJacobian) and jacobian.is_at_hand
         is_cheap = n < ASKED_FOR_JACOBIANS or is_at_hand
         if not cell._is_told and (is_cheap or Box.of(curve.selection.system).is_bounded):
@@ -323,7 +297,9 @@ class StraightCell:
         if pivot == 0.0:
             return None
         slopes = self._lines.dot(gradient) / pivot
-        add_multiples(self._lines, -slopes, joined(w, 0.0))  # alpha of the lines does not change
+        add_multiples(
+            self._lines, -slopes, arrays.joined(w, 0.0)
+        )  # alpha of the lines does not change
         self.turn, self._since = 1 if pivot > 0.0 else -1, self._since + 1
         self.length = other.metric.norm(self.along)
         return self.corrected(x, gradient, value, slopes) if self._is_tame() else None
@@ -338,8 +314,8 @@ class StraightCell:
         """
         residual, sizes, aside = self.curve.selection.residual(x), np.abs(x), None
         is_due = self._since >= AUDIT_AFTER or len(sizes) <= ALWAYS_AUDITED
-        is_due = is_due or is_anywhere(sizes > self._most)
-        is_off = not is_due and not is_everywhere(np.abs(residual) <= UNSEEN * self._terms)
+        is_due = is_due or arrays.is_anywhere(sizes > self._most)
+        is_off = not is_due and not arrays.is_everywhere(np.abs(residual) <= UNSEEN * self._terms)
         if is_due or (is_off and self._since >= DRIFTED_AFTER):
             aside = self._audited(x, sizes, residual)
             if aside is None:
@@ -358,11 +334,11 @@ class StraightCell:
         error: Array = self._lines[1:].copy()  # and where the rounding of the test puts the point
         last = EPS * np.abs(gradient).dot(sizes) * self._samples[:, -1] - slopes[1:]
         add_multiples(error, last / slopes[0], self._lines[0])
-        extent = largest(sizes / metric.scale)
+        extent = arrays.largest(sizes / metric.scale)
         point = CorrectedPoint(x - dx, error, magnitude(sizes, error), along, aside, extent)
         # a correction is no more than the rounding and the error of the corrected point
         rounding = GUARD * EPS * extent * metric.scale + CONFIDENCE * point.size
-        is_rounding = is_everywhere(np.abs(dx) <= rounding)
+        is_rounding = arrays.is_everywhere(np.abs(dx) <= rounding)
         return point if is_rounding and metric.admits(point.x) else None
 
     def _has_renewed(self, jacobian: Matrix) -> bool:
@@ -390,8 +366,10 @@ class StraightCell:
             most = np.where(shared == 1, typical, 0.0)
             np.maximum.at(most, kinds, sizes)
             self._most = GROWN * most[kinds]
-        self._terms = product(magnitudes, self._most + CONVERGED * scale)
-        if not is_everywhere(np.abs(astray) <= ASTRAY * self.length * product(magnitudes, scale)):
+        self._terms = arrays.product(magnitudes, self._most + CONVERGED * scale)
+        if not arrays.is_everywhere(
+            np.abs(astray) <= ASTRAY * self.length * arrays.product(magnitudes, scale)
+        ):
             return None
         if self._solver.is_full:
             self._has_renewed(jacobian)  # due at the next change, when no Jacobian is at hand

@@ -9,7 +9,7 @@ is, g is no event, and is refused at the start.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, final
@@ -126,11 +126,11 @@ class UserEvent:
         """Return how much g changes beside a point at most, where g is defined."""
         beside = x + size * np.array([generic(len(x), shift) for shift in range(SHAKEN)])
         beside[:, -1] = np.clip(beside[:, -1], *metric.interval)
-        value, changes = self.value(x), [0.0]
+        value, largest = self.value(x), 0.0
         for y in beside:
             with suppress(InvalidInputError):
-                changes.append(abs(self.value(y) - value))
-        return max(changes)
+                largest = max(largest, abs(self.value(y) - value))
+        return largest
 
     def is_zero_around(self, ray: Ray) -> bool:
         """Tell whether g is nothing but rounding at a ray's beginning and wherever g is tried."""
@@ -138,22 +138,14 @@ class UserEvent:
         here, rounding = abs(self.value(x)), ROUNDING_DISTANCE * metric.scale
         if 0.0 < CLEARLY * self._shaken(metric, x, rounding) < here:
             return False  # nearly always
-        places = list(_around(ray))
+        (lo, hi), places = metric.interval, list[Array]()  # along and off the branch
+        distances = np.linspace(-FARTHEST_TRIED, FARTHEST_TRIED, PLACES_TRIED).tolist()
+        for i, alpha in enumerate(np.linspace(lo, hi, PLACES_TRIED)):
+            aside = x + distances[i] * metric.scale * generic(len(x), i)
+            along = x + distances[i] * ray.state.tangent
+            places += [np.append(aside[:-1], alpha), *[along] * bool(lo <= along[-1] <= hi)]
         try:
             largest = max(here, *(abs(self.value(y)) for y in places))
             return largest <= CONFIDENCE * max(self._shaken(metric, y, rounding) for y in places)
         except InvalidInputError:  # at a place that may be far from all solutions
             return False
-
-
-def _around(ray: Ray) -> Iterator[Array]:
-    """Yield places along and off a branch, all in the interval."""
-    metric, x = ray.curve.metric, ray.state.x
-    lo, hi = metric.interval
-    distances = np.linspace(-FARTHEST_TRIED, FARTHEST_TRIED, PLACES_TRIED)
-    for i, (s, alpha) in enumerate(zip(distances, np.linspace(lo, hi, PLACES_TRIED), strict=True)):
-        along, aside = x + s * ray.state.tangent, x + s * metric.scale * generic(len(x), i)
-        aside[-1] = alpha
-        yield aside
-        if lo <= along[-1] <= hi:
-            yield along

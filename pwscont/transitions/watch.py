@@ -30,7 +30,7 @@ from pwscont.basics.rounding import CONFIDENCE, EPS
 from pwscont.curve.corrector import corrected_again
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.stepper import CurvedSegment, Segment
-from pwscont.system.promises import AFFINE_DEFECT, refuse_bent_ray, refuse_stray_ray
+from pwscont.system.promises import AFFINE_DEFECT, refuse_wrong_ray
 from pwscont.transitions.detector import (
     HIDDEN,
     MOST_BRACKET_HALVINGS,
@@ -84,8 +84,6 @@ class Watch:
         self, detectors: Sequence[TransitionDetector], added: Sequence[TransitionDetector] = ()
     ) -> None:
         self._detectors, self._added = detectors, added
-        none = TransitionDetector.look_inside
-        self._looking = [each for each in detectors if type(each).look_inside is not none]
 
     def read(self, curve: Curve, state: State) -> Reading:
         """Return what all detectors read at a state, in new arrays; refuse wrong readings."""
@@ -151,7 +149,7 @@ class Watch:
 
         A Failure if a detector asks for a shorter step.
         """
-        for detector in self._looking:
+        for detector in self._detectors:
             found = detector.look_inside(segment)
             if isinstance(found, Failure):
                 return found
@@ -220,8 +218,7 @@ def first_on_ray(watch: Watch, segment: Segment, start: Reading) -> Event | Fail
     begin, end, metric = segment.start.x, segment.near(best), segment.curve.metric
     if not (isinstance(state, State) and metric.relative(state.x - end, end) <= AFFINE_DEFECT):
         # the correction was more than rounding
-        refuse_bent_ray(segment.curve.selection, begin, end - begin, metric.scale)
-        refuse_stray_ray(segment.curve.selection, begin, end - begin, metric.scale)
+        refuse_wrong_ray(segment.curve.selection, begin, end - begin, metric.scale)
     return state if isinstance(state, Failure) else Event(detector, index, best, state)
 
 
