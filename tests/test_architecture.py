@@ -65,7 +65,7 @@ BUDGET = {
     "transitions": (13, 3926),
     "graph": (8, 2480),
     "search": (9, 2046),
-    "continuation": (8, 2814),
+    "continuation": (8, 2815),
     "kit": (4, 973),
     "proof": (8, 2078),
     "scenes": (14, 2663),
