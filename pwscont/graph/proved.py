@@ -32,7 +32,7 @@ from pwscont.system.system import PiecewiseSystem
 #: of the largest unknown, or closer than the errors.
 NEAR_A_PROVED_SOLUTION = 1e-6
 #: Values of H are those of the same formula if they agree within this part.
-ALIKE = 1e-9
+SAME_VALUES = 1e-9
 Corners = tuple[Array, Array]
 
 
@@ -218,7 +218,7 @@ class BoxProof:
         with np.errstate(all="ignore"):
             try:
                 pairs = [(H, value_of(system, x)) for x, H in self.values]
-                return bool(pairs) and all(np.allclose(*p, ALIKE, 0.0, True) for p in pairs)
+                return bool(pairs) and all(np.allclose(*p, SAME_VALUES, 0.0, True) for p in pairs)
             except Exception:  # a system of other unknowns, or one that fails there
                 return False
 

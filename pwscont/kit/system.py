@@ -30,7 +30,7 @@ from pwscont.system.selection import Selection
 from pwscont.system.system import PiecewiseLinearSystem, PiecewiseSystem
 
 #: Two names are nearly one if difflib's ratio is at least this.
-ALIKE = 0.86
+NEARLY_ONE_NAME = 0.86
 #: Most Newton steps to the interface of a test function.
 STEPS_TO_INTERFACE = 20
 
@@ -184,7 +184,9 @@ def _misspelt(system: PiecewiseSystem, x: Array) -> Iterator[Defect]:
         if each.__module__.partition(".")[0] in ("pwscont", "builtins", "abc"):
             continue
         for name in sorted(vars(each).keys() - called):
-            near = () if name.startswith("_") else get_close_matches(name, called, 1, ALIKE)
+            near = (
+                () if name.startswith("_") else get_close_matches(name, called, 1, NEARLY_ONE_NAME)
+            )
             if near and name != f"{near[0]}s":  # a name of many may be a helper of the user
                 yield defect(f"{name} is never asked for; is {near[0]} meant?", x, np.nan)
 

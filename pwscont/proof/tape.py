@@ -23,7 +23,7 @@ from numpy.lib.mixins import NDArrayOperatorsMixin
 from pwscont.basics.arrays import Array, Signs, generic
 from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidInputError
-from pwscont.graph.proved import ALIKE, value_of
+from pwscont.graph.proved import SAME_VALUES, value_of
 from pwscont.notation.arithmetic import KINKED, OF_TWO, SMOOTH, refuse_kink
 from pwscont.notation.curved import SwitchedSystem
 from pwscont.proof.interval import ELEMENTARY, OPERATIONS, SWITCHES, Interval
@@ -423,7 +423,7 @@ def check_tape(tape: Tape, system: Any, box: Interval) -> list[tuple[Array, Arra
 
 def _differ(one: Interval, other: Interval) -> Signs:
     """Tell which values differ by more than rounding explains."""
-    slack = ALIKE * other.reach() + ROUNDINGS * (one.width() + other.width())
+    slack = SAME_VALUES * other.reach() + ROUNDINGS * (one.width() + other.width())
     return np.abs(one.middle() - other.middle()) > slack
 
 

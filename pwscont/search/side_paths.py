@@ -27,18 +27,18 @@ from pwscont.system.selection import Selection
 from pwscont.system.system import PiecewiseSystem
 
 #: Length of the first step, and the longest step as a part of 1 plus the distance from zero.
-FIRST_STEP, LONGEST_STEP = 0.1, 0.5
+FIRST_SIDE_STEP, LONGEST_SIDE_STEP = 0.1, 0.5
 #: Shortest step; a side path that needs shorter steps is given up.
 SHORTEST_STEP = 1e-5
 #: Factors by which steps shrink after a failure and grow where the direction hardly changes.
-SHRINKS, GROWS = 0.35, 1.7
+SIDE_SHRINKS, SIDE_GROWS = 0.35, 1.7
 #: Cosine between the directions at both ends of a step, the least and that of a step that grows.
 LEAST_COSINE, HARDLY_TURNED = 0.5, 0.92
 #: Largest first correction as a part of the step, largest quotient of corrections, most
 #: corrections, and the last correction as a part of 1 plus the length of the point.
 MOST_OFF, CONTRACTS, MOST_CORRECTIONS, LAST = 0.5, 0.5, 6, 1e-4
 #: Most steps of a side path each way.
-MOST_STEPS = 300
+MOST_SIDE_STEPS = 300
 #: A side path ends this many times farther out than the farthest known solution.
 FARTHER_OUT = 2.5
 #: How far outside of its bounds an unknown of a side path may be, in magnitudes.
@@ -116,20 +116,22 @@ class SidePaths:
         """Yield rough states at which mu changes its sign on the side path from a solution."""
         known = np.array(self._pursuit.solutions(self._alpha))[:, :-1] / self._scale
         farthest = FARTHER_OUT * (1.0 + float(np.linalg.norm(known, axis=1).max()))
-        here, length = self._start(z, way), FIRST_STEP
-        for _ in range(MOST_STEPS):
+        here, length = self._start(z, way), FIRST_SIDE_STEP
+        for _ in range(MOST_SIDE_STEPS):
             if here is None or self._left <= 0 or length < SHORTEST_STEP:
                 return
             there = self._step(here, length)
             if there is None:
-                length *= SHRINKS
+                length *= SIDE_SHRINKS
                 continue
             if here.w[-1] * there.w[-1] < 0.0:
                 part = here.w[-1] / (here.w[-1] - there.w[-1])
                 yield (here.w + part * (there.w - here.w))[:-1] * self._scale
             is_straight = there.direction.dot(here.direction) > HARDLY_TURNED
             here, size = there, float(np.linalg.norm(there.w[:-1]))
-            length = min(length * (GROWS if is_straight else 1.0), LONGEST_STEP * (1.0 + size))
+            length = min(
+                length * (SIDE_GROWS if is_straight else 1.0), LONGEST_SIDE_STEP * (1.0 + size)
+            )
             inside = self._box.contains(here.w[:-1] * self._scale, OUTSIDE * self._scale)
             if size > farthest or not inside:
                 return
