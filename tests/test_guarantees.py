@@ -7,6 +7,7 @@ import pytest
 from pwscont_coulomb.scenes import fig7
 
 from pwscont import (
+    LCP,
     BranchGraph,
     EndPoints,
     PiecewiseLinearSystem,
@@ -168,3 +169,11 @@ def test_a_power_flow_whose_voltage_collapses():
     assert all(stopped.alpha < 1e-6 for stopped in graph.special_points("stopped"))
     assert graph.count(0.0) == np.inf
     assert "infinitely many solutions at alpha = 0" in graph.guarantee
+
+
+@pytest.mark.parametrize("degree", [0, 5])
+def test_a_wrong_degree_is_named(degree):
+    """The signs of the solutions of this problem sum to 1."""
+    problem = LCP([[1, 2], [2, 1]], q=[-1, -1], d=[1, 0], degree=degree)
+    graph = explore(problem, (-1.0, 2.0))
+    assert f"degree = {degree} is wrong, for the balance is 1 everywhere" in graph.guarantee

@@ -211,7 +211,7 @@ def _causes(graph: ConnectedPieces, gaps: list[Gap]) -> Iterator[str]:
     partial = graph.special_points(Kind.PARTIAL_CORNER)
     missing = [gap for gap in gaps if not partial and gap not in explained and gap not in twice]
     if missing:
-        yield f"at least one branch missing in {listed(missing)}"
+        yield f"at least one branch missing in {listed(missing)}{_or_wrong_degree(graph)}"
     if twice:
         yield f"a solution stands twice in {listed(twice)}"
     yield from _stops(graph, stopped)
@@ -219,6 +219,16 @@ def _causes(graph: ConnectedPieces, gaps: list[Gap]) -> Iterator[str]:
     yield from _left_out(graph)
     yield from _places(IN_PART, graph, partial)
     yield from _places("a branch ends on purpose", graph, on_purpose)
+
+
+def _or_wrong_degree(graph: ConnectedPieces) -> str:
+    """Return the words for a balance that is one number everywhere, and is not the degree."""
+    degree = graph.system.degree if graph.system else None
+    values = balance_values(graph)
+    if degree is None or len(values) > 1:
+        return ""
+    promise = f"{type(graph.system).__name__}.degree = {degree}"
+    return f", or {promise} is wrong, for the balance is {values[0]} everywhere"
 
 
 def listed(gaps: Iterable[Gap]) -> str:

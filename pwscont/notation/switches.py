@@ -106,7 +106,9 @@ def common_form(forms: Any) -> Any:
     Bounds that meet, or cross, at some points only count as two bounds.
     """
     if (forms == CROSSED).all(axis=0).any():
-        raise InvalidSystemError("sw.clip needs lower <= upper, but lower is larger")
+        raise InvalidSystemError(
+            "sw.clip and Complementarity need lower <= upper, but lower is larger"
+        )
     same = (forms == forms[0]).all(axis=0)
     if (forms < BOTH)[:, ~same].any():
         raise InvalidSystemError("bounds of sw.clip must not become infinite with z or alpha")

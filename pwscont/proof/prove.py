@@ -376,7 +376,8 @@ def prove(given: Any, alpha: float | None = None) -> Certificate:
     if not isinstance(system, ExactData):
         raise InvalidInputError(
             f"{type(system).__name__} hands over no exact data: prove takes contact problems and "
-            "formulas with linear=True; formulas of curved systems are proved by Everywhere"
+            "formulas with linear=True, and classes of straight pieces that derive from ExactData; "
+            "counts of curved formulas are proved by explore, see graph.proof, and by Everywhere"
         )
     if not is_graph:
         if strange := [each.alpha for each in given if each.alpha != given.alpha]:
