@@ -63,7 +63,7 @@ BUDGET = {
     "curve": (13, 3410),
     "enumeration": (11, 2503),
     "transitions": (13, 3926),
-    "graph": (8, 2436),
+    "graph": (8, 2434),
     "search": (8, 1813),
     "continuation": (8, 2814),
     "kit": (4, 973),
