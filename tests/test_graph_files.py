@@ -4,6 +4,7 @@ import contextlib
 import copy
 import json
 import math
+import os
 
 import numpy as np
 import pytest
@@ -181,6 +182,33 @@ def test_a_graph_of_another_system_is_refused(tmp_path):
     fig7().run().save(tmp_path / "graph.npz")
     with pytest.raises(InvalidInputError, match="it has 4 unknowns, AffineCoulombLoad has 8"):
         BranchGraph.load(tmp_path / "graph.npz", example1().system)
+
+
+@pytest.mark.parametrize(("moved", "error"), [(-1, GraphFileError), (0, InvalidInputError)])
+def test_a_node_that_does_not_fit_its_pieces_is_refused(tmp_path, moved, error):
+    """Without the system only alpha is compared: unknowns may differ by periods."""
+    scene, path = fig7(), tmp_path / "graph.npz"
+    graph = scene.run()
+    graph.save(path)
+    BranchGraph.load(path, scene.system)
+    with np.load(path) as file:
+        arrays = dict(file)
+    header = json.loads(str(arrays["header"]))
+    if moved:
+        header = edited(header, ("nodes", 1, "alpha"), header["nodes"][1]["alpha"] + 0.01)
+    else:
+        arrays["nodes"][1, 0] += 0.5
+    write(path, arrays, header)
+    with pytest.raises(error, match="does not reach node"):
+        BranchGraph.load(path, scene.system)
+
+
+def test_a_device_is_not_replaced(tmp_path):
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    with pytest.raises(GraphFileError, match="it is a device, not a file"):
+        fig7().run().save(pipe)
+    assert pipe.is_fifo()
 
 
 def test_a_failed_write_leaves_nothing_behind(tmp_path, monkeypatch):

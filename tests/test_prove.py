@@ -27,7 +27,7 @@ from pwscont import (
 )
 from pwscont.extending import ExactMode, Kind
 from pwscont.graph.records import Place
-from pwscont.proof.cells import ExactCells, Ranges, segment_of
+from pwscont.proof.cells import ExactCells, ends_of, segment_of
 from pwscont.proof.interval import Interval
 from pwscont.proof.prove import certified_pieces, proved_solutions
 from pwscont.search.enumeration import Solutions
@@ -110,6 +110,13 @@ def test_units_of_a_complementarity_problem_do_not_hide_an_inequality(stiffness)
     spring = Complementarity(lambda z, t: stiffness * z + 1.0 + 0.0 * t, n=1, linear=True)
     boxes, points, _ = proved_solutions(ExactCells(*spring.exact_rows(0.0)), 0.0)
     assert len(boxes) + len(points) == 1
+
+
+def test_numbers_that_units_would_make_too_small_are_kept():
+    """Divided by 1e156, a constant of 1e-170 would be zero, and three solutions would be one."""
+    game = LCP(1e156 * np.array([[1, 2], [2, 1]]), q=[-1e-170, -1e-170], d=[0, 0])
+    boxes, points, _ = proved_solutions(ExactCells(*game.exact_rows(0.0)), 0.0)
+    assert len(boxes) + len(points) == 3
 
 
 @pytest.mark.parametrize("off", [5.0, -1e-6, np.nan, np.inf])
@@ -226,54 +233,31 @@ def exact_range(sides, interval):
     return (first, last) if first <= last else None
 
 
-def wrong_ranges(seeds):
-    """Return how many ranges of random rows, many tied, say what is wrong in rational numbers."""
-    wrong = 0
+def judged_cells(seeds):
+    """Return how many cells of random rows, many tied, are wrongly called empty, and empty."""
+    empty = wrong = 0
     for seed in seeds:
         rng = np.random.default_rng(seed)
         whole, interval = rng.integers(-2, 3, size=(30, 4, 2)).astype(float), (-1.0, 1.0)
         sides = whole if seed % 2 else whole + 1e-3 * rng.normal(size=whole.shape)
         far = 10.0 ** -rng.uniform(1.0, 16.0) * np.abs(sides) * (seed % 3)
-        line = Interval(np.zeros((30, 1, 2)))
-        ranges = Ranges.of((line, Interval(sides - far, sides + far)), interval)
-        for i, rows in enumerate(sides):
-            wrong += not is_right(ranges, i, rows, exact_range(rows, interval))
-    return wrong
+        _, is_empty = ends_of(Interval(sides - far, sides + far), interval)
+        empty += is_empty.sum()
+        wrong += sum(exact_range(rows, interval) is not None for rows in sides[is_empty])
+    return wrong, empty
 
 
-def is_right(ranges, i, rows, truth):
-    """Tell whether a range agrees with the true one, and which inequality alone ends the range."""
-    if truth is None or not ranges.decided[i]:
-        return not (ranges.decided[i] if truth is None else ranges.empty[i])
-    for place, known, side in zip(
-        truth, (ranges.first[i], ranges.last[i]), ranges.sides[:, i], strict=True
-    ):
-        values = [Fraction(a) * place + Fraction(b) for a, b in rows.tolist()]
-        alone = [k for k, value in enumerate(values) if value <= 0]
-        ends = alone == ([] if side == -1 else [side]) or side == -2
-        if not (Fraction(known.lo) <= place <= Fraction(known.hi) and ends):
-            return False
-    return True
+def test_cells_that_are_called_empty_are_empty_in_rational_numbers():
+    wrong, empty = judged_cells(range(60))
+    assert wrong == 0
+    assert empty > 500
 
 
-def test_ranges_of_cells_are_those_of_rational_numbers():
-    assert wrong_ranges(range(60)) == 0
-
-
-def test_ranges_that_pass_over_ties_are_caught(monkeypatch):
-    """An inequality that only seems to be the last one, and roots without their width."""
-    largest, division = pwscont.proof.cells._largest, Interval.__truediv__
-
-    def rash(numbers, which, end):
-        found = np.where(which, numbers.lo, -np.inf)
-        return largest(numbers, which, end)[0], found.argmax(axis=1)
-
-    monkeypatch.setattr(pwscont.proof.cells, "_largest", rash)
-    assert wrong_ranges(range(60)) > 0
-    monkeypatch.setattr(pwscont.proof.cells, "_largest", largest)
+def test_roots_without_their_width_are_caught(monkeypatch):
+    division = Interval.__truediv__
     thin = lambda x, y: Interval(division(x, y).middle())  # noqa: E731
     monkeypatch.setattr(Interval, "__truediv__", thin)
-    assert wrong_ranges(range(60)) > 0
+    assert judged_cells(range(60))[0] > 0
 
 
 # -- pieces and transitions ------------------------------------------------------------------------

@@ -57,6 +57,26 @@ def test_a_class_is_proved_across_its_kinks():
     assert "agree where tests vanish" in graph.proof.statements[-1]
 
 
+def test_a_class_that_returns_the_same_array_again_and_again_is_proved_right():
+    """The stop lies beyond all points of the box at which the class is compared with its tape."""
+
+    class Reusing(PiecewiseSystem):
+        size, kept = 1, None
+
+        def test_functions(self, z, alpha):
+            return z - 1.0
+
+        def residual(self, z, alpha, character):
+            if self.kept is None or self.kept.dtype != z.dtype:
+                self.kept = np.empty(1, dtype=z.dtype)
+            self.kept[0] = (z[0] - 1.0) * (5.0 if character.signs[0] else -5.0) - alpha
+            return self.kept
+
+    metric = Metric(np.array([1.0, 1.5]), (0.5, 1.0))
+    proof = Everywhere(box=(-1e4, 1.5)).prove(Reusing(), metric, (0.5, 1.0))
+    assert proof.count(0.7) == 2
+
+
 def test_a_class_whose_selections_differ_is_refused():
     system = Arch()
     system.jump = 1e-3
@@ -113,6 +133,16 @@ def test_a_graph_without_solutions_lends_no_other_system_the_proof(tmp_path):
     other = Switched(1, lambda z, t, sw: z**2 - 1 + 0 * t)
     assert BranchGraph.load(tmp_path / "empty", system=other).proof is None
     assert BranchGraph.load(tmp_path / "empty").proof.count(0.0) == 0
+
+
+def test_a_graph_lends_no_other_system_with_the_same_branch_the_proof(tmp_path):
+    """All points of the graph solve the other system, which has one more branch, at z = 5."""
+    line = Switched(1, lambda z, t, sw: z - t)
+    explore(line, (-1.0, 1.0)).save(tmp_path / "line")
+    two = Switched(1, lambda z, t, sw: (z - t) * (z - 5.0))
+    assert BranchGraph.load(tmp_path / "line", system=two).guarantee == "balanced"
+    again = BranchGraph.load(tmp_path / "line", system=line)
+    assert again.guarantee.startswith("complete in the box, proved")
 
 
 def test_a_saved_graph_keeps_the_proof(tmp_path):

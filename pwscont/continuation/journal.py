@@ -112,7 +112,8 @@ NO_JOURNAL = f"it is no journal of this version; if it is of an earlier one, {AD
 NOT_WRITABLE = "it cannot be written: see that its directory exists, and that you may write there"
 #: What errors of SQLite mean, by the beginning of their names; every other error means damage.
 MEANINGS = {
-    "SQLITE_BUSY": "another process is writing to it: wait for it, or write elsewhere",
+    "SQLITE_BUSY": "another process is writing to it, or it is open here: wait for it or close it, "
+    "or write elsewhere",
     "SQLITE_NOTADB": NO_JOURNAL,
     "SQLITE_CANTOPEN": NOT_WRITABLE,
     "SQLITE_READONLY": NOT_WRITABLE,

@@ -160,7 +160,7 @@ def may_lose_rank(curve: Curve, x: Array, equations: Array | None = None) -> boo
     if matrix.is_singular():
         return True
     # generic borders make these numbers larger at other points, by far less than the bound
-    g = [matrix.solve(unit)[n] for unit in np.eye(n + 2)[n:]]
+    g = [matrix.solve(unit)[n] for unit in np.eye(2, n + 2, n)]
     return not largest(np.abs(np.array(g))) > FULL_RANK**0.5
 
 
@@ -210,7 +210,7 @@ def _null(curve: Curve, x: Array, rows: Array, b: Array, C: Array) -> _Null | No
     scaled, matrix = _bordered(curve, x, rows, b, C)
     if matrix.is_singular():
         return None
-    units, order = np.eye(n + 2)[n:], [*range(n), n + 1, n]  # mu last
+    units, order = np.eye(2, n + 2, n), [*range(n), n + 1, n]  # mu last
     rest = np.concatenate([-curve.selection.residual(x) / rows, np.zeros(2)])
     solved = np.column_stack([matrix.solve(f) for f in (*units, rest)])[order]
     left = matrix.solve_transposed(units[0])[:n]

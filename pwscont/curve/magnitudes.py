@@ -19,7 +19,6 @@ from functools import reduce
 from itertools import product
 
 import numpy as np
-import scipy.sparse as sp
 
 from pwscont.basics.arrays import (
     Array,
@@ -38,7 +37,13 @@ from pwscont.basics.character import Character
 from pwscont.basics.rounding import CONFIDENCE, EPS
 from pwscont.curve.error_samples import Found, magnitude
 from pwscont.curve.metric import Metric, Range
-from pwscont.linear.factorise import balanced, balanced_columns, bordered, last_unit
+from pwscont.linear.factorise import (
+    balanced,
+    balanced_columns,
+    bordered,
+    entry_sizes,
+    last_unit,
+)
 from pwscont.system.box import Box
 from pwscont.system.contract import jacobian_at, residual_at
 from pwscont.system.system import PiecewiseLinearSystem, PiecewiseSystem
@@ -228,7 +233,7 @@ def _by_bends(
     """
     alpha = alphas[len(alphas) // 2]
     jacobian = jacobian_at(system, z, alpha, system.character(z, alpha))
-    entries = abs(jacobian if sp.issparse(jacobian) else dense(jacobian))[:, :-1]
+    entries = entry_sizes(jacobian)[:, :-1]
     unit, way = power_of_two(balanced(entries, system.size)[0]), generic(system.size)
     if step := _bend(system, alphas, z, here, unit * way):
         return step * unit

@@ -167,7 +167,7 @@ class BranchGraph(ConnectedPieces):
             own = storage.adopted(path, contents, system)
             contents |= {"system": own, "names": None}
         graph = cls(**contents, record=record)
-        if graph.pieces or system is None:  # no point would show that the system is another one
+        if proof is not None and (system is None or proof.is_of(system)):
             graph.proof = proof
         return graph
 

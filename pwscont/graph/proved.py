@@ -24,11 +24,15 @@ from pwscont.graph.balance import is_blurred, listed
 from pwscont.graph.queries import solutions_at
 from pwscont.graph.records import Solution
 from pwscont.graph.structure import ConnectedPieces
+from pwscont.system.abilities import completed
 from pwscont.system.box import Box
+from pwscont.system.system import PiecewiseSystem
 
 #: A solution of the graph is a proved solution if closer than this part of a typical magnitude, or
 #: of the largest unknown, or closer than the errors.
 NEAR_A_PROVED_SOLUTION = 1e-6
+#: Values of H are those of the same formula if they agree within this part.
+ALIKE = 1e-9
 Corners = tuple[Array, Array]
 
 
@@ -70,6 +74,8 @@ class BoxProof:
     open: list[Corners]  #: Boxes (least, largest) of (z, alpha) that are not decided.
     boxes: int  #: How many boxes were looked at.
     assumed: str  #: What the proof assumes.
+    #: Points (z, alpha) of the box and H there, which tell whether a system is that of the proof.
+    values: Sequence[Corners] = ()
 
     @cached_property
     def folds(self) -> list[Range]:
@@ -207,6 +213,15 @@ class BoxProof:
             if ((z >= self.box[0]) & (z <= self.box[1])).all():
                 yield z, slack
 
+    def is_of(self, system: PiecewiseSystem) -> bool:
+        """Tell whether a system has the values of H that the proof remembers."""
+        with np.errstate(all="ignore"):
+            try:
+                pairs = [(H, value_of(system, x)) for x, H in self.values]
+                return bool(pairs) and all(np.allclose(*p, ALIKE, 0.0, True) for p in pairs)
+            except Exception:  # a system of other unknowns, or one that fails there
+                return False
+
     def plain(self) -> dict[str, Any]:
         """Return the proof as lists and numbers, for a file."""
         return {each.name: _plain(getattr(self, each.name)) for each in fields(self)}
@@ -215,6 +230,7 @@ class BoxProof:
     def read(cls, plain: Mapping[str, Any]) -> BoxProof:
         """Return the proof that :meth:`plain` wrote down, or raise Python's errors."""
         box, *opened = _corners([plain["box"], *plain["open"]])
+        values = [(np.array(x), np.array(H, dtype=float)) for x, H in plain.get("values", ())]
         lo, hi = map(float, plain["interval"])
         stretches = [
             CountedStretch(float(a), float(b), float(at), None if s is None else _corners(s))
@@ -222,7 +238,14 @@ class BoxProof:
         ]
         turns: Any = map(tuple, np.array(plain["turns"], dtype=float).reshape(-1, 3).tolist())
         boxes, assumed = int(plain["boxes"]), str(plain["assumed"])
-        return cls(box, (lo, hi), stretches, list(turns), opened, boxes, assumed)
+        return cls(box, (lo, hi), stretches, list(turns), opened, boxes, assumed, values)
+
+
+def value_of(system: PiecewiseSystem, x: Array) -> Array:
+    """Return H at a point (z, alpha) of the unknowns that a user knows, shape (n,)."""
+    z, alpha = completed(system, x[:-1], float(x[-1])), float(x[-1])
+    value: Array = system.residual(z, alpha, system.character(z, alpha))[: len(x) - 1]
+    return np.array(value, dtype=float)
 
 
 def _widest(ranges: list[Range]) -> float:
@@ -251,13 +274,11 @@ def are_matched(proved: Sequence[Corners], found: Sequence[Corners]) -> bool:
 
 def _plain(thing: Any) -> Any:
     """Return arrays, tuples and stretches as lists; a number that is not known becomes None."""
-    if isinstance(thing, np.ndarray):
-        return thing.tolist()
     if isinstance(thing, CountedStretch):
-        return [_plain(getattr(thing, each.name)) for each in fields(thing)]
-    if isinstance(thing, list | tuple):
+        thing = [getattr(thing, each.name) for each in fields(thing)]
+    if isinstance(thing, np.ndarray | list | tuple):
         return [_plain(each) for each in thing]
-    return None if isinstance(thing, float) and np.isnan(thing) else thing
+    return None if thing is None or thing != thing else thing  # noqa: PLR0124  nan
 
 
 def _corners(lists: Any) -> list[Corners]:

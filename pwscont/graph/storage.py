@@ -12,6 +12,7 @@ import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from errno import EINVAL
 from functools import partial
 from io import BytesIO
 from math import inf, isfinite, isnan
@@ -26,13 +27,14 @@ from pwscont.basics.errors import GraphFileError, InvalidInputError, InvalidSyst
 from pwscont.basics.outcome import Guarantee, SearchScope, kind_of
 from pwscont.basics.quantities import Kept, Quantities
 from pwscont.basics.rounding import SAME_ALPHA
-from pwscont.curve.metric import Range
+from pwscont.curve.metric import Metric, Range
 from pwscont.graph import records
 from pwscont.graph.proved import BoxProof
 from pwscont.graph.queries import stray_alpha
 from pwscont.graph.records import Piece, Place, SpecialPoint, Stretch
 from pwscont.graph.structure import ConnectedPieces
 from pwscont.system.abilities import completed, shown_size
+from pwscont.system.box import Box
 from pwscont.system.system import PiecewiseSystem
 
 
@@ -46,6 +48,8 @@ def write_archive(path: str | Path, header: Mapping[str, Any], arrays: Mapping[s
     # not compressed: digits are random, and compressing them takes ten times as long as all else
     np.savez(content, **named)
     try:
+        if Path(path).exists() and not (Path(path).is_file() or Path(path).is_dir()):
+            raise OSError(EINVAL, "it is a device, not a file")  # a replaced device is lost
         temporary = Path(path).with_name(Path(path).name + ".part")
         try:
             temporary.write_bytes(content.getbuffer())
@@ -169,6 +173,9 @@ VERSION = 2
 MOST_STORED = 2**31
 #: Squares of larger numbers overflow: no run returns numbers above this bound.
 LARGEST_STORED = 1e150
+#: Farthest from its node that a piece ends, as a part of the interval and of the largest number of
+#: each unknown: much more than arrivals at a node are apart.
+SAME_END = 1e-3
 ARRAYS = ("nodes", "starts", "errors", "points")
 
 
@@ -265,7 +272,7 @@ def _check(
     interval: Range,
 ) -> None:
     """Refuse numbers that stand twice or refer to nothing, and points outside the interval."""
-    nodes, known = {point.id for point in points}, {piece.id for piece in pieces}
+    nodes, known = {point.id: point for point in points}, {piece.id for piece in pieces}
     if len(nodes) < len(points) or len(known) < len(pieces) or -1 in nodes:
         raise DamagedError("each node and each piece needs an id of its own, from 0 on")
     for start in starts:
@@ -277,8 +284,11 @@ def _check(
         if not lo <= point.alpha <= hi:
             raise DamagedError(f"node {point.id} lies outside the interval: {point.alpha}")
     for piece in pieces:
-        if not {piece.start, piece.end} <= nodes:
+        if not {piece.start, piece.end} <= nodes.keys():
             raise DamagedError(f"piece {piece.id} begins or ends at a node that is not there")
+        for number, alpha in zip((piece.start, piece.end), piece.points[[0, -1], -1], strict=True):
+            if not abs(alpha - nodes[number].alpha) <= SAME_END * (hi - lo):
+                raise DamagedError(f"piece {piece.id} does not reach node {number}: {alpha}")
         if not lo <= min(piece.interval) <= max(piece.interval) <= hi:
             raise DamagedError(f"piece {piece.id} leaves the interval: {piece.interval}")
     if len({len(bytes(piece.character)) for piece in pieces}) > 1:
@@ -413,6 +423,8 @@ def adopted(path: str | Path, contents: Contents, system: PiecewiseSystem) -> Pi
         z, stored = completed(system, point.z, point.alpha), len(bytes(piece.character))
         if stored != (tests := len(bytes(system.character(z, point.alpha)))):
             raise InvalidInputError(f"{words} {stored} tests, {name} has {tests}")
+    if pieces:
+        _refuse_apart(path, contents, Box.of(system).period[:size])
     fitted = _fitted(system, interval, points)
     of_cells = list({piece.character: piece for piece in pieces}.values())
     scale = np.append(fitted.scale(*interval), np.ptp(interval))
@@ -423,6 +435,17 @@ def adopted(path: str | Path, contents: Contents, system: PiecewiseSystem) -> Pi
                 f"{alpha:.10g}; give the system with the constants that the graph was made with"
             )
     return fitted
+
+
+def _refuse_apart(path: str | Path, contents: Contents, period: Array) -> None:
+    """Refuse pieces that do not reach their nodes, up to periods."""
+    nodes = {point.id: np.append(point.z, point.alpha) for point in contents["points"]}
+    pieces, metric = contents["pieces"], Metric(np.ones(len(period) + 1), period=period)
+    sizes = SAME_END * np.abs(np.vstack([piece.points for piece in pieces])).max(axis=0)
+    for piece in pieces:
+        for number, x in zip((piece.start, piece.end), piece.points[[0, -1]], strict=True):
+            if (np.abs(metric.difference(x, nodes[number])) > sizes).any():
+                raise InvalidInputError(f"{path}: piece {piece.id} does not reach node {number}")
 
 
 def _fitted(

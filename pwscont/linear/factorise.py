@@ -41,7 +41,7 @@ def bordered(jacobian: Matrix, row: Any, scale: Array) -> Factor:
         return factor(matrix, scale, overwrite=True)
     structured = _structured(jacobian)
     by_parts = structured.bordered(row, scale)
-    if by_parts is None and isinstance(structured, SparseJacobian):
+    if by_parts is None and isinstance(structured, StoredJacobian):
         return factor(sp.vstack([structured.tocsc(), sp.csr_matrix(row)]), scale)
     return by_parts or bordered(dense(jacobian), row, scale)
 
@@ -132,16 +132,21 @@ def balanced_columns(jacobian: Matrix) -> Array:
 
     Each row is divided by the row's largest entry first; the multiplier for alpha is 1.
     """
-    sparse = sp.issparse(jacobian)
-    rows = (abs(sp.csr_array(jacobian)) if sparse else np.abs(dense(jacobian)))[:, :-1]
+    rows = entry_sizes(jacobian)[:, :-1]
 
     def largest(sizes: Matrix, axis: int) -> Array:
         found = sizes.max(axis=axis)
-        found = dense(found).ravel() if sparse else found
+        found = dense(found).ravel() if sp.issparse(rows) else found
         return np.where(found > 0.0, found, 1.0)
 
     columns = largest(rows / largest(rows, 1)[:, np.newaxis], 0)
     return power_of_two(np.append(1.0 / columns, 1.0))
+
+
+def entry_sizes(jacobian: Matrix) -> Matrix:
+    """Return the magnitudes of the entries, sparse for a stored Jacobian."""
+    stored = jacobian.tocsc() if isinstance(jacobian, StoredJacobian) else jacobian
+    return abs(sp.csr_array(stored)) if sp.issparse(stored) else np.abs(dense(stored))
 
 
 def _structured(jacobian: Matrix) -> StructuredJacobian:

@@ -142,20 +142,25 @@ def LCP(M: Any, q: Any, d: Any, **given: Any) -> Notated:  # noqa: N802  the usu
         raise InvalidInputError(f"M must be square, got shape {matrix.shape}")
     n = matrix.shape[0]
     q, d = finite_array("q", q, (n,)), finite_array("d", d, (n,))
-    median = partial(_median, lambda z, t: matrix @ z + q + t * d, _factors(matrix))
+    median = partial(_median, lambda z, t: matrix @ z + q + t * d, _factors(matrix, q, d))
     return Switched(
         n, partial(median, _Constant(0.0), _Constant(np.inf)), **{"linear": True} | given
     )
 
 
-def _factors(matrix: Any) -> Array:
+def _factors(matrix: Any, *columns: Array) -> Array:
     """Return powers of two by which w has the magnitudes of z.
 
-    Multiplied by powers of two, entries keep all their digits. The powers follow from M alone: a
-    family of problems with one M is affine in q and d.
+    Multiplied by powers of two, entries keep all their digits; a row whose entries would not is
+    left alone. Else the powers follow from M alone: a family of problems with one M is affine in q
+    and d.
     """
     sizes, rows = balanced(matrix, matrix.shape[0])
-    return np.ldexp(1.0, np.frexp(sizes / rows)[1])
+    factors = np.ldexp(1.0, np.frexp(sizes / rows)[1])
+    parts = (sp.csr_array(part) for part in (matrix, *(x[:, np.newaxis] for x in columns)))
+    given = abs(sp.hstack([*parts], "csr"))
+    kept = (sp.diags_array(factors) @ given >= np.finfo(float).tiny).sum(axis=1)
+    return np.where(kept < (given > 0.0).sum(axis=1), 1.0, factors)
 
 
 def AbsNormal(  # noqa: N802  the usual name

@@ -6,7 +6,6 @@ A cell is one choice of a mode for every part of the system; its solutions lie o
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from fractions import Fraction
 from math import prod
 from typing import Any, final
@@ -15,6 +14,7 @@ import numpy as np
 from scipy.linalg import qr
 
 from pwscont.basics.arrays import Array, Indices, Signs
+from pwscont.curve.metric import Range
 from pwscont.enumeration.echelon import Echelon, integers
 from pwscont.proof.interval import INF, Interval, solved, together
 from pwscont.system.abilities import ExactMode
@@ -27,51 +27,19 @@ Choice = tuple[int, ...]
 Point = tuple[Fraction, ...]
 
 
-@final
-@dataclass(frozen=True, slots=True, eq=False)
-class Ranges:
-    """From where to where in an interval of alpha the inequalities of B cells hold.
+@np.errstate(all="ignore")
+def ends_of(sides: Interval, interval: Range) -> tuple[Interval, Signs]:
+    """Return inequalities of B cells at both ends of an interval of alpha, and where all fail.
 
-    ``empty`` cells certainly have no solution, ``decided`` cells one at every alpha from ``first``
-    to ``last``. ``sides`` (2, B) are the inequalities that alone end a range; -1 where the interval
-    ends the range, -2 where that is not certain.
+    ``sides`` (B, k, 2) are affine in alpha. A cell is certainly empty if an inequality is violated
+    at both ends, or a rising inequality holds only beyond the alpha up to which a falling one does.
     """
-
-    first: Interval
-    last: Interval
-    sides: Indices
-    empty: Signs
-    decided: Signs
-
-    @classmethod
-    def of(cls, lines: tuple[Interval, Interval], interval: tuple[float, float]) -> Ranges:
-        """Return the ranges of unknowns and inequalities that are affine in alpha, (B, k, 2)."""
-        x, sides = lines
-        ends = sides @ Interval(np.array([interval, (1.0, 1.0)]))
-        holds, fails = np.all(ends.lo > 0.0, axis=-1), np.all(ends.hi < 0.0, axis=-1)
-        slope = sides[..., 0]
-        with np.errstate(all="ignore"):
-            roots = -sides[..., 1] / slope
-        rising, falling = ~holds & (slope.lo > 0.0), ~holds & (slope.hi < 0.0)
-        first, one = _largest(roots.where(rising), rising, interval[0])
-        last, other = _largest(-roots.where(falling), falling, -interval[1])
-        last = -last
-        empty = fails.any(axis=1) | (first.lo > last.hi)
-        known = (holds | rising | falling).all(axis=1) & np.isfinite(x.lo).all(axis=(1, 2))
-        known &= holds.all(axis=1) | (first.hi < last.lo)
-        return cls(first, last, np.array([one, other]), empty, known & ~empty)
-
-
-def _largest(numbers: Interval, which: Signs, end: float) -> tuple[Interval, Indices]:
-    """Return the largest of some numbers and an end, and which is: -1 the end, -2 not certain."""
-    column = np.full((len(which), 1), end)
-    lo, hi = (
-        np.concatenate([column, np.where(which, x, -INF)], axis=1) for x in (numbers.lo, numbers.hi)
-    )
-    best, each = lo.argmax(axis=1), np.arange(len(lo))
-    largest = Interval(lo.max(axis=1), hi.max(axis=1))
-    hi[each, best] = -INF
-    return largest, np.where(largest.lo > hi.max(axis=1), best - 1, -2)
+    ends, slope = sides @ Interval(np.array([interval, (1.0, 1.0)])), sides[..., 0]
+    roots = -sides[..., 1] / slope
+    first = np.where(slope.lo > 0.0, roots.lo, -INF).max(axis=1, initial=interval[0])
+    last = np.where(slope.hi < 0.0, roots.hi, INF).min(axis=1, initial=interval[1])
+    fails: Signs = np.any(np.all(ends.hi < 0.0, axis=2), axis=1)
+    return ends, fails | (first > last)
 
 
 @final
@@ -118,15 +86,16 @@ class ExactCells:
         many = max(TOGETHER // self._reduced.lo.shape[1] ** 2, 1)
         return (slice(k, min(k + many, number)) for k in range(0, number, many))
 
-    def left(self, interval: tuple[float, float]) -> Iterator[tuple[Choice, Interval, bool]]:
+    def left(self, interval: Range) -> Iterator[tuple[Choice, Interval, bool]]:
         """Yield the cells that may have solutions, their lines, and whether that is proved."""
         for some in self.portions(self.number):
             each = np.arange(some.start, some.stop)
             choices = np.array(np.unravel_index(each, [len(table) for table in self.sides])).T
             x, sides = self.lines(choices)
-            ranges = Ranges.of((x, sides), interval)
-            for i in np.flatnonzero(~ranges.empty):
-                yield tuple(choices[i].tolist()), x[i], bool(ranges.decided[i])
+            ends, is_empty = ends_of(sides, interval)
+            holds: Signs = np.all(ends.lo > 0.0, axis=(1, 2)) & np.all(x.lo > -INF, axis=(1, 2))
+            for i in np.flatnonzero(~is_empty):
+                yield tuple(choices[i].tolist()), x[i], bool(holds[i])
 
     def of(self, choice: Any) -> tuple[Array, Array]:
         """Return the equations and the inequalities of a cell."""
@@ -143,13 +112,12 @@ class ExactCells:
         x = solved(equations[..., :-2], equations[..., -2:])
         return x, rows[..., :-2] @ x + rows[..., -2:]
 
-    def unknowns(self, line: Interval, alphas: Array) -> Interval:
+    def unknowns(self, line: Interval, alphas: Interval) -> Interval:
         """Return all unknowns of a cell at alphas (k,), shape (size, k), from some unknowns."""
-        points = Interval(np.array([alphas, np.ones_like(alphas)]))
+        points = together(np.vstack, alphas, Interval(np.ones_like(alphas.lo)))
         some = line @ points
-        others = self._others @ together(np.concatenate, some, points)
-        place = np.argsort(self._order[:-2])
-        return together(np.concatenate, others, some)[place]
+        others = self._others @ together(np.vstack, some, points)
+        return together(np.vstack, others, some)[np.argsort(self._order[:-2])]
 
 
 def _chosen(tables: list[Indices], choices: Indices) -> Indices:
@@ -164,9 +132,7 @@ def value(row: Array, x: Sequence[Fraction]) -> Fraction:
     return sum((Fraction(a) * b for a, b in terms if a and b), Fraction(0))
 
 
-def segment_of(
-    equations: Array, sides: Array, interval: tuple[float, float]
-) -> tuple[Point, ...] | None:
+def segment_of(equations: Array, sides: Array, interval: Range) -> tuple[Point, ...] | None:
     """Return both ends (z, alpha) of all solutions of a cell over an interval of alpha, exactly.
 
     Of a ray without end, one end; () where solutions may be more, None where there are none.

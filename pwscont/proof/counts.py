@@ -8,7 +8,6 @@ not known (not a number). The theorem stands on the page "Proofs".
 
 from __future__ import annotations
 
-from functools import partial
 from typing import final
 
 import numpy as np
@@ -84,17 +83,14 @@ def _united(ranges: Interval, turns: Array, apart: float) -> list[tuple[float, f
 
 def _counted(domain: Domain, boxes: Interval, stretches: list[Range]) -> list[CountedStretch]:
     """Return stretches with solutions at the first place of each where all are told apart."""
-    known = dict[Range, CountedStretch]()
+    known = {pair: CountedStretch(*pair, 0.5 * sum(pair), None) for pair in stretches}
     for part in PLACES:
-        parts = ((lo, lo + (hi - lo) * part, hi) for lo, hi in stretches if (lo, hi) not in known)
-        places = {(lo, hi): alpha for lo, alpha, hi in parts if lo < alpha < hi}
+        left = [(lo, hi) for (lo, hi), each in known.items() if each.count is None]
+        places = {(lo, hi): lo + (hi - lo) * part for lo, hi in left}
         found = enclosures(domain, boxes, list(places.values()))
         for ((lo, hi), alpha), solutions in zip(places.items(), found, strict=True):
-            if solutions is not None:
-                known[lo, hi] = CountedStretch(lo, hi, alpha, solutions)
-    return [
-        known.get((lo, hi), CountedStretch(lo, hi, 0.5 * (lo + hi), None)) for lo, hi in stretches
-    ]
+            known[lo, hi] = CountedStretch(lo, hi, alpha, solutions if lo < alpha < hi else None)
+    return list(known.values())
 
 
 @np.errstate(all="ignore")
@@ -181,7 +177,7 @@ class _Passage:
         modes = [chosen(is_many, hull, each) * domain.scale for each in modes]
         along = Interval(np.sum([_tangents(each.middle()) for each in modes], axis=0))
         #: The derivatives with one more row, along the curve.
-        self._modes = [together(partial(np.concatenate, axis=1), m, along) for m in modes]
+        self._modes = [together(np.hstack, m, along) for m in modes]
 
     def is_passed(self) -> Signs:
         """Tell in which hulls all solutions lie on one curve without branch points."""
@@ -210,10 +206,9 @@ class _Passage:
 
     def _of_folds(self, way: Interval) -> Array:
         """Return the signs of the second derivative of alpha along smooth curves."""
-        join = partial(np.concatenate, axis=1)
-        at = together(join, self._hulls, way * self._domain.scale)
+        at = together(np.hstack, self._hulls, way * self._domain.scale)
         bend = evaluated(self._domain.tape.bent, at)
-        right = together(join, bend, Interval(np.zeros_like(bend.lo[:, :1])))
+        right = together(np.hstack, bend, Interval(np.zeros_like(bend.lo[:, :1])))
         return _sign(solved(self._modes[0], right[..., np.newaxis])[:, -1, 0])
 
     def _of_faces(self, ways: list[Interval]) -> Array:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any, final
 
@@ -97,7 +97,7 @@ class Everywhere(Search):
     ) -> Iterator[Found]:
         """Yield the proved solutions, then what the default search finds if something is open."""
         proof = self.prove(system, metric, interval, known)
-        yield from _proved_starts(proof, system, metric, known)
+        yield from _proved_starts(proof, system, metric)
         if not proof.holds:
             others = default_search(system, interval)
             yield from starts_of(others, system, metric, interval, known)
@@ -128,13 +128,13 @@ class Everywhere(Search):
         last = self.proved(system, interval)
         if last is not None and self._last["key"] == key:
             return last
-        check_tape(tape, system, box)
+        values = check_tape(tape, system, box)
         most = MOST_BOXES * max(n - 2, 1) ** 2
         most = MOST_WORK // (len(tape.slopes.steps) + BESIDES) if is_quick else most
         with np.errstate(all="ignore"):
             domain = Domain(tape, box, scale)
             found = covered(domain, box[np.newaxis], domain.continues, self.seconds, most)
-            proof = counted_proof(domain, found, is_whole=is_quick)
+            proof = replace(counted_proof(domain, found, is_whole=is_quick), values=values)
         self._last.update(asked=(formula_of(system) or system, interval), key=key, proof=proof)
         return proof
 
@@ -156,14 +156,14 @@ class Everywhere(Search):
 
 
 def _checked_box(box: Any) -> tuple[Any, Any]:
+    """Return both ends as numbers or tuples of numbers, which can be compared."""
     is_pair = isinstance(box, tuple | list) and len(box) == 2
     lower, upper = (finite_array("box", end) for end in (box if is_pair else (1.0, 0.0)))
-    shapes = {end.shape for end in (lower, upper)} - {(), (1,)}
-    are_vectors = len(shapes) <= 1 and max(lower.ndim, upper.ndim) <= 1
-    if not are_vectors or not (lower < upper).all():
+    fits = {lower.shape, upper.shape} <= {(), (1,), (max(lower.size, upper.size),)}
+    if not fits or not (lower < upper).all():
         raise InvalidInputError(f"box must be a pair, least < largest, that fit, got {box!r}")
-    plain: Any = [tuple(end.tolist()) if end.ndim else float(end) for end in (lower, upper)]
-    return plain[0], plain[1]
+    ends: Any = [tuple(end.tolist()) if end.ndim else float(end) for end in (lower, upper)]
+    return ends[0], ends[1]
 
 
 def _default_box(
@@ -184,25 +184,13 @@ def _default_box(
     return lower, np.where(np.isfinite(upper), upper, most)
 
 
-def _proved_starts(
-    proof: BoxProof, system: PiecewiseSystem, metric: Metric, known: KnownBranches
-) -> Iterator[Found]:
-    """Yield the proved solutions as Newton leaves them, of each stretch that is not known."""
+def _proved_starts(proof: BoxProof, system: PiecewiseSystem, metric: Metric) -> Iterator[Found]:
+    """Yield the proved solutions as Newton leaves them."""
     for stretch in proof.stretches:
-        middles = [0.5 * (least + largest) for least, largest in stretch.solutions or ()]
-        for z in () if _are_known(proof, stretch.alpha, middles, known) else middles:
-            guess = completed(system, z, stretch.alpha)
+        for least, largest in stretch.solutions or ():
+            guess = completed(system, 0.5 * (least + largest), stretch.alpha)
             if found := solution_from(system, metric, guess, stretch.alpha, ()):
                 yield found
-
-
-def _are_known(proof: BoxProof, alpha: float, solutions: list[Array], known: KnownBranches) -> bool:
-    """Tell whether each proved solution at alpha has a known point nearest of its own."""
-    size, (lower, upper) = len(proof.box[0]), proof.box
-    points = [x[:size] for x in known.at(alpha)]
-    points = [z for z in points if ((z >= lower) & (z <= upper)).all()]
-    far = [[np.abs(z - x).max() for z in points] for x in solutions] if points else []
-    return len({int(np.argmin(each)) for each in far}) == len(points) == len(solutions)
 
 
 @final
@@ -228,7 +216,7 @@ class AlsoProved(Search):
         known.are_all = lambda: prove() is not None
         yield from starts_of(self.search, system, metric, interval, known)
         if proof := prove():
-            yield from _proved_starts(proof, system, metric, known)
+            yield from _proved_starts(proof, system, metric)
 
     def prove_again(
         self, system: PiecewiseSystem, metric: Metric, interval: Range, known: KnownBranches

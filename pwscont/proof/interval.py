@@ -22,10 +22,11 @@ except ImportError:
 
 #: Twice the unit roundoff: a bound of the relative error of + - * / sqrt with room for a rounding.
 ULP = 2.0**-52
-#: The smallest positive number: products and quotients may err by half of it near zero.
-SMALLEST = 5e-324
-#: The least radius of an enclosure of solutions, far above all numbers that underflow.
-LEAST = 1e-290
+#: Far above what products and quotients err by near zero: sums with the smallest numbers of all
+#: take a hundred times as long.
+TINY = 1e-150
+#: The least radius of an enclosure of solutions, far above sums of so tiny numbers.
+LEAST = 1e-140
 #: How many units in the last place an elementary function of numpy may err: an assumption that
 #: the extra ``proof`` spares, see docs/theory, F21.
 FUNCTION_ULPS = 4.0
@@ -33,19 +34,9 @@ INF = np.inf
 Ends = Callable[[Array, Array], Array]
 
 
-def below(x: Array, ulps: float = 1.0) -> Array:
-    """Return numbers that are certainly below the true values of rounded numbers."""
-    return x - _error(x, ulps)
-
-
-def above(x: Array, ulps: float = 1.0) -> Array:
-    """Return numbers that are certainly above the true values of rounded numbers."""
-    return x + _error(x, ulps)
-
-
 def upper(x: Array, terms: int) -> Array:
     """Return upper bounds of rounded sums of products that are not negative."""
-    bound: Array = x * (1.0 + 4.0 * (terms + 4) * ULP) + (terms + 4) * SMALLEST
+    bound: Array = x * (1.0 + 4.0 * (terms + 4) * ULP) + (terms + 4) * TINY
     return bound
 
 
@@ -53,7 +44,7 @@ def _error(x: Array, ulps: float) -> Array:
     """Return a bound of the error of rounded numbers, in place: most of the time goes here."""
     error = np.abs(x)
     error *= ulps * ULP
-    error += ulps * SMALLEST
+    error += ulps * TINY
     return error
 
 
@@ -78,22 +69,21 @@ class Interval:
 
     @classmethod
     def rounded(cls, lo: Array, hi: Array, ulps: float = 1.0) -> Interval:
-        """Return the intervals between rounded ends, with the error of rounding added."""
-        return cls(below(lo, ulps), above(hi, ulps))
+        """Return intervals that certainly hold the true values of rounded ends."""
+        return cls(lo - _error(lo, ulps), hi + _error(hi, ulps))
 
     def __getitem__(self, key: Any) -> Interval:
         return Interval(self.lo[key], None if self.lo is self.hi else self.hi[key])
 
     def __neg__(self) -> Interval:
-        return Interval(-self.hi, -self.lo)
+        return Interval(-self.hi, None if self.lo is self.hi else -self.lo)
 
     def __add__(self, other: Any) -> Interval:
         other = _interval(other)
         return Interval.rounded(self.lo + other.lo, self.hi + other.hi)
 
     def __sub__(self, other: Any) -> Interval:
-        other = _interval(other)
-        return Interval.rounded(self.lo - other.hi, self.hi - other.lo)
+        return self + -_interval(other)
 
     def __mul__(self, other: Any) -> Interval:
         return self._over(_interval(other), np.multiply)
@@ -112,39 +102,33 @@ class Interval:
 
     __radd__, __rmul__ = __add__, __mul__
 
-    def __rsub__(self, other: Any) -> Interval:
-        return _interval(other) - self
-
-    def __rtruediv__(self, other: Any) -> Interval:
-        return _interval(other) / self
-
     def __pow__(self, power: float) -> Interval:
         """Return the powers, of a whole number that is not zero."""
         k = int(power)
         if k < 0:
-            return 1.0 / self**-k
+            return Interval(np.ones(1)) / self**-k
         x = self if k % 2 else abs(self)  # what is left increases
         lo, hi = (reduce(operator.mul, [Interval(end)] * k) for end in (x.lo, x.hi))
         return Interval(lo.lo if k % 2 else np.maximum(lo.lo, 0.0), hi.hi)
 
     def __matmul__(self, other: Interval) -> Interval:
         """Return products of matrices, as products of midpoints with bounds of all errors."""
-        (a, r), (b, s) = self._balls(), other._balls()
-        terms, filled = a.shape[-1], int(np.count_nonzero(a, axis=-1).max(initial=0))
-        size = np.abs(b)
-        width = (filled + 2) * (ULP * size + SMALLEST * (size > 0.0)) + s
+        a, r = self.balls(0)
+        b, width = other.balls(int(np.count_nonzero(a, axis=-1).max(initial=0)))
         far = np.abs(a) @ width
         if self.lo is not self.hi:
-            far = far + r @ (size + width)
-        mid, far = a @ b, upper(far, terms) + terms * SMALLEST
+            far = far + r @ (np.abs(b) + width)
+        mid, terms = a @ b, a.shape[-1]
+        far = upper(far, terms) + terms * TINY
         return Interval.rounded(mid - far, mid + far)
 
-    def _balls(self) -> tuple[Array, Any]:
-        """Return midpoints, and bounds of the radii around the midpoints."""
+    def balls(self, terms: int) -> tuple[Array, Array]:
+        """Return midpoints, and radii with room for the rounding of sums of so many products."""
+        mid = self.lo if self.lo is self.hi else self.middle()
+        radius = np.abs(mid) * ((terms + 2) * ULP) + (terms + 2) * TINY
         if self.lo is self.hi:
-            return self.lo, 0.0
-        mid = self.middle()
-        return mid, above(np.maximum(self.hi - mid, mid - self.lo))
+            return mid, radius
+        return mid, radius + (1.0 + 4.0 * ULP) * np.maximum(self.hi - mid, mid - self.lo)
 
     def __abs__(self) -> Interval:
         lo = np.maximum(np.maximum(self.lo, -self.hi), 0.0)
@@ -199,7 +183,7 @@ def chosen(condition: Signs, one: Interval, other: Interval) -> Interval:
 
 
 def together(function: Callable[[list[Array]], Array], *parts: Interval) -> Interval:
-    """Return one interval from several, put together by np.stack, np.vstack or the like."""
+    """Return one interval from several, put together by np.hstack, np.vstack or the like."""
     return Interval(function([x.lo for x in parts]), function([x.hi for x in parts]))
 
 
@@ -210,6 +194,13 @@ def inverses(matrices: Array) -> Array:
     return np.where(regular, inverse, np.nan)
 
 
+def departure(inverse: Array, matrix: tuple[Array, Array]) -> Callable[[Array], Array]:
+    """Return the map of v, not negative, to upper bounds of |I - R K| v for balls of matrices K."""
+    (middle, width), size, n = matrix, np.abs(inverse), inverse.shape[-1]
+    off = np.abs(inverse @ middle - np.eye(n)) + (n + 2) * TINY
+    return lambda v: upper(off @ v + size @ (width @ v), 3 * n)
+
+
 def solved(matrix: Interval, right: Interval) -> Interval:
     """Return x with matrix x + right = 0 for B systems, shapes (B, n, n) and (B, n, m).
 
@@ -217,16 +208,18 @@ def solved(matrix: Interval, right: Interval) -> Interval:
     |R (K x + k)| + |I - R K| v < v bounds the error, and K is regular (Rump 2010, section 10). Else
     nothing is said.
     """
-    middle, n = matrix.middle(), matrix.lo.shape[-1]
+    n = matrix.lo.shape[-1]
     if matrix.lo.shape[-2] != n:
-        return Interval(np.full((len(middle), n, right.lo.shape[-1]), np.nan))
-    inverse = inverses(middle)
-    x = -(inverse @ right.middle())
-    x = x - inverse @ (middle @ x + right.middle())
-    start = (Interval(inverse) @ (matrix @ Interval(x) + right)).reach()
-    off = (Interval(inverse) @ matrix - np.eye(n)).reach()
-    radius = 2.0 * (start + off @ (2.0 * start)) + LEAST
-    image = upper(start + off @ radius, n + 1)
+        return Interval(np.full((len(matrix.lo), n, right.lo.shape[-1]), np.nan))
+    (K, width), (k, far) = matrix.balls(n), right.balls(n)
+    R = inverses(K)
+    off, x = departure(R, (K, width)), -(R @ k)
+    x = x - R @ (K @ x + k)
+    rest = K @ x + k
+    far = far + width @ np.abs(x) + (n + 2) * (ULP * np.abs(rest) + TINY)
+    start = upper(np.abs(R @ rest) + np.abs(R) @ far, 3 * n)
+    radius = 2.0 * (start + off(2.0 * start)) + LEAST
+    image = upper(start + off(radius), 1)
     holds: Signs = np.all(image < radius, axis=(-2, -1), keepdims=True)
     return Interval.rounded(x - image, x + image).where(holds)
 
@@ -237,10 +230,10 @@ def are_regular(matrices: Interval, size: Array) -> Signs:
     With any matrix R, best about the inverse, they do if |I - R K| v < v for some v > 0; ``size``
     are typical unknowns (n,).
     """
-    off = (Interval(inverses(matrices.middle())) @ matrices - np.eye(len(size))).reach()
-    v = size + off @ size
-    image = (off @ v[..., np.newaxis])[..., 0]
-    regular: Signs = np.all(upper(image, len(size)) < v, axis=-1)
+    balls = matrices.balls(len(size))
+    off = departure(inverses(balls[0]), balls)
+    v = size[:, np.newaxis] + off(size[:, np.newaxis])
+    regular: Signs = np.all(off(v) < v, axis=(-2, -1))
     return regular
 
 
@@ -265,10 +258,10 @@ def _increasing(name: str, least: float, most: float, first: float, last: float)
 
 
 def _has_crest(x: Interval, place: float) -> Signs:
-    """Tell where a number place + 2 pi k may lie in the interval."""
+    """Tell where a number place + 2 pi k may lie in the interval, or the interval is far out."""
     first, last = (x.lo - place) / (2.0 * np.pi), (x.hi - place) / (2.0 * np.pi)
     crest: Signs = np.floor(last + BLUR) >= np.ceil(first - BLUR)
-    return crest
+    return crest | ~(x.reach() < FAR)
 
 
 def _wave(function: Callable[[Array], Array], top: float) -> Map:
@@ -277,9 +270,8 @@ def _wave(function: Callable[[Array], Array], top: float) -> Map:
     def values(x: Interval) -> Interval:
         a, b = function(x.lo), function(x.hi)
         found = Interval.rounded(np.minimum(a, b), np.maximum(a, b), FUNCTION_ULPS)
-        is_far = ~(x.reach() < FAR)
-        lo = np.where(_has_crest(x, top + np.pi) | is_far, -1.0, np.maximum(found.lo, -1.0))
-        hi = np.where(_has_crest(x, top) | is_far, 1.0, np.minimum(found.hi, 1.0))
+        lo = np.where(_has_crest(x, top + np.pi), -1.0, np.maximum(found.lo, -1.0))
+        hi = np.where(_has_crest(x, top), 1.0, np.minimum(found.hi, 1.0))
         return Interval(lo, hi).where(x.lo <= x.hi)
 
     return values

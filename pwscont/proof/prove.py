@@ -23,8 +23,8 @@ from pwscont.enumeration.echelon import independent
 from pwscont.graph.branch_graph import BranchGraph
 from pwscont.graph.proved import are_matched, with_slack
 from pwscont.graph.records import Piece, Solution
-from pwscont.proof.cells import MOST_CELLS, Choice, ExactCells, Point, Ranges, segment_of, value
-from pwscont.proof.interval import Interval, upper
+from pwscont.proof.cells import MOST_CELLS, Choice, ExactCells, Point, segment_of, value
+from pwscont.proof.interval import Interval, departure, together
 from pwscont.search.enumeration import Solutions
 from pwscont.system.abilities import ExactData, ExactMode, ExactRates, completed_point, shown_size
 
@@ -104,7 +104,7 @@ def proved_solutions(
     A cell off all its inequalities has one solution in floating point. Rational numbers decide all
     other cells that may have solutions, and cells whose solution may be that of another cell.
     """
-    at = np.array([alpha])
+    at = Interval(np.array([alpha]))
     found = [
         (choice, cells.unknowns(line, at)[:, 0], is_decided)
         for choice, line, is_decided in cells.left((alpha, alpha))
@@ -163,22 +163,26 @@ class _Pieces:
     """
 
     def __init__(self, graph: BranchGraph, cells: ExactCells) -> None:
-        self._graph, self.cells = graph, cells
-        met: dict[int, list[int]] = {node.id: [] for node in graph.nodes}
-        for k, piece in enumerate(graph.pieces):
-            for node in (piece.start, piece.end):
-                met[node].append(k)
-        self.inner = {
-            node: pieces
-            for node, pieces in met.items()
-            if len(pieces) != 1 or graph.point(node).alpha not in graph.interval
+        self._graph, self.cells, pieces = graph, cells, graph.pieces
+        met = {
+            node.id: [k for k, p in enumerate(pieces) for end in (p.start, p.end) if end == node.id]
+            for node in graph.nodes
         }
-        self.transitions = sum(len(pieces) > 1 for pieces in self.inner.values())
+        self.inner = {
+            node: some
+            for node, some in met.items()
+            if len(some) != 1 or graph.point(node).alpha not in graph.interval
+        }
+        self.transitions = sum(len(some) > 1 for some in self.inner.values())
         self.rays: set[Point] = set()
         self._rational_ends = cache(self._ends_of)
-        self._points, self._magnitudes = self._full_points()
-        lo, hi = graph.interval
-        self._near = NEAR * np.append(self._magnitudes[:-1], hi - lo)
+        system: Any = graph.system
+        full = [[completed_point(system, p.points[k]) for k in (0, -1)] for p in pieces]
+        #: Both ends (z, alpha) of each piece, shape (k, 2, n + 1), and magnitudes.
+        self._points = np.array(full).reshape(-1, 2, cells.size + 1)
+        self._sizes = np.abs(self._points).max(axis=(0, 1), initial=0.0)
+        self._sizes[:-1] = np.maximum(self._sizes[:-1], DUST * self._sizes[:-1].max(initial=0.0))
+        self._near = NEAR * np.append(self._sizes[:-1], np.ptp(graph.interval))
         self._choices = self._modes()
         #: The inequality that vanishes at the end of a piece, by piece and node.
         self._vanishing: dict[tuple[int, int], Array] = {}
@@ -190,21 +194,11 @@ class _Pieces:
         near = np.append(self._near[: points.shape[1] - 1], self._near[-1])
         return len(points) == 2 and bool((np.abs(points - ends) <= near).all())
 
-    def _full_points(self) -> tuple[Array, Array]:
-        """Return both ends (z, alpha) of each piece, shape (k, 2, n + 1), and magnitudes."""
-        system: Any = self._graph.system
-        points = [each.points for each in self._graph.pieces]
-        full = [[completed_point(system, each[k]) for k in (0, -1)] for each in points]
-        ends = np.array(full).reshape(-1, 2, self.cells.size + 1)
-        sizes = np.abs(ends).max(axis=(0, 1), initial=0.0)
-        sizes[:-1] = np.maximum(sizes[:-1], DUST * sizes[:-1].max(initial=0.0))
-        return ends, sizes
-
     def _modes(self) -> Indices:
         """Return the modes of each piece, as the middle of the piece shows them, shape (k, p)."""
         x, rows = self._points.mean(axis=1), self.cells.rows
         values = rows[:, :-1] @ x.T + rows[:, -1:]
-        sizes = np.abs(rows[:, :-1]) @ self._magnitudes + np.abs(rows[:, -1])
+        sizes = np.abs(rows[:, :-1]) @ self._sizes + np.abs(rows[:, -1])
         off = np.abs(values) <= HOLDS * sizes[:, np.newaxis]
         room = values / (sizes + (sizes == 0.0))[:, np.newaxis]
 
@@ -215,33 +209,42 @@ class _Pieces:
         ]
         return np.array([np.argmax(each, axis=0) for each in marks]).T
 
+    @np.errstate(all="ignore")
     def left_pieces(self) -> list[int]:
         """Return the pieces that are not proved, and note inequalities that vanish at ends."""
         first = set(np.unique(self._choices, axis=0, return_index=True)[1].tolist())
         left = []
         for some in self.cells.portions(len(self._choices)):
             x, sides = self.cells.lines(self._choices[some])
-            ranges = Ranges.of((x, sides), self._graph.interval)
             for i, k in enumerate(range(some.start, some.stop)):
-                is_proved = bool(ranges.decided[i]) and self._is_range(k, x[i], ranges, i)
                 is_drawn = k in first and self._is_drawn(self._graph.pieces[k])
-                if not (is_drawn and (is_proved or self._rational_ends(k))):
+                if not (is_drawn and (self._is_range(k, x[i], sides[i]) or self._rational_ends(k))):
                     left.append(k)  # a cell has one piece: a second piece repeats the first
         return left
 
-    def _is_range(self, k: int, line: Interval, ranges: Ranges, i: int) -> bool:
-        """Tell whether a piece is the range of its cell, and note what vanishes at the ends."""
-        points, piece = self._points[k], self._graph.pieces[k]
-        order = np.argsort(points[:, -1], kind="stable")
-        ends = np.array([ranges.first.middle()[i], ranges.last.middle()[i]])[order]
-        found = np.vstack([self.cells.unknowns(line, points[:, -1]).middle(), ends]).T
-        if not (np.abs(found - points) <= self._near).all():
+    def _is_range(self, k: int, line: Interval, sides: Interval) -> bool:
+        """Tell whether a piece is all of its cell, and note the inequalities that end the piece.
+
+        At either end one inequality vanishes, the ends of the interval included, and all others
+        hold.
+        """
+        lo, hi = self._graph.interval
+        rows = together(np.vstack, sides, Interval(np.array([[1.0, -lo], [-1.0, hi]])))
+        roots, points = -rows[:, 1] / rows[:, 0], self._points[k]
+        far = np.abs(roots.middle() - points[:, -1:])
+        numbers = np.where(np.isnan(far), inf, far).argmin(axis=1)
+        places = roots[numbers]
+        values = rows @ together(np.vstack, places, Interval(np.ones(2)))
+        values.lo[numbers, [0, 1]] = 1.0
+        found = together(np.vstack, self.cells.unknowns(line, places), places).middle().T
+        holds = (values.lo > 0.0).all() and numbers[0] != numbers[1]
+        if not (holds and (np.abs(found - points) <= self._near).all()):
             return False
-        for end, node in zip(order, (piece.start, piece.end), strict=True):
-            number = int(ranges.sides[end, i])
-            if node not in self.inner and number != -1:
+        piece, count = self._graph.pieces[k], len(sides.lo)
+        for number, node in zip(numbers, (piece.start, piece.end), strict=True):
+            if node not in self.inner and number < count:
                 return False
-            if number >= 0:
+            if number < count:
                 self._vanishing[k, node] = self.cells.of(self._choices[k])[1][number]
         return True
 
@@ -437,5 +440,5 @@ def is_positive_definite(form: Interval) -> bool:
         R = np.linalg.inv(np.linalg.cholesky(0.5 * both.middle()))
     except np.linalg.LinAlgError:
         return False
-    off = (Interval(R) @ both @ Interval(R.T) - 2.0 * np.eye(len(R))).reach()
-    return bool((upper(off.sum(axis=1), len(R)) < 2.0).all())
+    off = departure(0.5 * R, (both @ Interval(R.T)).balls(len(R)))
+    return bool((off(np.ones((len(R), 1))) < 1.0).all())

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
 from time import perf_counter
 from typing import NamedTuple, final
 
@@ -77,16 +76,16 @@ class Domain:
         whatever the derivatives there. If c + x lies inside, the neighbourhood has one zero. Where
         that is not so, or the neighbourhood leaves the whole box, nothing is said.
         """
-        centre, alpha, join = boxes.middle()[:, :-1], boxes[:, -1:], partial(np.concatenate, axis=1)
-        value = evaluated(self.tape, together(join, Interval(centre), alpha))[..., np.newaxis]
+        centre, alpha = boxes.middle()[:, :-1], boxes[:, -1:]
+        value = evaluated(self.tape, together(np.hstack, Interval(centre), alpha))[..., np.newaxis]
         inverse = inverses(self.slopes(boxes).middle()[..., :-1])
         far = WIDER * (boxes[:, :-1] - centre).reach() + SLACK * np.abs(centre)
         far += ROOM * (Interval(inverse) @ value).reach()[..., 0] + BESIDE * self.scale[:-1]
         near = Interval(centre - far, centre + far)
-        slopes = self.slopes(together(join, near, alpha))
+        slopes = self.slopes(together(np.hstack, near, alpha))
         found = solved(slopes[..., :-1], value)[..., 0] + centre
         is_proved = found.is_within(near) & near.is_within(self.box[:-1])
-        return together(join, found.where(np.all(is_proved, axis=1, keepdims=True)), alpha)
+        return together(np.hstack, found.where(np.all(is_proved, axis=1, keepdims=True)), alpha)
 
 
 Accepts = Callable[[Interval, Interval], Signs]
@@ -143,7 +142,7 @@ def contracted(boxes: Interval, rows: Interval, rest: Interval) -> tuple[Interva
     terms = rows * (boxes - middle)[:, np.newaxis]
     empty = (rest + terms.total()).excludes_zero()
     terms.lo[:, places, places] = terms.hi[:, places, places] = 0.0
-    found = boxes.meet(middle - (rest + terms.total()) / rows[:, places, places])
+    found = boxes.meet(-(rest + terms.total()) / rows[:, places, places] + middle)
     return found, np.any(empty | (found.lo > found.hi), axis=1)
 
 

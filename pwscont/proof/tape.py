@@ -14,6 +14,7 @@ from inspect import signature
 from math import isfinite, isinf
 from numbers import Real
 from operator import add
+from types import SimpleNamespace
 from typing import Any, final
 
 import numpy as np
@@ -22,6 +23,7 @@ from numpy.lib.mixins import NDArrayOperatorsMixin
 from pwscont.basics.arrays import Array, Signs, generic
 from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidInputError
+from pwscont.graph.proved import ALIKE, value_of
 from pwscont.notation.arithmetic import KINKED, OF_TWO, SMOOTH, refuse_kink
 from pwscont.notation.curved import SwitchedSystem
 from pwscont.proof.interval import ELEMENTARY, OPERATIONS, SWITCHES, Interval
@@ -74,7 +76,18 @@ class Tape:
             if thing.tape is not self:
                 raise TypeError("the formula keeps numbers that depend on (z, alpha)")
             return thing.place
-        return self.node("constant", numbers=(_exact(thing),)).place
+        return self.node("constant", numbers=(self.exact(thing),)).place
+
+    def exact(self, thing: Any) -> float:
+        """Return a real number as a float, or refuse a number that a float does not hold."""
+        if isinstance(thing, Real | np.bool_) and float(thing) == thing and isfinite(thing):
+            return float(thing)
+        return self.refuse(f"{thing!r} is no real number that a float holds exactly")
+
+    def refuse(self, why: Any) -> Any:
+        """Refuse a formula, also a formula that goes on all the same."""
+        self.refused.append(why if isinstance(why, Exception) else TypeError(why))
+        raise self.refused[-1]
 
     @cached_property
     def slopes(self) -> Tape:
@@ -85,11 +98,11 @@ class Tape:
     def tests(self) -> Tape:
         """The tape of the tests of all switches, and of their derivatives by (z, alpha)."""
         new = self._copy()
-        tests = [
+        switches = (step for step in self.steps if step.name in SWITCHES)
+        tests = (
             SWITCHES[step.name][0](*(Traced(new, place) for place in step.args))
-            for step in self.steps
-            if step.name in SWITCHES
-        ]
+            for step in switches
+        )
         return new._with_slopes([new.place_of(each) for each in tests])
 
     @cached_property
@@ -101,8 +114,8 @@ class Tape:
         new, count = self._copy(), self.size + 1
         seeds = {i: new.node("variable", numbers=(count + i,)) for i in range(count)}
         for _ in range(2):
-            known = new._derivatives(seeds)
-            new.outputs = [new._slope(known, place) for place in new.outputs]
+            slopes = new._derivatives(seeds)
+            new.outputs = [new.place_of(slopes[place]) for place in new.outputs]
         return new
 
     def _copy(self) -> Tape:
@@ -110,35 +123,33 @@ class Tape:
 
     def _with_slopes(self, places: Sequence[int]) -> Tape:
         new = self._copy()
-        known = [new._derivatives({i: 1.0}) for i in range(self.size + 1)]
-        new.outputs = [*places, *(new._slope(by, place) for place in places for by in known)]
+        slopes = [new._derivatives({i: 1.0}) for i in range(self.size + 1)]
+        new.outputs = [*places, *(new.place_of(by[place]) for place in places for by in slopes)]
         return new
 
-    def _slope(self, known: list[Any], place: int) -> int:
-        return self.place_of(0.0 if known[place] is None else known[place])
-
     def _derivatives(self, seeds: Mapping[int, Any]) -> list[Any]:
-        """Return the derivatives of all steps from those of the variables; None is zero."""
-        known: list[Any] = []
+        """Return the derivatives of all steps, numbers or nodes, from those of the variables."""
+        found: list[Any] = []
         for place, step in enumerate([*self.steps]):
             if step.name == "variable":
-                known.append(seeds.get(step.numbers[0]))
+                found.append(seeds.get(step.numbers[0], 0.0))
             else:
-                x, dx = ([Traced(self, k) for k in step.args], [known[k] for k in step.args])
-                known.append(_derivative(Traced(self, place), step, x, dx))
-        return known
+                x, dx = ([Traced(self, k) for k in step.args], [found[k] for k in step.args])
+                found.append(_derivative(Traced(self, place), step, x, dx))
+        return found
 
 
 def _derivative(y: Traced, step: Step, x: list[Traced], dx: list[Any]) -> Any:
     """Return the derivative of a step from the derivatives of the arguments."""
-    if all(each is None for each in dx):
-        return None
+    moving = [isinstance(each, Traced) or each != 0.0 for each in dx]
+    if not any(moving):
+        return 0.0
     if step.name in SWITCHES:
         test, branches = SWITCHES[step.name]
-        either = branches(*(0.0 if each is None else each for each in dx))
-        return y.tape.node("jump" if step.name in ("where", "jump") else "slope", test(*x), *either)
-    parts = zip(_factors(step, x, y), dx, strict=True)
-    return reduce(add, (factor * slope for factor, slope in parts if slope is not None))
+        name = "jump" if step.name in ("where", "jump") else "slope"
+        return y.tape.node(name, test(*x), *branches(*dx))
+    parts = zip(_factors(step, x, y), dx, moving, strict=True)
+    return reduce(add, (factor * slope for factor, slope, moves in parts if moves))
 
 
 def _factors(step: Step, x: list[Traced], y: Traced) -> list[Any]:
@@ -147,13 +158,6 @@ def _factors(step: Step, x: list[Traced], y: Traced) -> list[Any]:
         return [-1.0]
     rules: Any = OF_TWO.get(step.name) or (SMOOTH[step.name],)
     return [rule(*x, *step.numbers, y) for rule in rules[: len(x)]]
-
-
-def _exact(thing: Any) -> float:
-    """Return a real number as a float, or refuse a number that a float does not hold."""
-    if not isinstance(thing, Real | np.bool_) or float(thing) != thing or not isfinite(thing):
-        raise TypeError(f"{thing!r} is no real number that a float holds exactly")
-    return float(thing)
 
 
 @final
@@ -169,7 +173,7 @@ class Traced(NDArrayOperatorsMixin):
     def __array_ufunc__(self, ufunc: np.ufunc, method: str, *args: Any, **options: Any) -> Any:
         """Write an operation down; for arrays, the operation of every entry."""
         if method != "__call__" or options:
-            self._refuse(f"the formula calls {ufunc.__name__}.{method} with options")
+            self.tape.refuse(f"the formula calls {ufunc.__name__}.{method} with options")
         if any(isinstance(each, np.ndarray) and each.ndim for each in args):
             return ufunc(*(as_array(each) for each in args))
         numbers = (each.item() if isinstance(each, np.ndarray) else each for each in args)
@@ -179,9 +183,9 @@ class Traced(NDArrayOperatorsMixin):
         """Return a function by its name, as numpy asks the entries of arrays."""
         if name not in ELEMENTARY and name not in DERIVED:
             words = f"the formula asks for {name}, which is not known to the tape"
-            if not name.startswith("__"):  # numpy asks for names of its own
-                self.tape.refused.append(TypeError(words))
-            raise AttributeError(words)
+            error = AttributeError(words)
+            self.tape.refused += [error] * (not name.startswith("__"))  # which numpy asks for
+            raise error
         return lambda *args: self._of(name, self, *args)
 
     def _of(self, name: str, *args: Any) -> Any:
@@ -193,14 +197,13 @@ class Traced(NDArrayOperatorsMixin):
             return self.tape.node(name, *args) if simple is None else simple
         if name == "power":
             return self._power(*args)
-        if name in KINKED:
-            self._refuse(refuse_kink(name))
-        return self._refuse(f"the formula takes {name}, which is not known to the tape")
+        unknown = f"the formula takes {name}, which is not known to the tape"
+        return self.tape.refuse(refuse_kink(name) if name in KINKED else unknown)
 
     def _power(self, base: Any, power: Any) -> Any:
         if not isinstance(power, Real):
             return self.tape.node("exp", power * self.tape.node("log", base))
-        k = _exact(power)
+        k = self.tape.exact(power)
         if k in (0.0, 1.0):
             return base if k else 1.0
         if k.is_integer() and abs(k) <= LARGEST_POWER:
@@ -213,13 +216,8 @@ class Traced(NDArrayOperatorsMixin):
 
     __copy__ = __deepcopy__ = copy
 
-    def _refuse(self, why: Any) -> Any:
-        """Refuse a formula, also a formula that goes on all the same."""
-        self.tape.refused.append(why if isinstance(why, Exception) else TypeError(why))
-        raise self.tape.refused[-1]
-
     def _decide(self, *args: Any) -> Any:
-        return self._refuse(
+        return self.tape.refuse(
             "the formula takes the plain number of, or a decision by, something that depends on "
             "(z, alpha): write decisions with the switches of sw"
         )
@@ -301,22 +299,11 @@ def with_slopes(
 
 #: At how many points the tape is compared with the formula, and how much they may differ, relative
 #: to the values and to the bound on rounding.
-COMPARED, ALIKE, ROUNDINGS = 40, 1e-9, 100.0
+COMPARED, ROUNDINGS = 40, 100.0
 #: Most tests of a class, whose selections are written down one by one.
 MOST_TESTS = 8
 #: How often an interface is looked for, and by how many bisections.
 LOOKS, BISECTIONS = 200, 60
-
-
-def _each(function: Callable[..., Any]) -> Callable[..., Any]:
-    names = signature(function)
-
-    def switch(switches: TracedSwitches, *args: Any, **named: Any) -> Any:
-        own = names.bind(switches.tape, *args, **named).args[1:]
-        entry = partial(function, switches.tape)
-        return np.frompyfunc(entry, len(own), 1)(*map(as_array, own))
-
-    return switch
 
 
 def _are_ordered(tape: Tape, lower: Any, upper: Any) -> bool:
@@ -342,24 +329,30 @@ def _clip(tape: Tape, a: Any, lower: Any, upper: Any) -> Any:
     return node("where", upper - lower, clipped, crossed)
 
 
-@final
-@dataclass(frozen=True, slots=True)
-class TracedSwitches:
-    """The switches ``sw`` of a formula that is traced; every entry is a step of its own."""
+def switches_of(tape: Tape) -> SimpleNamespace:
+    """Return the switches ``sw`` of a formula that is traced; every entry is a step of its own.
 
-    tape: Tape
-    max = _each(lambda tape, a, b: tape.node("max", a, b))
-    min = _each(lambda tape, a, b: tape.node("min", a, b))
-    abs = _each(lambda tape, a: tape.node("abs", a))
-    relu = _each(lambda tape, a: tape.node("max", a, 0.0))
-    where = _each(lambda tape, s, a, b: tape.node("where", s, a, b))
-    #: ``a`` where ``s >= 0``, and ``b`` elsewhere, promised to agree where s is 0.
-    select = _each(
-        lambda tape, s, a, b: (
-            a if tape.place_of(a) == tape.place_of(b) else tape.node("select", s, a, b)
-        )
-    )
-    clip = _each(_clip)
+    ``select`` takes ``a`` where ``s >= 0``, and ``b`` elsewhere, promised to agree where s is 0.
+    """
+    node = tape.node
+    entries: dict[str, Callable[..., Any]] = {
+        "max": lambda a, b: node("max", a, b),
+        "min": lambda a, b: node("min", a, b),
+        "abs": lambda a: node("abs", a),
+        "relu": lambda a: node("max", a, 0.0),
+        "clip": lambda a, lower, upper: _clip(tape, a, lower, upper),
+        "where": lambda s, a, b: node("where", s, a, b),
+        "select": lambda s, a, b: (
+            node("select", s, a, b) if tape.place_of(a) != tape.place_of(b) else a
+        ),
+    }
+
+    def each(entry: Callable[..., Any]) -> Callable[..., Any]:
+        names = signature(entry)
+        of_arrays = np.frompyfunc(entry, len(names.parameters), 1)
+        return lambda *args, **named: of_arrays(*map(as_array, names.bind(*args, **named).args))
+
+    return SimpleNamespace(**{name: each(entry) for name, entry in entries.items()})
 
 
 def traced(f: Callable[[Any, Any, Any], Any], size: int) -> Tape:
@@ -369,7 +362,7 @@ def traced(f: Callable[[Any, Any, Any], Any], size: int) -> Tape:
         for each in (tape, again):
             nodes = [each.node("variable", numbers=(i,)) for i in range(size + 1)]
             with np.errstate(all="ignore"):
-                found = f(np.array(nodes[:-1], dtype=object), nodes[-1], TracedSwitches(each))
+                found = f(np.array(nodes[:-1], dtype=object), nodes[-1], switches_of(each))
             for error in each.refused:  # the formula went on without the number
                 raise error
             each.outputs = [each.place_of(x) for x in np.asarray(found, dtype=object).ravel()]
@@ -396,26 +389,26 @@ def tape_of(system: PiecewiseSystem) -> Tape:
     return traced(partial(_selected, system), system.size)
 
 
-def _selected(system: PiecewiseSystem, z: Any, alpha: Any, sw: TracedSwitches) -> Any:
+def _selected(system: PiecewiseSystem, z: Any, alpha: Any, sw: Any) -> Any:
     """Return the selections of a class, chosen by the tests one after the other."""
     z.setflags(write=False)  # all selections get the same unknowns
-    tests = np.asarray(system.test_functions(z, alpha), dtype=object).ravel()
+    tests = np.array(system.test_functions(z, alpha), dtype=object).ravel()  # not a class's buffer
     if len(tests) > MOST_TESTS:
         raise TypeError(f"{len(tests)} tests are more than {MOST_TESTS}")
 
     def chosen(signs: tuple[bool, ...]) -> Any:
         if len(signs) == len(tests):
-            return np.asarray(system.residual(z, alpha, Character(signs)), dtype=object)
+            return np.array(system.residual(z, alpha, Character(signs)), dtype=object)
         return sw.select(tests[len(signs)], chosen((*signs, True)), chosen((*signs, False)))
 
     return chosen(())
 
 
 @np.errstate(all="ignore")
-def check_tape(tape: Tape, system: Any, box: Interval) -> None:
-    """Refuse a tape that says something else than the system at some point of a box."""
+def check_tape(tape: Tape, system: Any, box: Interval) -> list[tuple[Array, Array]]:
+    """Return H at points of a box, or refuse a tape that says something else at some point."""
     points = _points(box, COMPARED)
-    value = np.array([_value(system, x[:-1], float(x[-1])) for x in points])
+    value = np.array([_value(system, x) for x in points])
     differs = _differ(evaluated(tape, Interval(points)), Interval(value)).any(axis=1)
     if differs.any():
         raise InvalidInputError(
@@ -425,6 +418,7 @@ def check_tape(tape: Tape, system: Any, box: Interval) -> None:
     for step in tape.steps:
         if step.name == "select":
             _check_interface(tape, step.args, box)
+    return [*zip(points, value, strict=True)]
 
 
 def _differ(one: Interval, other: Interval) -> Signs:
@@ -440,14 +434,12 @@ def _points(box: Interval, count: int, first: int = 0) -> Array:
     return points
 
 
-def _value(system: Any, z: Array, alpha: float) -> Array:
+def _value(system: Any, x: Array) -> Array:
     """Return H at a point, or refuse a system that fails there."""
     try:
-        if isinstance(system, SwitchedSystem):
-            return system.formula_at(z, alpha)
-        return np.array(system.residual(z, alpha, system.character(z, alpha)), dtype=float)
+        return value_of(system, x)
     except Exception as error:
-        raise InvalidInputError(f"the formula fails at {np.append(z, alpha)}: {error}") from error
+        raise InvalidInputError(f"the formula fails at {x}: {error}") from error
 
 
 def _check_interface(tape: Tape, places: tuple[int, ...], box: Interval) -> None:
@@ -455,16 +447,17 @@ def _check_interface(tape: Tape, places: tuple[int, ...], box: Interval) -> None
     a, b = _points(box, LOOKS), _points(box, LOOKS, LOOKS)
     select = replace(tape, outputs=[*places])
 
-    def test_at(points: Array) -> Array:
-        return evaluated(select, Interval(points)).middle()[:, :1]
+    def holds(points: Array) -> Signs:
+        return evaluated(select, Interval(points)).middle()[:, :1] >= 0.0
 
-    first, last = test_at(a), test_at(b)
+    first = holds(a)
+    crosses = first != holds(b)
     for _ in range(BISECTIONS):
         middle = 0.5 * (a + b)
-        same = test_at(middle) * first > 0.0
+        same = holds(middle) == first
         a, b = np.where(same, middle, a), np.where(same, b, middle)
     known = evaluated(select, Interval(np.minimum(a, b), np.maximum(a, b)))
-    if (_differ(known[:, 1], known[:, 2]) & (first * last < 0.0)[:, 0]).any():
+    if (_differ(known[:, 1], known[:, 2]) & crosses[:, 0]).any():
         raise InvalidInputError(
             "two selections of the class differ where a test vanishes, so that nothing can be "
             "proved; check_system says where"

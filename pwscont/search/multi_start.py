@@ -27,6 +27,7 @@ from pwscont.search.bounds import on_bounds
 from pwscont.search.enumeration import starts_at
 from pwscont.search.pursuit import FEW_MORE, MOST_FOUND, Pursuit, is_new, solution_from
 from pwscont.search.search import KnownBranches, Search
+from pwscont.search.side_paths import SidePaths
 from pwscont.system.abilities import completed, shown_size
 from pwscont.system.box import Box
 from pwscont.system.system import PiecewiseSystem
@@ -43,6 +44,12 @@ STARTS_AT_AN_END = 20
 MOST_ROUNDS = 4
 #: Number of other starts at each alpha for a single unknown, and of alphas.
 FEW_ON_LINE = 6
+#: Number of alphas between the ends at which side paths are followed.
+SIDE_PATHS = 20
+#: Number of steps along side paths in the place of a start.
+STEPS_PER_START = 50
+#: Fewest unknowns for which side paths are followed.
+MANY_UNKNOWNS = 4
 #: The golden section.
 GOLDEN = 0.5 * (5.0**0.5 - 1.0)
 
@@ -155,6 +162,7 @@ class Throughout(Search):
     at_ends: int = STARTS_AT_AN_END
     slices: int = 9  # number of values of alpha between the ends, and of starts at each value
     count: int = 6
+    steps: int = 0  # along side paths
     in_cells: bool = False  # whether Newton is tried once in each cell at both ends before
 
     @classmethod
@@ -163,8 +171,11 @@ class Throughout(Search):
         starts, at_ends = affordable_starts(system, 1, 63), STARTS_AT_AN_END
         if shown_size(system) == 1:  # sign changes find nearly all
             starts, at_ends = FEW_ON_LINE**2, FEW_ON_LINE
+        steps = 0
+        if system.size >= MANY_UNKNOWNS:  # side paths find more than starts at the same cost
+            starts, steps = max(starts // 2, 1), STEPS_PER_START * starts
         slices = int(min(max(starts**0.5, 3), 9))
-        return cls(around, at_ends, slices, max(starts // slices, 1), in_cells)
+        return cls(around, at_ends, slices, max(starts // slices, 1), steps, in_cells)
 
     def starts(self, system: PiecewiseSystem, metric: Metric, interval: Range) -> Iterator[Found]:
         """Yield solutions at the ends of the interval and inside."""
@@ -188,6 +199,9 @@ class Throughout(Search):
         count, most = 0, FEW_MORE if known.is_left_off else MOST_FOUND
         for turn in range(MOST_ROUNDS):
             before, all_found = count, self._between(pursuit, interval, turn)
+            if self.steps:
+                paths = SidePaths(system, metric, pursuit, self.steps)
+                all_found = chain(_on_side_paths(paths, interval, turn), all_found)
             if Box.of(system).is_bounded:
                 starts = self.slices * self.count
                 on = on_bounds(system, metric, interval, known, starts, turn)
@@ -218,9 +232,20 @@ class Throughout(Search):
         what += f"Newton from {self.at_ends} starts at both ends (seed 0)"
         what += f" and {self.count} at {self.slices} values of alpha between, deflated"
         what += ", and where one equation changes its sign" if shown_size(system) == 1 else ""
+        what += "; along side paths" if self.steps else ""
         what += "; on bounds of unknowns" if Box.of(system).is_bounded else ""
         what += "; again while more is found"
         return SearchScope(what, Guarantee.NOTHING)
+
+
+def _on_side_paths(paths: SidePaths, interval: Range, turn: int) -> Iterator[Found]:
+    """Yield solutions on side paths at the ends, and inside of the interval."""
+    lo, hi = interval
+    for alpha in () if turn else (hi, lo):
+        yield from paths.at(alpha, 0)
+    for k in range(turn * SIDE_PATHS, (turn + 1) * SIDE_PATHS):
+        part = (0.5 + GOLDEN * (k + 0.618)) % 1.0
+        yield from paths.at(lo + (hi - lo) * part, k + 1)
 
 
 def affordable_starts(system: PiecewiseSystem, fewest: int, most: int) -> int:

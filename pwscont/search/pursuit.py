@@ -128,7 +128,7 @@ class Pursuit:
     def at(self, alpha: float, guesses: Iterable[Array]) -> Iterator[Found]:
         """Yield the new solutions to which starts at an alpha lead, one of infinitely many."""
         here = list[Array]()
-        known = self._solutions(alpha)
+        known = self.solutions(alpha)
         zeros = self._sign_changes(alpha, known)
         shapes = known[:MOST_SHAPES] if self._shown > 1 else []
         beside = chain.from_iterable(self._next_door(x, alpha) for x in shapes)
@@ -151,10 +151,10 @@ class Pursuit:
                 if is_many:
                     return
                 here.append(found[0])
-                known = [*here, *self._solutions(alpha)]
+                known = [*here, *self.solutions(alpha)]
             if not arrived and (found := self._freely(reached, number)):
                 yield found
-                known = [*here, *self._solutions(alpha)]
+                known = [*here, *self.solutions(alpha)]
 
     def guess(self, number: int) -> Array:
         """Return the state of a start: such points fill space evenly, with heavy tails."""
@@ -235,7 +235,7 @@ class Pursuit:
                 return self._usable((near, root.error[np.newaxis]), x)
         return None
 
-    def _solutions(self, alpha: float) -> list[Array]:
+    def solutions(self, alpha: float) -> list[Array]:
         """Return the known solutions at an alpha."""
         roots = self._roots[1] if self._roots[0] == alpha else {}
         near = {x.tobytes(): (cell, x) for cell, x in self._known.in_cells_at(alpha)}
@@ -279,6 +279,11 @@ class Pursuit:
         for x in points:
             found += [x] if is_new(self._metric, x, found, DISTINCT) else []
         return found
+
+    def solution_near(self, z: Array, alpha: float) -> Found | None:
+        """Return the solution to which Newton leads from a state, None if not found."""
+        y, arrived = self._at_alpha(np.append(z, alpha) / self._scale, ())
+        return self._corrected(y, alpha) if arrived else None
 
     def _corrected(self, y: Array, alpha: float) -> Found | None:
         """Return the solution near a rough solution, None if not found or without a digit."""
