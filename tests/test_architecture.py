@@ -63,7 +63,7 @@ BUDGET = {
     "curve": (13, 3415),
     "enumeration": (11, 2503),
     "transitions": (13, 3926),
-    "graph": (8, 2490),
+    "graph": (8, 2488),
     "search": (9, 2048),
     "continuation": (8, 2815),
     "kit": (4, 975),

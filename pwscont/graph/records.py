@@ -329,8 +329,6 @@ class Stretch(tuple[float, float, int | float]):
 
     Attributes
     ----------
-    lo, hi : float
-    count : int or float
     lo_closed, hi_closed : bool
         Whether the number holds at that end as well. At a fold, where two solutions merge, the
         number is in between, and neither neighbour includes the end.
