@@ -222,10 +222,10 @@ def _causes(graph: ConnectedPieces, gaps: list[Gap]) -> Iterator[str]:
 
 
 def _or_wrong_degree(graph: ConnectedPieces) -> str:
-    """Return the words for a balance that is one number everywhere, and is not the degree."""
+    """Return the words for one balance everywhere, not the degree, after a complete search."""
     degree = graph.system.degree if graph.system else None
     values = balance_values(graph)
-    if degree is None or len(values) > 1:
+    if degree is None or len(values) > 1 or graph.searched.promise == Guarantee.NOTHING:
         return ""
     promise = f"{type(graph.system).__name__}.degree = {degree}"
     return f", or {promise} is wrong, for the balance is {values[0]} everywhere"
