@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
-from pwscont.basics.errors import InvalidInputError
+from collections.abc import Collection
+from importlib import import_module
+from typing import Any
+
+from pwscont.basics.errors import InvalidInputError, MissingPackageError
 from pwscont.basics.printing import short, with_article
 
 
@@ -38,3 +42,13 @@ def check_callable(name: str, value: object, signature: str) -> None:
     """Refuse an argument that is no function; ``signature`` names the arguments in the message."""
     if not callable(value):
         raise InvalidInputError(f"{name} must be a function of {signature}, got {value!r}")
+
+
+def pandas_for(rows: str, tables: Collection[str]) -> Any:
+    """Return pandas for a data frame, or refuse ``rows`` if they name none of the tables."""
+    if rows not in tables:
+        raise InvalidInputError(f"rows must be one of {', '.join(tables)}, got {rows!r}")
+    try:
+        return import_module("pandas")
+    except ImportError as error:
+        raise MissingPackageError("to_dataframe needs pandas: pip install pandas") from error

@@ -14,14 +14,13 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass
-from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, final
 
 import numpy as np
 
+from pwscont.basics.arguments import pandas_for
 from pwscont.basics.arrays import Array
-from pwscont.basics.errors import InvalidInputError, MissingPackageError
 from pwscont.evolution.paths import EvolutionPaths
 from pwscont.evolution.states import (
     KINDS,
@@ -68,12 +67,7 @@ def _node(state: EvolutionState) -> dict[str, Any]:
 def data_frame(graph: EvolutionStructure, rows: str) -> Any:
     """Return a pandas data frame, for :meth:`EvolutionGraph.to_dataframe`."""
     tables = {"events": _events, "pieces": _pieces}
-    if rows not in tables:
-        raise InvalidInputError(f"rows must be one of {', '.join(tables)}, got {rows!r}")
-    try:
-        pandas = import_module("pandas")
-    except ImportError as error:
-        raise MissingPackageError("to_dataframe needs pandas: pip install pandas") from error
+    pandas = pandas_for(rows, tables)
     return pandas.DataFrame(tables[rows](graph))
 
 

@@ -9,15 +9,14 @@ import json
 from collections.abc import Mapping, Sequence
 from functools import cached_property
 from html import escape
-from importlib import import_module
 from math import isinf
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, final
 
 import numpy as np
 
+from pwscont.basics.arguments import pandas_for
 from pwscont.basics.arrays import Array
-from pwscont.basics.errors import InvalidInputError, MissingPackageError
 from pwscont.basics.outcome import NOTHING_FOUND, Guarantee
 from pwscont.basics.printing import apart, counted, number
 from pwscont.basics.quantities import Function
@@ -228,12 +227,7 @@ class BranchGraph(ConnectedPieces):
             If pandas is not installed.
         """
         tables = {"pieces": _pieces, "points": _points, "special": _special}
-        if rows not in tables:
-            raise InvalidInputError(f"rows must be one of {', '.join(tables)}, got {rows!r}")
-        try:
-            pandas = import_module("pandas")
-        except ImportError as error:
-            raise MissingPackageError("to_dataframe needs pandas: pip install pandas") from error
+        pandas = pandas_for(rows, tables)
         return tables[rows](self, pandas)
 
     def to_dict(self) -> dict[str, Any]:
