@@ -40,7 +40,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import lru_cache
-from math import ceil, inf, isfinite, nan, sqrt
+from math import ceil, inf, isfinite, sqrt
 
 import numpy as np
 
@@ -78,6 +78,9 @@ GROWS_TO, MOST_CLOSER_ROUNDS = 4.0, 24
 #: Degree of the polynomial that counts as smooth; at most a third of the number of places.
 SMOOTH_DEGREE = 3
 
+LEAVES_INTERVAL = Failure(FailureReason.JUMP)
+HIDES_FOLDS = Failure(FailureReason.HIDDEN_FOLDS)
+
 
 def gap_of(step_size: StepSize | None, system: PiecewiseSystem) -> float:
     """Return the distance within which two folds of a system may be passed over, or zero."""
@@ -86,10 +89,12 @@ def gap_of(step_size: StepSize | None, system: PiecewiseSystem) -> float:
     return step_size.gap * sqrt(max(system.size / CHEAP_UNKNOWNS, 1.0))
 
 
-def farthest_off(segment: CurvedSegment, factor: Factor, allowed: float, is_sure: bool) -> float:
-    """Return how far the curve is from the cubic of a step at most, infinite where alpha turns.
+def farthest_off(
+    segment: CurvedSegment, factor: Factor, allowed: float, is_sure: bool
+) -> float | Failure:
+    """Return how far the curve is from the cubic of a step at most; nan where H is undefined.
 
-    Not a number where H is undefined, or the cubic is outside the interval.
+    A Failure if the step hides folds, or the cubic leaves the interval.
 
     ``factor``: a factorisation [J; border] from the end of the segment. ``allowed``: the largest
     distance of the curve from the cubic; beyond, no closer look is taken. ``is_sure``: whether a
@@ -101,7 +106,7 @@ def farthest_off(segment: CurvedSegment, factor: Factor, allowed: float, is_sure
     u, weights, rough = _places(count)
     off, alphas = _looked_at(segment, factor, weights)
     if len(off) < count and not segment.curve.metric.admits(segment.near(INSIDE * segment.length)):
-        return nan
+        return LEAVES_INTERVAL
     worst = sqrt(largest(np.einsum("ij,ij->i", off, off)))
     if not worst <= allowed:
         return worst  # may be nan
@@ -109,9 +114,12 @@ def farthest_off(segment: CurvedSegment, factor: Factor, allowed: float, is_sure
         roughness = np.abs(rough.dot(off))
         if largest(roughness) > ROUGH_PART * largest(np.abs(off)) + INVISIBLE:
             odd = float(u[int(roughness.argmax()) // off.shape[1]])
-            around = ((place, 1.0 / count) for place in (odd, 0.0, 1.0))
-            worst = max(worst, *(_close_in(segment, factor, room, allowed) for room in around))
-    return inf if _turns(segment, factor, u, alphas) else worst
+            for place in (odd, 0.0, 1.0):
+                closer = _close_in(segment, factor, (place, 1.0 / count), allowed)
+                if isinstance(closer, Failure):
+                    return closer
+                worst = max(worst, closer)
+    return HIDES_FOLDS if _turns(segment, factor, u, alphas) else worst
 
 
 @lru_cache(maxsize=MOST_PLACES)
@@ -137,16 +145,16 @@ def _weights(u: Array) -> Array:
     return np.stack([u - first + last, first, -last], axis=1)
 
 
-def _off_at(segment: CurvedSegment, factor: Factor, parts: Sequence[float]) -> float:
+def _off_at(segment: CurvedSegment, factor: Factor, parts: Sequence[float]) -> float | Failure:
     """Return how far the curve is from the cubic at some parts of the step at most."""
     curve, worst = segment.curve, 0.0
     for part in parts:
         x = segment.near(part * segment.length)
         if not curve.metric.admits(x):
-            return nan
+            return LEAVES_INTERVAL
         off = curve.metric.norm(factor.solve(curve.selection.residual_and(x, 0.0)))
         if not off < inf:
-            return nan
+            return off
         worst = max(off, worst)
     return worst
 
@@ -173,7 +181,7 @@ def _looked_at(segment: CurvedSegment, factor: Factor, weights: Array) -> tuple[
 
 def _close_in(
     segment: CurvedSegment, factor: Factor, around: tuple[float, float], allowed: float
-) -> float:
+) -> float | Failure:
     """Return how far off the curve is within a distance of a place, looked at ever closer."""
     (odd, apart), worst, bend, bends = around, 0.0, 0.0, [0.0] * CLOSER_ROUNDS
     while bend >= GROWS_TO * bends[-CLOSER_ROUNDS] and len(bends) < MOST_CLOSER_ROUNDS:
@@ -185,7 +193,7 @@ def _close_in(
             break
         worst = max(worst, largest(np.abs(off)))
         if not worst <= allowed or _turns(segment, factor, u, alphas):
-            return inf
+            return HIDES_FOLDS
         # the smooth part of the distances is nearly straight
         each = np.abs(off[:-2] - 2.0 * off[1:-1] + off[2:]).max(axis=1)
         bend, odd, apart = largest(each), float(u[1 + each.argmax()]), ZOOM * apart

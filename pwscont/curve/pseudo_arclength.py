@@ -18,7 +18,6 @@ at. Sheets closer than about a thousandth of a step stay unseen.
 
 from __future__ import annotations
 
-import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field, replace
 from typing import final
@@ -299,30 +298,37 @@ def accepted(
         return Failure(FailureReason.JUMP)
     segment.factor_at_end = corrected.factor
     segment.gap = gap_of(step_size, curve.selection.system) if gap is None else gap
-    measured = curve.metric.norm(end.x - predicted), corrected.contraction, length
-    strain, noise, off = _strain(0.0, *measured, NEGLIGIBLE), NEGLIGIBLE, 0.0
-    if not strain <= 1.0:
-        strain = _strain(0.0, *measured, noise := _noise(curve, corrected))
+    correction = curve.metric.norm(end.x - predicted)
+    strain = _strain(curve, corrected, correction, length, 0.0)
     if strain <= 1.0 and not curve.selection.is_straight:
-        is_sure = measured[0] <= SURE * length
+        is_sure = correction <= SURE * length
         off = farthest_off(segment, corrected.factor, OFF * length, is_sure)
-        strain = _strain(off, *measured, noise)
-    if strain > 1.0 and off < math.inf and noise == NEGLIGIBLE:
-        strain = _strain(off, *measured, _noise(curve, corrected))
-    if not strain <= 1.0:
-        return Failure(FailureReason.HIDDEN_FOLDS if off == math.inf else FailureReason.JUMP)
+        if isinstance(off, Failure):
+            return off
+        strain = _strain(curve, corrected, correction, length, off)
+    if not strain <= 1.0:  # also where not a number
+        return Failure(FailureReason.JUMP)
     segment.suggestion = step_size.after(length, strain, cosine)
     return segment
 
 
 def _strain(
-    off: float, correction: float, contraction: float, length: float, noise: float
+    curve: Curve, corrected: Corrected, correction: float, length: float, off: float
 ) -> float:
     """Return the largest ratio of a measure of a step to the bound; above 1, no step is true.
 
-    A correction no larger than the noise tells nothing, nor does a cubic off by no more than the
-    noise.
+    How far a point is off because of rounding is estimated only if the step would be refused.
+    ``off``: the distance of the curve from the cubic of the step.
     """
+    measured = off, correction, corrected.contraction, length
+    strain = _strain_beside(NEGLIGIBLE, *measured)
+    return _strain_beside(_noise(curve, corrected), *measured) if strain > 1.0 else strain
+
+
+def _strain_beside(
+    noise: float, off: float, correction: float, contraction: float, length: float
+) -> float:
+    """Return the strain, as far as corrections and distances are larger than the noise."""
     by_contraction = contraction / SLOWEST if correction > noise else 0.0
     by_correction = correction / (FARTHEST * length + noise)
     allowed = OFF * length * min(1.0, CLOSE * length / max(correction, noise))
