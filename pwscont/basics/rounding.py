@@ -10,6 +10,13 @@ import sys
 #: Unit roundoff of IEEE double precision.
 EPS = sys.float_info.epsilon
 
+#: Half of the digits: values that differ by no more than this part of their terms may be equal
+#: where derivatives by differences, a double zero or an ill-conditioned solve lose the other half.
+HALF_DIGITS = EPS**0.5
+
+#: Least normal number, as a divisor in place of zero.
+TINY = sys.float_info.min
+
 #: Newton has converged when the last correction is below CONVERGED times the size of the point. The
 #: next correction would be of the order of the square of the last, which is below rounding.
 CONVERGED = 1e-11

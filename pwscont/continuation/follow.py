@@ -23,11 +23,11 @@ from pwscont.curve.stepper import CurvedSegment, Segment, Stepper, StraightSegme
 from pwscont.system.contract import refuse_wrong_jacobian
 from pwscont.system.differences import FINEST_PART, REFINEMENT, STEP
 from pwscont.transitions.bounding import BoundingTests
-from pwscont.transitions.branch_points import DISTANCE_TO_SIGN, SmoothBranchPoints, crossing_on_end
+from pwscont.transitions.branch_points import SmoothBranchPoints, crossing_on_end
 from pwscont.transitions.detector import Reading, SpecialPointFound, TransitionDetector
 from pwscont.transitions.ends import Bounds, IntervalEnds, ended_by_system, solves
 from pwscont.transitions.events import Events, EventsAlong
-from pwscont.transitions.rays import Ray
+from pwscont.transitions.rays import NEARBY, Ray
 from pwscont.transitions.smooth_folds import SmoothFolds, leaning
 from pwscont.transitions.straight import StraightTests
 from pwscont.transitions.watch import Event, Watch, first_on_curve, first_on_ray
@@ -373,7 +373,7 @@ class PieceFollower:
         if len(self._points) == 1 or not (point := crossing_on_end(self._curve, self._state.x)):
             return None  # a start at a crossing is recognised as one
         metric = self._curve.metric
-        far = [x for x in self._points if metric.norm(x - point.x) > DISTANCE_TO_SIGN]
+        far = [x for x in self._points if metric.norm(x - point.x) > NEARBY]
         points = far or self._points[:1]
         way = metric.covector(point.x - points[-1])
         rays = sorted(point.rays, key=lambda ray: float(way.dot(ray.state.tangent)))

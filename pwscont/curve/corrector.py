@@ -18,10 +18,18 @@ from pwscont.basics.arrays import Array
 from pwscont.basics.outcome import Failure, FailureReason
 from pwscont.basics.printing import counted, named
 from pwscont.basics.rounding import CONVERGED, EPS, GUARD
-from pwscont.curve.curve import CENTRAL, FINE, RATIO, Curve, State, finer_tangent
+from pwscont.curve.curve import (
+    ERROR_OF_DIFFERENCES,
+    ERROR_OF_FINE,
+    RATIO,
+    Curve,
+    State,
+    finer_tangent,
+)
 from pwscont.curve.error_samples import magnitude
 from pwscont.curve.newton import (
     MOST_CHORDS,
+    MOST_NEWTON,
     Border,
     Root,
     again,
@@ -84,7 +92,7 @@ class BorderedNewton(Corrector):
     5
     """
 
-    most_iterations: int = 8
+    most_iterations: int = MOST_NEWTON
 
     def correct(self, curve: Curve, predicted: Array, tangent: Array) -> Corrected | Failure:
         """Solve [H_chi(x); t . (x - predicted)] = 0."""
@@ -120,7 +128,7 @@ class MoorePenrose(Corrector):
     MoorePenrose(most_iterations=8)
     """
 
-    most_iterations: int = 8
+    most_iterations: int = MOST_NEWTON
 
     def correct(self, curve: Curve, predicted: Array, tangent: Array) -> Corrected | Failure:
         """Solve H_chi(x) = 0 by corrections normal to the current null vector."""
@@ -149,8 +157,6 @@ class MoorePenrose(Corrector):
         return Failure(FailureReason.NOT_CONVERGED)
 
 
-#: Most Newton iterations to a zero of a function, and to a root from which corrections begin again.
-MOST_NEWTON = 8
 #: Most corrections next to a double root, where each correction is about half of the previous;
 #: after :data:`MOST_NEWTON` corrections, each must be smaller than this part of the previous.
 MOST_HALVING, SHRINKS = 40, 0.75
@@ -233,9 +239,11 @@ def polished(curve: Curve, state: State) -> tuple[State, float]:
         return state, GUARD * EPS
     finer = finer_tangent(curve.selection, curve.metric, state.x, state.tangent)
     if finer is None:
-        return state, CENTRAL
+        return state, ERROR_OF_DIFFERENCES
     tangent, _ = finer
     apart = curve.metric.norm(tangent - state.tangent)
     if RATIO * apart >= 1.0:
-        return state, max(CENTRAL, apart)
-    return State(state.x, tangent, state.error, state.orientation), max(FINE, RATIO * apart**2)
+        return state, max(ERROR_OF_DIFFERENCES, apart)
+    return State(state.x, tangent, state.error, state.orientation), max(
+        ERROR_OF_FINE, RATIO * apart**2
+    )

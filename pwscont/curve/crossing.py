@@ -22,8 +22,8 @@ import numpy as np
 
 from pwscont.basics.arrays import Array, Matrix, generic, generic_angles, largest, power_of_two
 from pwscont.basics.outcome import Failure, FailureReason
-from pwscont.basics.rounding import CONFIDENCE, CONVERGED, EPS, GUARD
-from pwscont.curve.curve import Curve, State
+from pwscont.basics.rounding import CONFIDENCE, CONVERGED, EPS, GUARD, HALF_DIGITS
+from pwscont.curve.curve import ERROR_OF_DIFFERENCES, Curve, State
 from pwscont.linear.factor import Factor
 from pwscont.linear.factorise import augmented, columns_scaled, largest_in_rows, rows_divided
 
@@ -37,16 +37,10 @@ FIRST_BORDERS = 2
 #: Largest H at a crossing, as a part of the terms of H; with a larger H the curves pass by.
 MEETS = EPS**0.75
 #: Least measure of rank at a regular point; at a double root, whose z has half of the digits, the
-#: measure is about a hundred times EPS**0.5.
+#: measure is about a hundred times HALF_DIGITS.
 FULL_RANK = EPS ** (1.0 / 3.0)
-#: Least ratio of the eigenvalues of the branching equation if the two directions are told apart.
-APART = EPS**0.5
 #: Inverses of scaled derivatives that are larger than this may belong to a branch point near by.
 CLOSE_TO_CROSSING = FULL_RANK**-0.5
-#: Largest distance, in the metric, of a branch point from where it was located before.
-LOCATED_AGAIN = EPS**0.5
-#: Error of alpha at a branch point, as a part of the interval, where derivatives are one-sided.
-ERROR_OF_DIFFERENCES = EPS ** (2.0 / 3.0)
 #: Displacement of z, in typical magnitudes, that shows how large the equations are.
 ASIDE = 0.05
 #: Component of a direction, as a part of the length, below which the component is the error of
@@ -95,7 +89,7 @@ def crossing(curve: Curve, x: Array) -> Crossing | Failure:
             continue
         rows = np.array([_second(curve, x, null.left / null.rows, v) for v in null.right.T])
         form = rows @ null.right
-        if not np.isfinite(form).all() or np.linalg.cond(form) > 1.0 / APART:
+        if not np.isfinite(form).all() or np.linalg.cond(form) > 1.0 / HALF_DIGITS:
             return Failure(FailureReason.SINGULAR)
         eta = np.linalg.solve(form, null.g - rows @ null.particular[:-1])
         dx = curve.metric.scale * (null.particular[:-1] + null.right @ eta)
@@ -119,8 +113,11 @@ def crossing(curve: Curve, x: Array) -> Crossing | Failure:
     return Failure(FailureReason.NOT_CONVERGED)
 
 
-def crossing_near(curve: Curve, x: Array, near: float = LOCATED_AGAIN) -> Crossing | None:
-    """Return the branch point within a distance of a point, None if there is none."""
+def crossing_near(curve: Curve, x: Array, near: float = HALF_DIGITS) -> Crossing | None:
+    """Return the branch point within a distance of a point, None if there is none.
+
+    ``near``: default the distance, in the metric, of a point that was located before.
+    """
     found = crossing(curve, x)
     if isinstance(found, Failure) or curve.metric.norm(found.x - x) > near:
         return None
@@ -233,7 +230,7 @@ def _second(curve: Curve, x: Array, left: Array, v: Array) -> Array:
 def _directions(curve: Curve, null: _Null, form: Array) -> tuple[Array, Array] | None:
     """Solve the branching equation delta^T A delta = 0 for the two directions."""
     (low, high), axes = np.linalg.eigh(0.5 * (form + form.T))
-    if not min(-low, high) > APART * max(-low, high):
+    if not min(-low, high) > HALF_DIGITS * max(-low, high):
         return None
     deltas = (np.sqrt(high) * axes[:, 0] + s * np.sqrt(-low) * axes[:, 1] for s in (1.0, -1.0))
     first, second = (_direction(curve, null.right @ delta) for delta in deltas)

@@ -24,7 +24,7 @@ from pwscont.system.differences import FINE_STEP, STEP
 from pwscont.system.selection import Selection
 
 #: Least relative errors of derivatives by differences of second and of fourth order.
-CENTRAL, FINE = EPS / STEP, EPS / FINE_STEP
+ERROR_OF_DIFFERENCES, ERROR_OF_FINE = EPS / STEP, EPS / FINE_STEP
 #: Ratio of an error of fourth order to the square of an error of second order: the errors are
 #: (FINE_STEP / w)^4 and (STEP / w)^2 for a function that changes over a width w.
 RATIO = (FINE_STEP / STEP) ** 4
@@ -44,7 +44,7 @@ def finer_tangent(
     if factor.is_singular():
         return None
     terms = np.abs(jacobian).dot(np.abs(x) + metric.scale)
-    rounding = FINE * samples(len(x)) * joined(terms, 0.0)
+    rounding = ERROR_OF_FINE * samples(len(x)) * joined(terms, 0.0)
     along, *errors = factor.solve_all(np.vstack([last_unit(len(x)), rounding]))
     return metric.normalised(along), np.array(errors)
 
@@ -94,7 +94,7 @@ class Curve:
             return slope if abs(slope) > GUARD * EPS else 0.0
         fine = float(found[0][-1]) / width
         rounding = float(np.linalg.norm(found[1][:, -1])) / width
-        relative = abs(fine - slope) * FINE / rounding if rounding else 0.0
+        relative = abs(fine - slope) * ERROR_OF_FINE / rounding if rounding else 0.0
         off = CONFIDENCE * rounding + min(1.0, RATIO * relative) * abs(fine - slope)
         return fine if abs(fine) > max(off, GUARD * EPS) else 0.0
 

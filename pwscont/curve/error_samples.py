@@ -23,7 +23,7 @@ from pwscont.basics.arrays import (
     smallest,
 )
 from pwscont.basics.rounding import CONFIDENCE, EPS
-from pwscont.curve.metric import Metric
+from pwscont.curve.metric import SHORTEST, Metric
 from pwscont.linear.factor import Factor
 from pwscont.linear.factorise import columns_scaled, largest_in_rows
 from pwscont.system.box import Box
@@ -36,9 +36,7 @@ MOST_WHOLE_INVERSE = 16
 MOST_BY_HYPOT = 256
 #: Largest error, as a part of a number, of a number with a certain digit.
 ONE_DIGIT = 0.1
-#: Smallest number whose square keeps all digits, in any unit.
-SQUARES_UNDERFLOW = 1e-140
-#: Number of samples for larger systems.
+#: Number of random vectors, or of places near a point, that stand for all directions.
 SAMPLES = 4
 
 
@@ -61,8 +59,8 @@ def _root_of_squares(error: Array) -> Array:
         spread = np.abs(np.hypot.reduce(error, axis=0))
         return spread
     spread = np.sqrt(np.ones(len(error)).dot(np.square(error)))  # a sum takes twice as long
-    if len(spread) and smallest(spread) < SQUARES_UNDERFLOW:  # most numbers are zero
-        lost = spread < SQUARES_UNDERFLOW
+    if len(spread) and smallest(spread) < SHORTEST:  # most numbers are zero
+        lost = spread < SHORTEST
         if len(error) and is_anywhere(np.logical_and(error, lost)):
             spread[lost] = np.hypot.reduce(error[:, lost], axis=0)
     return spread

@@ -50,7 +50,7 @@ from pwscont.basics.rounding import CONVERGED
 from pwscont.curve.crossing import FULL_RANK, loses_rank
 from pwscont.curve.curve import State
 from pwscont.curve.step_size import StepSize
-from pwscont.curve.stepper import INSIDE, CurvedSegment
+from pwscont.curve.stepper import INSIDE, SHORTEST_CHORD, CurvedSegment
 from pwscont.linear.factor import Factor
 from pwscont.linear.factorise import bordered
 from pwscont.system.system import PiecewiseSystem, SlicewiseLinearSystem
@@ -240,8 +240,6 @@ MARGIN = 0.2
 #: How far before and behind a place a step is looked at again, as parts of the step: unlike, so
 #: that the Jacobian in the middle is regular.
 CLOSER = -0.05, 0.03
-#: The shortest step that is refused, and the longest in which zeros together are one place.
-SHORTEST_REFUSED = 1e-6
 #: Most unknowns for which all zeros of the quadratic are computed: the eigenvalues cost less than
 #: the step.
 MOST_WITH_ALL_ZEROS = 24
@@ -273,7 +271,8 @@ def hidden_in(segment: CurvedSegment, *, is_part: bool = False) -> State | Failu
         return None
     if (len(zeros) == 1 or np.ptp(zeros) > TOGETHER) and (apart := _apart(segment, zeros)):
         return apart
-    closer = _singular_at if segment.length <= SHORTEST_REFUSED else _closer
+    # a shorter step is not refused, and zeros together in that step are one place
+    closer = _singular_at if segment.length <= SHORTEST_CHORD else _closer
     least = 2 if few else 1  # Arnoldi's method shows a zero of any multiplicity once
     for group in np.split(zeros, np.flatnonzero(np.diff(zeros) > TOGETHER) + 1):
         middle = 0.5 * segment.length * (1.0 + float(group.mean()))
@@ -285,7 +284,7 @@ def hidden_in(segment: CurvedSegment, *, is_part: bool = False) -> State | Failu
 def _apart(segment: CurvedSegment, zeros: Array) -> Failure | None:
     """Return a Failure if the sign between zeros, or behind the last, is not that of the start."""
     places = 0.25 * segment.length * (2.0 + zeros + np.append(zeros[1:], 1.0))
-    for state in map(segment.at, places if segment.length > SHORTEST_REFUSED else ()):
+    for state in map(segment.at, places if segment.length > SHORTEST_CHORD else ()):
         if isinstance(state, Failure) or state.orientation != segment.start.orientation:
             return Failure(FailureReason.SINGULAR)
     return None
@@ -460,7 +459,7 @@ def _closer(segment: CurvedSegment, middle: float) -> State | Failure | None:
     return found or _singular_at(segment, middle, CLOSER[1] - CLOSER[0])
 
 
-def _singular_at(segment: CurvedSegment, at: float, part: float = SHORTEST_REFUSED) -> State | None:
+def _singular_at(segment: CurvedSegment, at: float, part: float = SHORTEST_CHORD) -> State | None:
     """Return the state at a place of a segment if the Jacobian loses rank there.
 
     ``part``: of the segment, the error of the place.

@@ -34,7 +34,7 @@ from pwscont.basics.arrays import (
 )
 from pwscont.basics.budget import check_budget
 from pwscont.basics.character import Character
-from pwscont.basics.rounding import CONFIDENCE, EPS
+from pwscont.basics.rounding import CONFIDENCE, HALF_DIGITS
 from pwscont.curve.error_samples import Found, magnitude
 from pwscont.curve.metric import Metric, Range
 from pwscont.linear.factorise import (
@@ -53,10 +53,10 @@ OUTWARDS = 4.0 ** np.arange(25)
 #: H is clearly nonlinear if the rest is more than this part of the linear change, and of the change
 #: over a typical magnitude.
 BENDS = 0.5
-#: Magnitudes found between these two are taken for one.
-LEAST, MOST = 1.0 / 4.0, 2.0
 #: Magnitudes that differ by no more than this factor are alike.
 ALIKE = 4.0
+#: Magnitudes found from 1 / ALIKE to this one are taken for one.
+MOST = 2.0
 #: Sizes that are tried: powers of this base up to this one, and down to its negative; up to others
 #: only where none of these is right, because bisection goes astray along functions such as tan(z),
 #: and H may overflow.
@@ -82,8 +82,6 @@ MANY = 32
 #: Sizes that differ by more than this factor are compared with Newton steps, and are too small if
 #: all steps are longer by the second factor.
 FAR_APART, FAR_BEYOND = 1e6, 1e3
-#: Unknowns that change by less than this part of their size over the interval do not move.
-STILL = EPS**0.5
 #: Among many unknowns, an unknown smaller than this part of the largest, in units in which columns
 #: of the Jacobian are balanced, is not measured by its own size.
 TAIL = 1e-3
@@ -93,7 +91,7 @@ VANISHED = 1e-30
 
 def rounded_to_one(sizes: Array) -> Array:
     """Return magnitudes, rounded to 1 where a magnitude is close to 1."""
-    close = (sizes >= LEAST) & (sizes <= MOST)
+    close = (sizes >= 1.0 / ALIKE) & (sizes <= MOST)
     return np.where(close, 1.0, np.maximum(sizes, VANISHED * sizes.max()))
 
 
@@ -346,7 +344,7 @@ def _by_newton(system: PiecewiseSystem, alphas: Sequence[float], z: Array) -> Ar
     """
     before = [_residual(system, z, alpha) for alpha in alphas]
     sizes = [largest(np.abs(values)) for values in before]
-    asked = (1,) if max(sizes[0], sizes[2]) <= STILL * sizes[1] else (0, 2)
+    asked = (1,) if max(sizes[0], sizes[2]) <= HALF_DIGITS * sizes[1] else (0, 2)
     steps = np.zeros((len(asked), system.size))
     for i, place in enumerate(asked):
         jacobian = jacobian_at(system, z, alphas[place], system.character(z, alphas[place]))
@@ -354,7 +352,7 @@ def _by_newton(system: PiecewiseSystem, alphas: Sequence[float], z: Array) -> Ar
         if not factor.is_singular():
             steps[i] = _finite(factor.solve(joined(before[place], 0.0))[:-1])
     here = [_residual(system, z - steps[0], alpha) for alpha in alphas]
-    if all(largest(np.abs(h)) <= STILL * size for h, size in zip(here, sizes, strict=True)):
+    if all(largest(np.abs(h)) <= HALF_DIGITS * size for h, size in zip(here, sizes, strict=True)):
         found = _by_bends(system, alphas, z - steps[0], here)  # a solution of all alphas
     else:
         found = _without_tails(np.abs(steps).max(axis=0), jacobian)
@@ -414,8 +412,8 @@ def magnitudes_of(system: PiecewiseSystem, metric: Metric, found: Sequence[Found
         slope = np.full(system.size, np.inf)
         if not factor.is_singular():
             slope = metric.width * np.abs(factor.solve(last_unit(len(x))))[:-1]
-        sizes = np.maximum(sizes, np.where(slope > STILL * own, own, 0.0))
-        slopes = np.where(slope > STILL * own, np.minimum(slopes, slope), slopes)
+        sizes = np.maximum(sizes, np.where(slope > HALF_DIGITS * own, own, 0.0))
+        slopes = np.where(slope > HALF_DIGITS * own, np.minimum(slopes, slope), slopes)
     if system.size > MANY:
         sizes = _without_tails(np.maximum(sizes, _finite(slopes)), jacobian)
     else:

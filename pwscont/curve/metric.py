@@ -22,7 +22,7 @@ import numpy as np
 from pwscont.basics.arrays import Array, joined, largest, power_of_two, smallest
 from pwscont.basics.errors import InvalidSystemError
 from pwscont.basics.printing import named
-from pwscont.basics.rounding import CONVERGED, EPS, GUARD, SAME_ALPHA
+from pwscont.basics.rounding import CONVERGED, EPS, GUARD, HALF_DIGITS, SAME_ALPHA, TINY
 from pwscont.linear.vectors import dot
 from pwscont.system.box import Box
 from pwscont.system.contract import checked_scale
@@ -40,8 +40,6 @@ WHOLE, PROJECTIONS = 64, 16
 #: The least and the largest alpha, as of the interval of a run.
 Range: TypeAlias = tuple[float, float]
 EVERYWHERE: Range = (-math.inf, math.inf)
-#: Smallest square of the length of a chord that is divided by.
-LEAST_SQUARE = 1e-300
 _NONE = np.zeros(0, dtype=np.intp)
 #: A magnitude that is wrong by more than this factor, too small or too large.
 TOO_SMALL, TOO_LARGE = 16.0, 64.0
@@ -55,9 +53,6 @@ FAR, AHEAD_OF_FARTHEST = 12.0, 4.0
 SLOWER = 0.5
 #: How much of the interval a path must have seen before means over alpha say something.
 MUCH = 0.25
-#: Unknowns that change by less than this part of their size do not move, nor do unknowns that are
-#: rounding of their magnitude.
-STEADY = EPS**0.5
 
 
 @final
@@ -284,7 +279,8 @@ class Gauge:
             ahead = self._width * self._farthest / max(self._alpha, SHORTEST)
             typical = np.minimum(ahead, AHEAD_OF_FARTHEST * self._farthest)
             wrong = self._farthest > FAR * self._scale
-        moves = (typical > STEADY * self._size) & (self._size > EPS * self._scale)
+        # unknowns that are rounding of their magnitude do not move either
+        moves = (typical > HALF_DIGITS * self._size) & (self._size > EPS * self._scale)
         if (wrong & moves).any():
             wrong |= typical > NEARLY_TOO_SMALL * self._scale  # wrong on the next path
             raise MisjudgedError(np.where(wrong & moves, typical, self._scale))
@@ -318,7 +314,7 @@ def nearest_on_chords(points: Array, x: Array, metric: Metric) -> tuple[float, A
     """Return how far a polygon is as a part of the chord's length, the nearest point, the chord."""
     starts, chords = points[:-1] / metric.scale, np.diff(points, axis=0) / metric.scale
     away = metric.difference(x, points[:-1]) / metric.scale
-    lengths = np.maximum((chords**2).sum(axis=1), LEAST_SQUARE)
+    lengths = np.maximum((chords**2).sum(axis=1), TINY)
     parts = np.clip((away * chords).sum(axis=1) / lengths, 0.0, 1.0)
     distances = np.linalg.norm(away - parts[:, np.newaxis] * chords, axis=1) / np.sqrt(lengths)
     i = int(np.argmin(distances))

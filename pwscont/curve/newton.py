@@ -27,9 +27,9 @@ import numpy as np
 
 from pwscont.basics.arrays import Array, Matrix, generic, joined, largest, product
 from pwscont.basics.outcome import Failure, FailureReason
-from pwscont.basics.rounding import CONFIDENCE, CONVERGED, EPS, GUARD
+from pwscont.basics.rounding import CONFIDENCE, CONVERGED, EPS, GUARD, HALF_DIGITS
 from pwscont.curve.curve import LEAN, Curve, State
-from pwscont.curve.error_samples import magnitude, samples
+from pwscont.curve.error_samples import SAMPLES, magnitude, samples
 from pwscont.curve.metric import LARGEST, SHORTEST, Metric
 from pwscont.linear.factor import Factor
 from pwscont.linear.factorise import bordered, column, last_unit
@@ -39,14 +39,15 @@ from pwscont.system.selection import Selection
 #: A scalar function of x together with the gradient, shape (n + 1,) or a sparse row.
 Border: TypeAlias = Callable[[Array], tuple[float, Matrix]]
 
-#: Relative size of a first correction below which the next correction is rounding.
+#: Relative size of a correction below which the next correction is rounding, also of a direction:
+#: a factorisation is stale where the Jacobian changes by more than this part.
 NEXT_IS_ROUNDING = CONVERGED**0.5
+#: Most Newton iterations to a root.
+MOST_NEWTON = 8
 #: Most corrections with the last factorisation, if expected to be enough.
 MOST_CHORDS = 2
 #: Relative size of a correction from which the next is none of these: x may have run far away.
 TOO_FAR_FOR_CHORDS = 0.5
-#: Most corrections with a factorisation from a point close by.
-MOST_CORRECTIONS = 6
 #: Largest ratio of two corrections that still converge.
 STALLED = 0.1
 #: Largest last correction, as a part of the length of z, that rounding of constants may explain:
@@ -54,10 +55,6 @@ STALLED = 0.1
 SMALL = 100.0 * CONVERGED
 #: Largest residual at a root, as a part of what alpha changes in the row over the interval.
 SOLVED = 1e-4
-#: A factorisation is stale where the Jacobian changes by more than this part within the last
-#: correction. A direction that the factorisation corrects by no more than this part is right to
-#: rounding.
-TURNED = math.sqrt(CONVERGED)
 
 
 @final
@@ -105,7 +102,7 @@ def newton(curve: Curve, border: Border, x: Array, most_iterations: int) -> Root
         # quadratic: d -> c d^2, so that a ratio q is followed by q^2; at first c is taken for 1
         ratio, stale = size / before * (size / before) if before > 0.0 else size, False
         if TOO_FAR_FOR_CHORDS > size > CONVERGED >= size * ratio**MOST_CHORDS:
-            stale = before == 0.0 or ratio > TURNED
+            stale = before == 0.0 or ratio > NEXT_IS_ROUNDING
             for _ in range(MOST_CHORDS):
                 if size > CONVERGED and metric.admits(x):
                     rest = selection.residual_and(x, border(x)[0])
@@ -166,7 +163,7 @@ def by_chords(curve: Curve, factor: Factor, x: Array) -> Array | None:
     None if corrections do not shrink as fast as with a factorisation that is new enough.
     """
     before = math.inf
-    for _ in range(MOST_CORRECTIONS):
+    for _ in range(MOST_NEWTON):
         if not curve.metric.admits(x):
             return None
         dx = factor.solve(curve.selection.residual_and(x, 0.0))
@@ -200,7 +197,7 @@ def direction(curve: Curve, root: Root) -> tuple[Factor, Array]:
         correction = root.factor.solve(joined(jacobian.dot(along), 0.0))
         along = along - correction
         length = metric.norm(along)
-        if metric.norm(correction) <= TURNED * length:
+        if metric.norm(correction) <= NEXT_IS_ROUNDING * length:
             return root.factor, times(1.0 / length, along)
     factor = bordered(jacobian, root.row, metric.binary)
     return factor, along if factor.failed else metric.normalised(factor.solve(unit))
@@ -210,9 +207,7 @@ def direction(curve: Curve, root: Root) -> tuple[Factor, Array]:
 
 #: How far from a root H is evaluated, as a part of typical magnitudes: near enough for rounding to
 #: show, and far enough for curvature to show.
-ROUNDING_SHOWS, CURVATURE_SHOWS = EPS**0.5, EPS ** (1.0 / 3.0)
-#: Number of places near a root at which H is evaluated.
-ROUNDING_PLACES = 4
+ROUNDING_SHOWS, CURVATURE_SHOWS = HALF_DIGITS, EPS ** (1.0 / 3.0)
 #: Third derivatives make the curvatures near a root and farther away differ by this factor.
 CURVATURE_VARIES = 4.0
 
@@ -265,7 +260,7 @@ def unseen_rounding(curve: Curve, root: Root, border: Callable[[Array], float]) 
     """
     if curve.selection.is_slicewise:
         return np.zeros(len(root.x))
-    asides, (places, size) = _asides(curve, root), (ROUNDING_PLACES, len(root.x))
+    asides, (places, size) = _asides(curve, root), (SAMPLES, len(root.x))
     farther = np.array([ROUNDING_SHOWS, 2.0 * ROUNDING_SHOWS, CURVATURE_SHOWS])
     beside = root.x + farther[:, np.newaxis] * asides[:, np.newaxis]
     points = np.vstack([root.x, beside.reshape(-1, size)])
@@ -290,7 +285,7 @@ def _asides(curve: Curve, root: Root) -> Array:
     The path comes from where the border grows. The tests need not be defined beyond the cell.
     """
     x, metric, selection = root.x, curve.metric, curve.selection
-    ways = np.array([generic(len(x), place) for place in range(ROUNDING_PLACES)])
+    ways = np.array([generic(len(x), place) for place in range(SAMPLES)])
     steps = ways * (np.abs(x) + metric.scale)
     steps[np.ravel(product(root.row, steps.T)) < 0.0] *= -1.0
     steps[:, -1] = math.copysign(metric.width, sum(metric.interval) - 2.0 * x[-1])

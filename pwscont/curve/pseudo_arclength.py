@@ -27,15 +27,22 @@ import numpy as np
 from pwscont.basics.arguments import checked_kind
 from pwscont.basics.arrays import Array
 from pwscont.basics.outcome import Failure, FailureReason
-from pwscont.basics.rounding import CONFIDENCE, CONVERGED, EPS
+from pwscont.basics.rounding import CONFIDENCE, CONVERGED, HALF_DIGITS
 from pwscont.curve.corrector import BorderedNewton, Corrected, Corrector, zero
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.error_samples import magnitude
 from pwscont.curve.looks import CLOSER_PLACES, farthest_off, gap_of
 from pwscont.curve.metric import Range
-from pwscont.curve.newton import Border, Root, uncertainty
+from pwscont.curve.newton import STALLED, Border, Root, uncertainty
 from pwscont.curve.step_size import StepSize
-from pwscont.curve.stepper import BESIDE, CurvedSegment, ExactLinear, Segment, Stepper
+from pwscont.curve.stepper import (
+    BESIDE,
+    SHORTEST_CHORD,
+    CurvedSegment,
+    ExactLinear,
+    Segment,
+    Stepper,
+)
 from pwscont.linear.vectors import dot, plus
 
 
@@ -129,18 +136,12 @@ class Hermite(Predictor):
 
 #: Largest correction, as a part of the step.
 FARTHEST = 0.1
-#: Largest ratio of the first two corrections.
-SLOWEST = 0.1
 #: Largest distance of the cubic between the two points from the curve, as a part of the step.
 OFF = 0.1 * BESIDE
 #: Largest correction, as a part of the step, for which a single look at the cubic is enough.
 SURE = 3e-3
 #: Largest correction, as a part of the step, for which OFF holds; OFF shrinks as corrections grow.
 CLOSE = 1e-2
-#: Largest distance, in the metric, of the cubic from the curve that is always allowed, however
-#: short the step is: tangents from differences are no better, and points this close are not told
-#: apart anyway.
-NEGLIGIBLE: float = EPS**0.5
 #: Largest distance, in lengths of the step, of an end of the interval or a zero at which the step
 #: ends instead.
 STRETCH = 1.5
@@ -149,9 +150,6 @@ FARTHEST_PREDICTION = 10.0
 #: A refused step is shortened to this part, not to a half: where a step ends exactly on a branch
 #: point, two halves would end there again.
 SHORTER = 0.6
-#: Shortest step, in the metric, that ends at a zero: a shorter chord has a direction of few digits.
-#: A closer zero is located within a longer step.
-SHORTEST_LANDING = 1e-6
 
 NOT_CONVERGED, OUTSIDE = Failure(FailureReason.NOT_CONVERGED), Failure(FailureReason.OUTSIDE)
 
@@ -317,11 +315,14 @@ def _strain(
 ) -> float:
     """Return the largest ratio of a measure of a step to the bound; above 1, no step is true.
 
-    How far a point is off because of rounding is estimated only if the step would be refused.
+    Distances of half of the digits are always allowed, however short the step is: tangents from
+    differences are no better. How far a point is off because of rounding is estimated only if the
+    step would be refused.
+
     ``off``: the distance of the curve from the cubic of the step.
     """
     measured = off, correction, corrected.contraction, length
-    strain = _strain_beside(NEGLIGIBLE, *measured)
+    strain = _strain_beside(HALF_DIGITS, *measured)
     return _strain_beside(_noise(curve, corrected), *measured) if strain > 1.0 else strain
 
 
@@ -329,7 +330,7 @@ def _strain_beside(
     noise: float, off: float, correction: float, contraction: float, length: float
 ) -> float:
     """Return the strain, as far as corrections and distances are larger than the noise."""
-    by_contraction = contraction / SLOWEST if correction > noise else 0.0
+    by_contraction = contraction / STALLED if correction > noise else 0.0
     by_correction = correction / (FARTHEST * length + noise)
     allowed = OFF * length * min(1.0, CLOSE * length / max(correction, noise))
     return max(off / (allowed + noise), by_contraction, by_correction)  # nan comes first
@@ -340,7 +341,7 @@ def _noise(curve: Curve, corrected: Corrected) -> float:
     state, metric = corrected.state, curve.metric
     jacobian, row = curve.selection.jacobian(state.x), metric.covector(state.tangent)
     root = Root(state.x, state.error[0], jacobian, row, corrected.factor, metric.scale)
-    return NEGLIGIBLE + CONFIDENCE * metric.norm(magnitude(state.x, uncertainty(root)))
+    return HALF_DIGITS + CONFIDENCE * metric.norm(magnitude(state.x, uncertainty(root)))
 
 
 def land_on_end(
@@ -381,9 +382,12 @@ def land_on(
 def land_on_zero(
     curve: Curve, state: State, predicted: Array, border: Border, step_size: StepSize
 ) -> CurvedSegment | None:
-    """Return the step to a zero of ``border`` near a prediction, None if that step is not true."""
+    """Return the step to a zero of ``border`` near a prediction, None if that step is not true.
+
+    A zero closer than the shortest chord is located within a longer step.
+    """
     length = curve.metric.norm(predicted - state.x)
-    if not (SHORTEST_LANDING <= length <= FARTHEST_PREDICTION and curve.metric.admits(predicted)):
+    if not (SHORTEST_CHORD <= length <= FARTHEST_PREDICTION and curve.metric.admits(predicted)):
         return None
     corrected = zero(curve, border, predicted)
     if isinstance(corrected, Failure):

@@ -13,7 +13,6 @@ error is less than the point.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple, TypeAlias
@@ -24,10 +23,10 @@ from pwscont.basics.arrays import Array, Matrix, are_finite, dense, joined, prod
 from pwscont.basics.budget import check_budget
 from pwscont.basics.character import Character
 from pwscont.basics.outcome import Failure, FailureReason
-from pwscont.basics.rounding import CONVERGED, EPS, GUARD
+from pwscont.basics.rounding import CONVERGED, EPS, GUARD, HALF_DIGITS
 from pwscont.curve.error_samples import has_digits
 from pwscont.curve.metric import Metric, deflation, stretch
-from pwscont.curve.newton import SOLVED, Root, is_rounding, is_solved, uncertainty
+from pwscont.curve.newton import NEXT_IS_ROUNDING, SOLVED, Root, is_rounding, is_solved, uncertainty
 from pwscont.linear.factor import Factor
 from pwscont.linear.factorise import balanced_columns, bordered, last_unit
 from pwscont.system.contract import jacobian_at, residual_at
@@ -166,7 +165,7 @@ def _is_last(linear: _Linearised, x: Array, residual: Array) -> bool:
     magnitudes changes H by far more than all that tells the rows apart.
     """
     terms = product(abs(linear.jacobian), np.abs(x))
-    return not linear.is_singular and bool((np.abs(residual) <= EPS**0.5 * terms).all())
+    return not linear.is_singular and bool((np.abs(residual) <= HALF_DIGITS * terms).all())
 
 
 def _trend(
@@ -177,7 +176,7 @@ def _trend(
     Small beside the terms of a row: those of the unknowns at x, and what alpha changes over the
     interval. At a double zero H falls from step to step.
     """
-    sizes = joined(EPS**0.5 * np.abs(x[:-1]), SOLVED * metric.width)
+    sizes = joined(HALF_DIGITS * np.abs(x[:-1]), SOLVED * metric.width)
     before, after = np.abs(before), np.abs(after)
     is_small, falls = after <= product(abs(linear.jacobian), sizes), after < FALLS * before
     stays = ~is_small & (after > STAYS * before)
@@ -194,7 +193,7 @@ def _is_regular_zero(linear: _Linearised, metric: Metric, x: Array, residual: Ar
     by_z = product(abs(linear.jacobian), joined(metric.scale[:-1], 0.0))
     by_alpha = product(abs(linear.jacobian), joined(np.zeros(len(residual)), metric.width))
     rounding = CONVERGED * float(np.add.reduce(np.abs(x / metric.scale)))
-    allowed = math.sqrt(CONVERGED) + np.where(by_z <= EPS * by_alpha, 0.0, rounding)
+    allowed = NEXT_IS_ROUNDING + np.where(by_z <= EPS * by_alpha, 0.0, rounding)
     return bool((np.abs(residual / linear.rows) <= allowed).all())
 
 
@@ -211,7 +210,7 @@ def _misses(linear: _Linearised, metric: Metric, x: Array, residual: Array) -> b
         if factor.is_singular():
             return False
         step = factor.solve(joined(residual, 0.0))
-    return not metric.relative(step, x) <= math.sqrt(CONVERGED)
+    return not metric.relative(step, x) <= NEXT_IS_ROUNDING
 
 
 def _as_good_as_it_gets(

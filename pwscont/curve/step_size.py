@@ -7,11 +7,10 @@ from typing import final
 
 from pwscont.basics.arrays import finite_array
 from pwscont.basics.errors import InvalidInputError
+from pwscont.basics.rounding import TINY
 
 #: The strain that the control aims at, where 1 is the largest strain that is accepted.
 WANTED_STRAIN = 0.5
-#: Least divisor.
-NO_DIVISION_BY_ZERO = 1e-300
 #: Default lengths in the metric: the first step of a piece, and the gap between looks into a step.
 FIRST_STEP = 0.02
 LARGEST_GAP = 0.0025
@@ -84,8 +83,8 @@ class StepSize:
         ``strain`` is the largest ratio of a measure of the last step to the measure's tolerance.
         """
         # the angle grows like the step, 1 - cos and the strain like the square or faster
-        by_strain = WANTED_STRAIN / max(strain, NO_DIVISION_BY_ZERO)
-        by_angle = (1.0 - self.least_cosine) / max(2.0 * (1.0 - cosine), NO_DIVISION_BY_ZERO)
+        by_strain = WANTED_STRAIN / max(strain, TINY)
+        by_angle = (1.0 - self.least_cosine) / max(2.0 * (1.0 - cosine), TINY)
         factor = min(max(min(by_strain, by_angle) ** 0.5, 0.5), 2.0)
         return float(min(max(length * factor, self.smallest), self.largest))
 

@@ -20,6 +20,8 @@ from pwscont.linear.vectors import dot, plus, times
 
 #: Least cosine between a tangent and the chord for the tangent to help in finding points between.
 STEEPEST = 0.5
+#: Shortest chord, in the metric, whose direction has enough digits for a step of its own.
+SHORTEST_CHORD = 1e-6
 #: Bound on the distance of the curve from the cubic of a segment, as a part of the chord; a step is
 #: accepted if the distance at points inside is at most a tenth of the bound.
 BESIDE = 1e-3

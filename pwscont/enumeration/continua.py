@@ -23,7 +23,8 @@ from scipy.linalg import lstsq, null_space, svd
 from pwscont.basics.arrays import Array, are_finite, dense, generic
 from pwscont.basics.budget import check_budget
 from pwscont.basics.character import Character
-from pwscont.basics.rounding import EPS
+from pwscont.basics.rounding import HALF_DIGITS
+from pwscont.curve.crossing import FULL_RANK
 from pwscont.curve.metric import Metric
 from pwscont.enumeration.choices import Choices
 from pwscont.enumeration.options import Problem, problem_with_alpha
@@ -40,8 +41,6 @@ from pwscont.system.system import (
     number_of_cells,
 )
 
-#: Largest singular value that counts as zero, as a part of the largest: the error of differences.
-SINGULAR_VALUE = EPS ** (1.0 / 3.0)
 #: Distances at which another solution is looked for, as parts of 1 plus the length of a solution.
 #: The smaller one is for places beside known solutions of the kind: a multiple root looks alike.
 DISTANCES_TO_OTHER = 0.01, 0.001
@@ -49,8 +48,6 @@ DISTANCES_TO_OTHER = 0.01, 0.001
 MORE_RESIDUAL, LEFT_OVER = 4.0, 1e-13
 #: Most shortest steps to another solution; beside a double root, steps shrink more slowly.
 MOST_SHORTEST_STEPS = 6
-#: Longest step to a solution that has arrived, as a part of 1 plus the length of the solution.
-LONGEST_LAST_STEP = EPS**0.5
 #: Where H vanishes along the way to a point, as a part of the way; H is tiny below this size.
 NEAR_ZERO, UNDERFLOWN = 1e-3, 1e-200
 #: Most cells of a system that is asked for such sets.
@@ -66,8 +63,6 @@ STARTS = 2
 MOST_UNKNOWNS_OF_SVD = 200
 #: Cells are cut off by linear programs before anything else is done (see :func:`leaves`).
 CUT_OFF = 1, 1e-9
-#: Largest component along alpha, in widths of the interval, of a unit direction at a single alpha.
-LEVEL_DIRECTION = EPS**0.5
 
 
 def is_one_of_many(system: PiecewiseSystem, metric: Metric, x: Array) -> bool:
@@ -119,8 +114,8 @@ def _level_directions(
         sides = np.array(signs)[:, np.newaxis] * gradients[near] @ null
         box = np.vstack([np.eye(null.shape[1]), -np.eye(null.shape[1])])
         values = np.append(np.zeros(len(sides)), np.ones(len(box)))
-        cone = Polyhedron.of(np.vstack([sides, box]), values, SINGULAR_VALUE)
-        inside, along = (cone and cone.inside(SINGULAR_VALUE)) or (np.zeros(0), np.zeros((0, 0)))
+        cone = Polyhedron.of(np.vstack([sides, box]), values, FULL_RANK)
+        inside, along = (cone and cone.inside(FULL_RANK)) or (np.zeros(0), np.zeros((0, 0)))
         for end in (inside + w for v in along.T for w in (v, -v)):
             yield null @ end / norm(end)
 
@@ -147,7 +142,7 @@ def underflows(system: PiecewiseSystem, metric: Metric, x: Array) -> bool:
 
 
 def solution_near(
-    system: PiecewiseSystem, scale: Array, y: Array, alpha: float, most: float = LONGEST_LAST_STEP
+    system: PiecewiseSystem, scale: Array, y: Array, alpha: float, most: float = HALF_DIGITS
 ) -> Array | None:
     """Return the solution to which a few shortest Newton steps lead at fixed alpha, else None.
 
@@ -158,10 +153,10 @@ def solution_near(
         if linear is None:
             return None
         residual, jacobian, _ = linear
-        step = lstsq(jacobian, -residual, cond=SINGULAR_VALUE)[0]
+        step = lstsq(jacobian, -residual, cond=FULL_RANK)[0]
         y = y + step
         size = 1.0 + norm(y)
-        if norm(step) <= LONGEST_LAST_STEP * size:
+        if norm(step) <= HALF_DIGITS * size:
             arrived = equations_in_magnitudes(system, y * scale, alpha, scale)
             # a cut off direction may have hidden the residual
             return y if arrived and norm(arrived[0]) <= most * size else None
@@ -272,7 +267,7 @@ def _is_singular(system: PiecewiseSystem, scale: Array, y: Array, alpha: float) 
 def _null_space(matrix: Array) -> Array:
     """Return unit columns that span what the matrix sends to zero, shape (n, d)."""
     _, sizes, directions = svd(matrix)
-    return directions[sizes <= SINGULAR_VALUE * sizes[0]].T
+    return directions[sizes <= FULL_RANK * sizes[0]].T
 
 
 def _in_linear_pieces(system: PiecewiseLinearSystem, metric: Metric) -> Iterator[Continuum]:
@@ -284,7 +279,7 @@ def _in_linear_pieces(system: PiecewiseLinearSystem, metric: Metric) -> Iterator
         may_fill = np.ones(len(choices), dtype=bool)
         if choices.directions.shape[-1] == 1:  # then only a line at a single alpha
             rise = choices.directions[..., 0] @ problem.basis[-1] / (hi - lo)
-            may_fill = np.abs(rise) <= LEVEL_DIRECTION
+            may_fill = np.abs(rise) <= HALF_DIGITS
         for k in np.flatnonzero(may_fill).tolist():
             check_budget()
             yield from _in_cell(problem, choices[k : k + 1], metric.interval)
@@ -300,7 +295,7 @@ def _in_cell(problem: Problem, one: Choices, interval: tuple[float, float]) -> I
     origin, row = float(problem.origin[-1]) / width, problem.basis[-1] / width
     here = origin + float(row @ (one.starts[0] + one.directions[0] @ point))
     ramp, blur = row @ one.directions[0] @ basis, rounding * width
-    if (np.abs(ramp) <= LEVEL_DIRECTION).all():
+    if (np.abs(ramp) <= HALF_DIGITS).all():
         alpha = interval[0] + width * here
         yield Continuum(alpha, alpha, True, True, blur)
     elif len(ramp) > 1:

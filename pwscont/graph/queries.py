@@ -15,11 +15,10 @@ from pwscont.basics.arrays import Array
 from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidInputError, InvalidSystemError, SystemNeededError
 from pwscont.basics.outcome import Failure, FailureReason
-from pwscont.curve.corrector import MOST_NEWTON, BorderedNewton
+from pwscont.curve.corrector import BorderedNewton
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.metric import Metric, Range
-from pwscont.curve.newton import Border, newton
-from pwscont.curve.pseudo_arclength import SLOWEST
+from pwscont.curve.newton import MOST_NEWTON, STALLED, Border, newton
 from pwscont.curve.stepper import CurvedSegment
 from pwscont.enumeration.continua import Continuum
 from pwscont.graph.records import Piece, Solution, Stretch, are_one, significant
@@ -100,7 +99,7 @@ def solve_between(
             break
         x = segment.near(0.5 * segment.length)
         middle = BorderedNewton().correct(curve, x, segment.chord)
-        if isinstance(middle, Failure) or middle.contraction > SLOWEST:
+        if isinstance(middle, Failure) or middle.contraction > STALLED:
             found = Failure(FailureReason.NOT_CONVERGED)
             break
         a, b = _around(np.array([a, middle.state.x, b]), alpha)
@@ -117,7 +116,7 @@ def _is_sure(segment: CurvedSegment, border: Border, s: float) -> bool:
     if segment.curve.selection.is_straight:
         return True
     root = newton(segment.curve, border, segment.near(s), MOST_NEWTON)
-    return not isinstance(root, Failure) and root.contraction <= SLOWEST
+    return not isinstance(root, Failure) and root.contraction <= STALLED
 
 
 def fine_points(system: PiecewiseSystem, piece: Piece, interval: Range, parts: int) -> Array:

@@ -19,7 +19,7 @@ import numpy as np
 
 from pwscont.basics.arrays import Array, Matrix, Signs, are_finite, smallest
 from pwscont.basics.outcome import FILL, Failure, FailureReason, Kind
-from pwscont.basics.rounding import CONFIDENCE, EPS, GUARD
+from pwscont.basics.rounding import CONFIDENCE, EPS, GUARD, HALF_DIGITS
 from pwscont.curve.crossing import may_cross
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.newton import Border
@@ -91,9 +91,6 @@ def touching(curve: Curve, state: State, test: int) -> SpecialPointFound | None:
 
 #: Tests smaller than this part of their own terms are looked at more closely.
 NEXT_TO_ZERO = 1e-9
-#: Slopes of tests next to zero, as a part of the gradients in the metric, that are errors along a
-#: path that runs on interfaces: where derivatives are exact, and where differences are.
-LEVEL_ON_PATH, LEVEL_BY_DIFFERENCES = EPS**0.5, EPS**0.25
 #: Within a step longer than this, in the metric, the tests are looked at in two points.
 LONG_STEP = 0.05
 NO_WAY_ON = (
@@ -226,7 +223,7 @@ def _stay_zero(
     stay: Signs = (np.abs(values) <= rounding) & (np.abs(slopes) <= flat)
     if selection.adjacent_cells:
         is_exact = selection.system.knows_derivatives
-        level = LEVEL_ON_PATH if is_exact else LEVEL_BY_DIFFERENCES
+        level = HALF_DIGITS if is_exact else HALF_DIGITS**0.5  # in the metric
         stay |= np.abs(slopes) <= level * (abs(gradients) @ scale)
     return stay
 

@@ -22,10 +22,10 @@ import numpy as np
 
 from pwscont.basics.arrays import Array, Matrix, generic, product
 from pwscont.basics.outcome import TOUCH, Failure, FailureReason, Kind
-from pwscont.basics.rounding import CONFIDENCE, EPS
+from pwscont.basics.rounding import CONFIDENCE, EPS, HALF_DIGITS
 from pwscont.curve import crossing
 from pwscont.curve.crossing import Crossing
-from pwscont.curve.curve import Curve, State
+from pwscont.curve.curve import ERROR_OF_DIFFERENCES, Curve, State
 from pwscont.curve.looks import hidden_in
 from pwscont.curve.stepper import CurvedSegment, Segment
 from pwscont.linear.factorise import bordered
@@ -33,7 +33,7 @@ from pwscont.system.selection import Selection
 from pwscont.transitions import detector
 from pwscont.transitions.corner import index_at, is_solid
 from pwscont.transitions.detector import Reading, SpecialPointFound, TransitionDetector
-from pwscont.transitions.rays import Corner, Ray, beside
+from pwscont.transitions.rays import NEARBY, Corner, Ray, are_parallel, beside
 
 #: A branch point outside a step, within this part of the step's length, belongs to the step.
 OUTSIDE_STEP = 0.1
@@ -42,16 +42,12 @@ OUTSIDE_STEP = 0.1
 BEGINNING = 1e-6
 MOST_BISECTIONS = 10
 #: Distance across a curve, in the metric, over which the sign flips if H vanishes twice on the
-#: curve: far more than the EPS**0.5 to which the place of such a curve is known.
+#: curve: far more than the HALF_DIGITS to which the place of such a curve is known.
 ACROSS = EPS**0.375
 #: The functions of a reading that belong to the cell that is followed: the sign and its negative.
 OWN_SIGNS = 2
 #: Most tests that vanish along a path of which all adjacent cells are tried.
 MOST_TESTS_ON_PATH = 4
-#: Directions in which curves leave a branch point are the same within this distance.
-SAME_WAY = EPS**0.25
-#: Distance at which the sign of det[J; t^T] is evaluated if no piece carries the sign along.
-DISTANCE_TO_SIGN = EPS**0.25
 
 
 @final
@@ -173,10 +169,10 @@ def path_through(curve: Curve, corner: Corner) -> SpecialPointFound | None:
     tests, rows = replace(corner, x=x).vanishing(here)
     values = corner.system.some_tests(x[:-1], float(x[-1]), tests)
     sizes = abs(rows) @ scale
-    if not len(tests) or (np.abs(values) > crossing.LOCATED_AGAIN * sizes).any():
+    if not len(tests) or (np.abs(values) > HALF_DIGITS * sizes).any():
         return None
     tangent = _least_along(found, rows)
-    if (np.abs(product(rows, tangent)) > DISTANCE_TO_SIGN * sizes).any():
+    if (np.abs(product(rows, tangent)) > NEARBY * sizes).any():
         return None
     cells = tuple(cell for cell in corner.all_cells() if is_solid(corner, cell))
     path = Curve(Selection(corner.system, here.character, cells), corner.metric)
@@ -216,7 +212,9 @@ def _crossing_rays(path: Curve, cells: Iterable[Curve], state: State) -> list[Ra
     ways, rays = list[tuple[Array, list[Curve]]](), list[Ray]()
     for own in cells:
         for way in _ways_across(own, state):
-            alike = (them for known, them in ways if path.metric.norm(way - known) <= SAME_WAY)
+            alike = (
+                them for known, them in ways if are_parallel(path.metric, way, known, HALF_DIGITS)
+            )
             if them := next(alike, None):
                 them.append(own)
             else:
@@ -238,7 +236,7 @@ def _ways_across(own: Curve, state: State) -> list[Array]:
     if not (across := _across(own, state)):
         return []
     other, rates = across
-    return [side * other for side in (1.0, -1.0) if (side * rates > -DISTANCE_TO_SIGN).all()]
+    return [side * other for side in (1.0, -1.0) if (side * rates > -NEARBY).all()]
 
 
 def _across(own: Curve, state: State) -> tuple[Array, Array] | None:
@@ -253,9 +251,9 @@ def _across(own: Curve, state: State) -> tuple[Array, Array] | None:
     other = _least_along(found, metric.covector(state.tangent))
     gradients = own.selection.test_gradients(x)
     sizes = abs(gradients) @ metric.scale
-    vanish = np.abs(own.selection.tests(x)) <= crossing.LOCATED_AGAIN * sizes
+    vanish = np.abs(own.selection.tests(x)) <= HALF_DIGITS * sizes
     rates = (product(gradients, other) / np.where(sizes > 0.0, sizes, 1.0))[vanish]
-    return (other, rates) if (np.abs(rates) > DISTANCE_TO_SIGN).any() else None
+    return (other, rates) if (np.abs(rates) > NEARBY).any() else None
 
 
 def _least_along(found: Crossing, rows: Matrix) -> Array:
@@ -274,7 +272,7 @@ def _sign_beside(curve: Curve, x: Array, tangent: Array, side: float) -> int | N
 
     Zero where J has lower rank, None outside the interval.
     """
-    near, metric = x + side * DISTANCE_TO_SIGN * tangent, curve.metric
+    near, metric = x + side * NEARBY * tangent, curve.metric
     if not metric.interval[0] <= near[-1] <= metric.interval[1]:
         return None
     return _sign_at(curve, near, tangent)
@@ -289,7 +287,7 @@ def _sign_at(curve: Curve, x: Array, tangent: Array) -> int:
 
 def _along(curve: Curve, ray: Ray) -> Ray:
     """Return a ray along an interface with the index that the ray has beside its beginning."""
-    beyond = beside(curve, ray.state, DISTANCE_TO_SIGN)
+    beyond = beside(curve, ray.state, NEARBY)
     if isinstance(beyond, Failure):
         beyond = ray.state
     corner = Corner.at(curve.selection.system, curve.metric, beyond.x, beyond.error)
@@ -303,7 +301,7 @@ def at_branch_point(curve: Curve, x: Array) -> SpecialPointFound | None:
     if found is None or not found.meets:
         return None
     tangent, at = found.directions[0], found.x.copy()
-    if abs(at[-1] - x[-1]) <= CONFIDENCE * crossing.ERROR_OF_DIFFERENCES * curve.metric.width:
+    if abs(at[-1] - x[-1]) <= CONFIDENCE * ERROR_OF_DIFFERENCES * curve.metric.width:
         at[-1] = x[-1]
     sign = _sign_before(curve, at, tangent)
     error = np.vstack([found.error, at - found.x])
@@ -314,7 +312,7 @@ def crossing_on_end(curve: Curve, x: Array) -> SpecialPointFound | None:
     """Return the branch point on an end of the interval next to ``x``, None if there is none."""
     ends = np.array(curve.metric.interval)
     on_end = np.append(x[:-1], ends[np.abs(ends - x[-1]).argmin()])
-    if curve.selection.is_straight or curve.metric.norm(x - on_end) > DISTANCE_TO_SIGN:
+    if curve.selection.is_straight or curve.metric.norm(x - on_end) > NEARBY:
         return None
     point = at_branch_point(curve, on_end)
     return point if point and point.x[-1] == on_end[-1] else None

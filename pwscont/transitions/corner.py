@@ -30,7 +30,7 @@ from pwscont.basics.budget import check_budget
 from pwscont.basics.character import Character
 from pwscont.basics.outcome import Failure, Kind
 from pwscont.basics.printing import at
-from pwscont.basics.rounding import EPS
+from pwscont.basics.rounding import HALF_DIGITS
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.error_samples import has_digits
 from pwscont.curve.metric import Metric
@@ -54,21 +54,18 @@ from pwscont.system.values import refuse_infinite
 from pwscont.transitions.corner_paths import rays_by_perturbation
 from pwscont.transitions.rays import (
     ASTRAY,
+    NEARBY,
+    PARALLEL,
     SLANT,
     Corner,
     Direction,
     Ray,
     are_level,
+    are_parallel,
     beside,
     rounding_of_tests,
     state_on,
 )
-
-#: Length, in the metric, over which a curve tangent to an interface is followed to see to which
-#: side the curve bends.
-BENDING_PROBE = 1e-4
-#: Two rays are parallel if the cosine of their angle differs from one by less than this.
-PARALLEL = 1e-12
 
 
 @final
@@ -213,7 +210,7 @@ def is_solid(corner: Corner, character: Character) -> bool:
 def _bends_into(curve: Curve, state: State) -> bool:
     """Tell whether a curve that is tangent to an interface bends into the cell of the curve."""
     check_budget()
-    there, selection = beside(curve, state, BENDING_PROBE), curve.selection
+    there, selection = beside(curve, state, NEARBY), curve.selection
     if isinstance(there, Failure):
         return False
     gradients = selection.test_gradients(there.x)
@@ -222,9 +219,8 @@ def _bends_into(curve: Curve, state: State) -> bool:
 
 
 def parallel(a: Ray, b: Ray, apart: float = PARALLEL) -> bool:
-    """Tell whether two rays from one point have one direction: 1 - cosine is below ``apart``."""
-    cosine = a.curve.metric.covector(a.state.tangent).dot(b.state.tangent)
-    return bool(cosine > 1.0 - apart)
+    """Tell whether two rays from one point have one direction."""
+    return are_parallel(a.curve.metric, a.state.tangent, b.state.tangent, apart)
 
 
 def opposite(a: Ray, b: Ray) -> bool:
@@ -239,7 +235,7 @@ def same_piece(ray: Ray, back: Ray) -> bool:
     errors that ill conditioning magnifies.
     """
     have_no_cell_in_common = set(ray.cells).isdisjoint(back.cells)
-    return parallel(ray, back, PARALLEL if have_no_cell_in_common else EPS**0.5)
+    return parallel(ray, back, PARALLEL if have_no_cell_in_common else HALF_DIGITS)
 
 
 #: Most cells that the cone problem tries at a corner: those of eight contact nodes.

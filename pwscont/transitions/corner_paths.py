@@ -26,7 +26,7 @@ from pwscont.linear.factor import ProductForm
 from pwscont.linear.factorise import bordered, kink_by_columns, last_unit
 from pwscont.linear.vectors import Rows
 from pwscont.system.selection import Selection
-from pwscont.transitions.rays import ASTRAY, Corner, Direction
+from pwscont.transitions.rays import ASTRAY, SLANT, Corner, Direction, are_parallel
 
 #: Paths that are followed from each ray, each with a perturbation of its own.
 PATHS_PER_RAY = 4
@@ -36,9 +36,6 @@ ENOUGH_CROSSINGS = 500
 MOST_CROSSINGS, CROSSINGS_PER_TEST = 1000, 20
 #: Generic directions away from a ray along interfaces in which the cells around the ray are named.
 MOST_AROUND = 16
-#: Two unit vectors are the same if their distance is less than this, which is far above EPS,
-#: because the direction at the end of a path carries the errors of all updates on the way.
-SAME_UNIT_VECTOR = 1e-6
 
 
 def rays_by_perturbation(corner: Corner, back: Direction | None) -> list[Direction]:
@@ -70,12 +67,12 @@ def _add(paths: Paths, found: list[Direction], end: tuple[Character, Array] | No
         return False
     ray = np.copysign(1.0, float(metric.covector(exact).dot(direction))) * exact
     slopes = corner.slopes_along(selection, ray)
-    if metric.norm(ray - metric.normalised(direction)) >= SAME_UNIT_VECTOR or (slopes < 0.0).any():
+    if not are_parallel(metric, ray, metric.normalised(direction)) or (slopes < 0.0).any():
         return False
     cells = [character]
     if not slopes.all():
         cells += [paths.character(ray, paths.away(shift)) for shift in range(MOST_AROUND)]
-    if not any(metric.norm(ray - known) < SAME_UNIT_VECTOR for known, _ in found):
+    if not any(are_parallel(metric, ray, known) for known, _ in found):
         found.append((ray, tuple({corner.system.cell(cell): cell for cell in cells}.values())))
     return True
 
@@ -110,7 +107,7 @@ class Paths:
         direction of the path there.
         """
         slopes, values = self._gradients.matrix @ ray, self._gradients.matrix @ away
-        steep = np.abs(slopes) > np.sqrt(EPS) * (self._gradients.magnitudes @ np.abs(ray))
+        steep = np.abs(slopes) > SLANT * (self._gradients.magnitudes @ np.abs(ray))
         last_crossing = float(np.abs(values[steep] / slopes[steep]).max(initial=0.0))
         return self.along(self.character(ray, away), 2.0 * last_crossing * ray + away, -ray)
 

@@ -25,12 +25,19 @@ import numpy as np
 from pwscont.basics.arrays import Array, Matrix, Signs, are_finite
 from pwscont.basics.character import Character
 from pwscont.basics.outcome import FILL, FILL_CURVES, Failure, FailureReason, Kind
-from pwscont.basics.rounding import CONFIDENCE, EPS, GUARD, SAME_ALPHA
+from pwscont.basics.rounding import CONFIDENCE, EPS, GUARD, HALF_DIGITS, SAME_ALPHA
 from pwscont.curve.crossing import loses_rank
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.error_samples import Found, magnitude
 from pwscont.curve.metric import Metric
-from pwscont.curve.newton import Root, is_solved, newton, uncertainty, uncertainty_beside
+from pwscont.curve.newton import (
+    MOST_NEWTON,
+    Root,
+    is_solved,
+    newton,
+    uncertainty,
+    uncertainty_beside,
+)
 from pwscont.curve.stepper import CurvedSegment, Segment
 from pwscont.enumeration.continua import is_one_of_many
 from pwscont.linear.factor import Factor
@@ -46,9 +53,6 @@ from pwscont.transitions.corner import same_piece, tangent_cone
 from pwscont.transitions.detector import Reading, SpecialPointFound, TransitionDetector
 from pwscont.transitions.rays import Corner, Ray, check_continuity, inward_ray
 
-#: Most steps of Newton that put a solution on its curve.
-MOST_SETTLING = 8
-
 
 def settled(system: PiecewiseSystem, metric: Metric, found: Found) -> Found | None:
     """Return a solution that Newton found at fixed alpha, put on the curve if dH/dz is singular.
@@ -63,7 +67,7 @@ def settled(system: PiecewiseSystem, metric: Metric, found: Found) -> Found | No
     if held is None or held[1][-1]:
         return found
     row = held[1]
-    root = newton(curve, lambda y: (float(row.dot(y - x)), row), x, MOST_SETTLING)
+    root = newton(curve, lambda y: (float(row.dot(y - x)), row), x, MOST_NEWTON)
     if isinstance(root, Failure):
         return None
     same = 0.5 * SAME_ALPHA * max(abs(float(x[-1])), float(metric.scale[-1]))
@@ -244,10 +248,6 @@ def points_inside(ray: Ray, lo: float, hi: float) -> bool:
     return not (is_out or smooth_folds.leads_outside(ray))
 
 
-#: On curved pieces a slope below this, relative to typical magnitudes, is an error of the tangent.
-LEVEL_SLOPE = EPS**0.5
-
-
 @final
 class Bounds(TransitionDetector):
     """Watches z - lower and upper - z for all finite bounds of named unknowns."""
@@ -289,7 +289,7 @@ class Bounds(TransitionDetector):
 
     def _level(self, curve: Curve, state: State) -> Array:
         """Return slopes that are none, and distances that may be the error of a point."""
-        level = GUARD * EPS if curve.selection.is_straight else LEVEL_SLOPE
+        level = GUARD * EPS if curve.selection.is_straight else HALF_DIGITS
         return np.asarray(level * (curve.metric.scale + np.abs(state.x))[self._which])
 
     def left_by(self, ray: Ray) -> str | None:

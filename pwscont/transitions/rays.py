@@ -24,9 +24,9 @@ from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidSystemError
 from pwscont.basics.outcome import Failure
 from pwscont.basics.printing import at, named
-from pwscont.basics.rounding import CONFIDENCE, EPS, GUARD
+from pwscont.basics.rounding import CONFIDENCE, EPS, GUARD, HALF_DIGITS
 from pwscont.curve.corrector import BorderedNewton
-from pwscont.curve.curve import Curve, State
+from pwscont.curve.curve import ERROR_OF_DIFFERENCES, Curve, State
 from pwscont.curve.error_samples import magnitude, rounding_of_values, slack_by_constants
 from pwscont.curve.metric import Metric
 from pwscont.linear.factorise import bordered, last_unit
@@ -35,11 +35,13 @@ from pwscont.system.selection import Selection
 from pwscont.system.system import Block, PiecewiseSystem, SlicewiseLinearSystem
 
 #: Largest residual of a direction of a selection, as a part of the terms.
-ASTRAY = EPS**0.5
-#: Selections that differ by more than this (relative) at a common point do not agree there.
-DISAGREE = EPS**0.5
-#: Slope of a test along a curve, as a part of the terms, that differences may have wrong.
-SLOPE_OF_DIFFERENCES = GUARD * EPS ** (2.0 / 3.0)
+ASTRAY = HALF_DIGITS
+#: Two unit vectors have one direction if their cosine differs from one by less than this: far above
+#: EPS, because the direction at the end of a path carries the errors of all updates on the way.
+PARALLEL = 1e-12
+#: How far from a point, in the metric, a curve is looked at beside the point: far enough for slopes
+#: and determinants to be no rounding, and near enough for the first of these to be the largest.
+NEARBY = HALF_DIGITS**0.5
 
 
 @final
@@ -83,6 +85,11 @@ class Ray:
         return Ray(self.curve, self.state.reversed(), self.interface_cells, self.index)
 
 
+def are_parallel(metric: Metric, a: Array, b: Array, apart: float = PARALLEL) -> bool:
+    """Tell whether two unit vectors have one direction: 1 - cosine is less than ``apart``."""
+    return bool(metric.covector(a).dot(b) > 1.0 - apart)
+
+
 def rounding_of_tests(gradients: Matrix, x: Array, error: Array, scale: Array) -> Array:
     """Return the sizes up to which tests with these gradients are zero at ``x``, shape (l,).
 
@@ -117,7 +124,7 @@ def inward_ray(curve: Curve, x: Array, error: Array, test: int) -> Ray | None:
     if factor.is_singular():
         return None
     defect = factor.solve(rest)
-    if not metric.norm(defect) <= metric.slack(x, DISAGREE):
+    if not metric.norm(defect) <= metric.slack(x, HALF_DIGITS):
         return None
     tangent = metric.normalised(factor.solve(last_unit(len(x))))
     if not selection.is_straight and are_level(selection, gradient, tangent, metric.scale):
@@ -129,8 +136,8 @@ def inward_ray(curve: Curve, x: Array, error: Array, test: int) -> Ray | None:
 
 def are_level(selection: Selection, gradients: Array, tangent: Array, scale: Array) -> Any:
     """Tell whether the slopes of tests along a unit tangent may be errors of the derivatives."""
-    error = GUARD * EPS if selection.system.knows_derivatives else SLOPE_OF_DIFFERENCES
-    return np.abs(gradients @ tangent) <= error * (np.abs(gradients) @ scale)
+    error = EPS if selection.system.knows_derivatives else ERROR_OF_DIFFERENCES
+    return np.abs(gradients @ tangent) <= GUARD * error * (np.abs(gradients) @ scale)
 
 
 def check_continuity(
@@ -199,7 +206,7 @@ def _vanish(system: PiecewiseSystem, metric: Metric, x: Array, error: Array, tes
 Direction: TypeAlias = tuple[Array, tuple[Character, ...]]
 
 #: A slope smaller than this part of the sum of the magnitudes of its terms may be zero.
-SLANT = EPS**0.5
+SLANT = HALF_DIGITS
 #: Error of a component of a unit direction, in typical magnitudes and divided by SLANT, because
 #: SLANT multiplies this error: a component that should be zero is not compared with itself.
 NOISE = GUARD * EPS / SLANT

@@ -16,15 +16,15 @@ import numpy as np
 
 from pwscont.basics.arrays import Array
 from pwscont.basics.outcome import Failure, FailureReason, Kind
-from pwscont.basics.rounding import CONVERGED, EPS, GUARD, SAME_ALPHA
+from pwscont.basics.rounding import CONVERGED, EPS, GUARD, HALF_DIGITS, SAME_ALPHA
 from pwscont.curve.corrector import polished
 from pwscont.curve.crossing import CLOSE_TO_CROSSING, FULL_RANK, crossing_near, may_lose_rank
 from pwscont.curve.curve import Curve, State
-from pwscont.curve.newton import uncertainty_beside
+from pwscont.curve.newton import MOST_NEWTON, uncertainty_beside
 from pwscont.curve.stepper import CurvedSegment, Segment
 from pwscont.transitions import detector
 from pwscont.transitions.detector import Reading, SpecialPointFound, TransitionDetector
-from pwscont.transitions.rays import Ray, beside
+from pwscont.transitions.rays import NEARBY, Ray, beside
 
 #: Slopes below this part of the turn of a step are polished where a fold is located: the tangents
 #: of other states are known well enough to tell the side of the fold.
@@ -134,11 +134,6 @@ def _place(segment: CurvedSegment, off: float) -> float:
 
 #: A curve steeper than this at an end has no fold there.
 STEEPEST_AT_FOLD = 1e-2
-#: Distance from the end, in the metric, at which the slope of alpha is compared first.
-FIRST_SECANT = 1e-4
-MOST_SECANTS = 8
-#: The tangent of a fold at an end leans into the interval by this part of its length.
-LEAN_INWARDS = EPS**0.5
 
 
 def fold_at_end(curve: Curve, state: State) -> State | None:
@@ -149,23 +144,23 @@ def fold_at_end(curve: Curve, state: State) -> State | None:
     side = _side(curve, state)
     if not side or abs(slope := curve.slope(state)) > STEEPEST_AT_FOLD:
         return None
-    inwards = FIRST_SECANT if side * slope > 0.0 else -FIRST_SECANT
+    inwards = NEARBY if side * slope > 0.0 else -NEARBY
     here, there = beside(curve, state, 0.0), beside(curve, state, inwards)
     if isinstance(here, Failure) or isinstance(there, Failure) or _side(curve, there):
         return None
     steepness = before = curve.slope(there)
     r, s, slope, fold = inwards, 0.0, curve.slope(here), here
-    for _ in range(MOST_SECANTS):  # to where the slope of alpha vanishes
+    for _ in range(MOST_NEWTON):  # to where the slope of alpha vanishes
         if slope in (0.0, before):
             break
         r, s, before = s, s - slope * (s - r) / (slope - before), slope
-        found = abs(s) <= FIRST_SECANT and beside(curve, state, s)
+        found = abs(s) <= NEARBY and beside(curve, state, s)
         if not isinstance(found, State):
             return None
         fold, slope = found, curve.slope(found)
     if not _side(curve, fold):
         return None
-    along = max(abs(s), GUARD * EPS * FIRST_SECANT / abs(steepness))
+    along = max(abs(s), GUARD * EPS * NEARBY / abs(steepness))
     return _with_slope(fold, 0.0, np.vstack([state.error, fold.error, along * fold.tangent]))
 
 
@@ -174,7 +169,7 @@ def leads_outside(ray: Ray) -> bool:
     curve, state = ray.curve, ray.state
     if not _side(curve, state) or abs(curve.slope(state)) > STEEPEST_AT_FOLD:
         return False
-    found = beside(curve, state, FIRST_SECANT)
+    found = beside(curve, state, NEARBY)
     return isinstance(found, Failure) and found.trouble is FailureReason.OUTSIDE
 
 
@@ -194,10 +189,10 @@ def leaning(ray: Ray) -> Ray:
     side = _side(curve, state)
     if not side or curve.slope(state):
         return ray
-    there = beside(curve, state, FIRST_SECANT)
+    there = beside(curve, state, NEARBY)
     if isinstance(there, State) and not curve.slope(there):
         return ray
-    slope = side * LEAN_INWARDS * float(curve.metric.scale[-1])
+    slope = side * HALF_DIGITS * float(curve.metric.scale[-1])
     return replace(ray, state=_with_slope(state, slope, state.error))
 
 

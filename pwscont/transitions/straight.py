@@ -25,9 +25,9 @@ from pwscont.basics import arrays
 from pwscont.basics.arrays import Array, Matrix, Signs
 from pwscont.basics.character import Character
 from pwscont.basics.outcome import Failure
-from pwscont.basics.rounding import CONFIDENCE, CONVERGED, EPS, GUARD
+from pwscont.basics.rounding import CONFIDENCE, CONVERGED, EPS, GUARD, HALF_DIGITS
 from pwscont.curve.curve import Curve, State
-from pwscont.curve.error_samples import magnitude, samples
+from pwscont.curve.error_samples import MOST_WHOLE_INVERSE, magnitude, samples
 from pwscont.curve.metric import Range
 from pwscont.curve.stepper import Segment
 from pwscont.linear.factor import GROWTH, ProductForm
@@ -43,9 +43,6 @@ from pwscont.transitions.bounding import BoundingTests, crossed
 from pwscont.transitions.detector import Reading, SpecialPointFound, TransitionDetector, ratio_test
 from pwscont.transitions.ends import at_end
 from pwscont.transitions.rays import ASTRAY, SLANT, Ray, rounding_of_tests
-
-#: A piece keeps the direction in which the piece began up to this part of the direction.
-ALIGNED = EPS**0.5
 
 
 class Entered(NamedTuple):
@@ -203,13 +200,13 @@ class StraightTests(TransitionDetector):
         if cell is None:
             return None
         row = curve.metric.covector(curve.metric.normalised(cell.along))
-        return cell if abs(row.dot(start.tangent)) > 1.0 - ALIGNED else None
+        return cell if abs(row.dot(start.tangent)) > 1.0 - HALF_DIGITS else None
 
 
-#: Systems of fewer unknowns are audited at every transition, all systems after AUDIT_AFTER
-#: transitions: true errors of random bodies are then at most 1.6 times the stated errors, and 2.8
-#: times after 64 transitions.
-ALWAYS_AUDITED, AUDIT_AFTER = 16, 24
+#: Few unknowns, whose inverse is formed as a whole, are audited at every transition, all systems
+#: after AUDIT_AFTER transitions: true errors of random bodies are then at most 1.6 times the stated
+#: errors, and 2.8 times after 64 transitions.
+AUDIT_AFTER = 24
 #: Least number of transitions after which a residual above rounding asks for an audit: directions
 #: have drifted.
 DRIFTED_AFTER = 8
@@ -313,7 +310,7 @@ class StraightCell:
         lines, if known.
         """
         residual, sizes, aside = self.curve.selection.residual(x), np.abs(x), None
-        is_due = self._since >= AUDIT_AFTER or len(sizes) <= ALWAYS_AUDITED
+        is_due = self._since >= AUDIT_AFTER or len(sizes) <= MOST_WHOLE_INVERSE
         is_due = is_due or arrays.is_anywhere(sizes > self._most)
         is_off = not is_due and not arrays.is_everywhere(np.abs(residual) <= UNSEEN * self._terms)
         if is_due or (is_off and self._since >= DRIFTED_AFTER):
@@ -361,7 +358,7 @@ class StraightCell:
         jacobian = self._jacobian_at(x)
         magnitudes, astray = abs(jacobian), jacobian.dot(along)
         self._most = sizes
-        if n >= ALWAYS_AUDITED:
+        if n >= MOST_WHOLE_INVERSE:
             typical, kinds, shared = np.unique(scale, return_inverse=True, return_counts=True)
             most = np.where(shared == 1, typical, 0.0)
             np.maximum.at(most, kinds, sizes)

@@ -26,7 +26,7 @@ import numpy as np
 from pwscont.basics.arrays import Array, are_finite, largest, smallest
 from pwscont.basics.errors import InvalidInputError
 from pwscont.basics.outcome import Failure, FailureReason, Kind
-from pwscont.basics.rounding import CONFIDENCE, EPS
+from pwscont.basics.rounding import CONFIDENCE, EPS, TINY
 from pwscont.curve.corrector import corrected_again
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.stepper import CurvedSegment, Segment
@@ -44,8 +44,6 @@ from pwscont.transitions.detector import (
 #: Closer to the beginning of a piece than this, in the metric and times 1 + |x|, the event of a
 #: user's detector is rounding.
 AT_BEGINNING = 1e-10
-#: The value, in any unit, of a function just before the function vanishes.
-JUST_POSITIVE = float(np.finfo(float).tiny)
 #: A function that is zero at the start of a step is watched if the slope makes that function
 #: positive after this part of the step.
 RISES = 1e-3
@@ -118,8 +116,8 @@ class Watch:
 
     def before(self, reading: Reading, event: Event) -> Reading:
         """Return the reading just before an event: functions that vanish there are positive."""
-        values = np.where(reading.values == 0.0, JUST_POSITIVE, reading.values)
-        values[self._index(reading, event)] = JUST_POSITIVE
+        values = np.where(reading.values == 0.0, TINY, reading.values)
+        values[self._index(reading, event)] = TINY
         return reading.having(values, reading.slopes)
 
     def _index(self, reading: Reading, event: Event) -> int:
