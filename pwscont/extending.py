@@ -84,15 +84,9 @@ from pwscont.system.box import Box
 from pwscont.system.contract import checked_magnitudes, jacobian_at, residual_at
 from pwscont.system.differences import Differences
 from pwscont.system.selection import Selection, numbers_in
-from pwscont.transitions.detector import (
-    Reading,
-    SpecialPointFound,
-    TransitionDetector,
-    locate_point,
-    locate_sign_change,
-    locate_zero,
-)
+from pwscont.transitions.detector import Reading, SpecialPointFound, TransitionDetector
 from pwscont.transitions.rays import Ray
+from pwscont.transitions.zeros import locate_point, locate_sign_change, locate_zero
 
 if TYPE_CHECKING:
     from pwscont.evolution.memory import Evolver, Moment, Moments, Way, WaysOn

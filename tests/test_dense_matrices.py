@@ -8,8 +8,7 @@ from pwscont import PiecewiseLinearSystem, trace
 from pwscont.basics.arrays import power_of_two
 from pwscont.basics.rounding import EPS
 from pwscont.linear.factor import MOST_CHANGES_KEPT, ProductForm
-from pwscont.linear.factorise import bordered, factor, inner
-from pwscont.linear.vectors import Rows
+from pwscont.linear.factorise import Rows, bordered, factor, inner
 
 pytestmark = pytest.mark.sweep(2)  # the others take too long for the README's command
 

@@ -8,9 +8,9 @@ from sweeps import swept
 
 from pwscont import Block, PiecewiseLinearSystem, Switched, trace
 from pwscont.curve.metric import Metric
-from pwscont.transitions.corner import rays_cell_by_cell
+from pwscont.transitions.cone import rays_cell_by_cell
+from pwscont.transitions.corner import Corner
 from pwscont.transitions.corner_paths import rays_by_perturbation
-from pwscont.transitions.rays import Corner
 
 
 class Cone(PiecewiseLinearSystem):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from pwscont.linear.vectors import Rows
+from pwscont.linear.factorise import Rows
 
 
 def few_entries(lengths, columns, seed=0):

@@ -14,7 +14,7 @@ from pwscont.basics.rounding import CONFIDENCE
 from pwscont.bench.calls import counted
 from pwscont.linear.factor import ProductForm
 from pwscont.transitions import straight
-from pwscont.transitions.detector import FARTHEST_ZERO, ratio_test
+from pwscont.transitions.zeros import FARTHEST_ZERO, ratio_test
 
 pytestmark = pytest.mark.sweep(2)  # the others take too long for the README's command
 

@@ -8,8 +8,8 @@ from sweeps import swept
 
 from pwscont import explore, trace
 from pwscont.curve.metric import Metric
-from pwscont.transitions.corner import rays_of_slices
-from pwscont.transitions.rays import Corner
+from pwscont.transitions.cone import rays_of_slices
+from pwscont.transitions.corner import Corner
 
 INTERVAL = (-2.0, 2.0)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import lru_cache
 from math import isfinite
 from typing import Any, TypeAlias
@@ -126,3 +126,24 @@ def generic(size: int, shift: float = 0.0) -> Array:
 def generic_angles(size: int, shift: float = 0.0) -> Array:
     """Return the angles whose cosines and sines are generic: multiples of the root of two."""
     return 1.0 + shift + np.sqrt(2.0) * np.arange(size)
+
+
+# -- vectors by BLAS: for few entries the operators of numpy take several times as long ------------
+
+#: The inner product of two vectors.
+dot: Callable[[Array, Array], float] = blas.ddot
+
+
+def times(factor: float, vector: Array) -> Array:
+    """Multiply a vector in place, and return the vector."""
+    return np.asarray(blas.dscal(factor, vector))
+
+
+def plus(point: Array, factor: float, direction: Array) -> Array:
+    """Add a multiple of a direction to a point, in place, and return the point."""
+    return np.asarray(blas.daxpy(direction, point, a=factor))
+
+
+def add_multiples(rows: Array, factors: Array, row: Array) -> None:
+    """Add multiples of a row to rows, shape (l, k), in place."""
+    blas.dger(1.0, row, factors, 1, 1, rows.T, 0, 0, 1)  # strides of 1; only rows change

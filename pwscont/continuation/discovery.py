@@ -38,10 +38,10 @@ from pwscont.curve.error_samples import magnitude
 from pwscont.graph.records import Place
 from pwscont.system.abilities import Ending
 from pwscont.system.selection import Selection
-from pwscont.transitions.corner import opposite
+from pwscont.transitions.corner import Corner
 from pwscont.transitions.detector import SpecialPointFound, worded
 from pwscont.transitions.ends import points_inside
-from pwscont.transitions.rays import Corner, Ray
+from pwscont.transitions.rays import Ray, opposite
 
 
 def place_of_arrival(arrival: SpecialPointFound) -> Place:

@@ -65,10 +65,11 @@ from pwscont.system.contract import check_attributes, residual_at
 from pwscont.system.selection import Selection
 from pwscont.system.system import PiecewiseLinearSystem, PiecewiseSystem, SlicewiseLinearSystem
 from pwscont.transitions import TransitionDetector
+from pwscont.transitions.corner import Corner
 from pwscont.transitions.detector import SpecialPointFound
 from pwscont.transitions.ends import Bounds, departures, ended_by_system, solves
 from pwscont.transitions.events import Events, checked_events
-from pwscont.transitions.rays import Corner, Ray
+from pwscont.transitions.rays import Ray
 from pwscont.transitions.user_event import Stop
 from pwscont.transitions.watch import Watch
 

@@ -19,11 +19,10 @@ from typing import TypeAlias, final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, joined, largest, power_of_two, smallest
+from pwscont.basics.arrays import Array, dot, joined, largest, power_of_two, smallest
 from pwscont.basics.errors import InvalidSystemError
 from pwscont.basics.printing import named
 from pwscont.basics.rounding import CONVERGED, EPS, GUARD, HALF_DIGITS, SAME_ALPHA, TINY
-from pwscont.linear.vectors import dot
 from pwscont.system.box import Box
 from pwscont.system.contract import checked_scale
 from pwscont.system.system import PiecewiseSystem

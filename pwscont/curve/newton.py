@@ -25,7 +25,7 @@ from typing import TypeAlias, final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Matrix, generic, joined, largest, product
+from pwscont.basics.arrays import Array, Matrix, generic, joined, largest, product, times
 from pwscont.basics.outcome import Failure, FailureReason
 from pwscont.basics.rounding import CONFIDENCE, CONVERGED, EPS, GUARD, HALF_DIGITS
 from pwscont.curve.curve import LEAN, Curve, State
@@ -33,7 +33,6 @@ from pwscont.curve.error_samples import SAMPLES, magnitude, samples
 from pwscont.curve.metric import LARGEST, SHORTEST, Metric
 from pwscont.linear.factor import Factor
 from pwscont.linear.factorise import bordered, column, last_unit
-from pwscont.linear.vectors import times
 from pwscont.system.selection import Selection
 
 #: A scalar function of x together with the gradient, shape (n + 1,) or a sparse row.

@@ -25,7 +25,7 @@ from typing import final
 import numpy as np
 
 from pwscont.basics.arguments import checked_kind
-from pwscont.basics.arrays import Array
+from pwscont.basics.arrays import Array, dot, plus
 from pwscont.basics.outcome import Failure, FailureReason
 from pwscont.basics.rounding import CONFIDENCE, CONVERGED, HALF_DIGITS
 from pwscont.curve.corrector import BorderedNewton, Corrected, Corrector, zero
@@ -43,7 +43,6 @@ from pwscont.curve.stepper import (
     Segment,
     Stepper,
 )
-from pwscont.linear.vectors import dot, plus
 
 
 class Predictor(ABC):

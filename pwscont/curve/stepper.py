@@ -7,7 +7,7 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import final
 
-from pwscont.basics.arrays import Array
+from pwscont.basics.arrays import Array, dot, plus, times
 from pwscont.basics.outcome import Failure, FailureReason
 from pwscont.basics.printing import at, named
 from pwscont.basics.rounding import CONFIDENCE, CONVERGED
@@ -16,7 +16,6 @@ from pwscont.curve.curve import Curve, State
 from pwscont.curve.metric import Range
 from pwscont.curve.newton import Border, by_chords
 from pwscont.linear.factor import Factor
-from pwscont.linear.vectors import dot, plus, times
 
 #: Least cosine between a tangent and the chord for the tangent to help in finding points between.
 STEEPEST = 0.5

@@ -37,10 +37,11 @@ from pwscont.search.enumeration import solve_surely
 from pwscont.system.abilities import HidesUnknowns, completed, shown_size
 from pwscont.system.selection import Selection
 from pwscont.system.system import PiecewiseLinearSystem
-from pwscont.transitions.corner import TangentCone, tangent_cone
-from pwscont.transitions.detector import ratio_test
+from pwscont.transitions.cone import TangentCone, tangent_cone
+from pwscont.transitions.corner import Corner
 from pwscont.transitions.ends import departures
-from pwscont.transitions.rays import Corner, Ray
+from pwscont.transitions.rays import Ray
+from pwscont.transitions.zeros import ratio_test
 
 if TYPE_CHECKING:
     from pwscont.evolution.memory import SystemWithMemory

@@ -27,7 +27,7 @@ from pwscont.linear.factorise import bordered, last_unit
 from pwscont.system.abilities import completed, completed_point, shown_points
 from pwscont.system.selection import Selection, unexplained
 from pwscont.system.system import PiecewiseSystem
-from pwscont.transitions.detector import locate_zero
+from pwscont.transitions.zeros import locate_zero
 
 #: A step is halved at most this often where the cubic is too far from the curve to tell the sheet.
 MOST_HALVINGS_OF_STEP = 8

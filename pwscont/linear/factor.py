@@ -25,9 +25,8 @@ from typing import final
 import numpy as np
 from scipy.linalg import blas, lapack
 
-from pwscont.basics.arrays import Array, Indices, generic_angles, power_of_two
+from pwscont.basics.arrays import Array, Indices, add_multiples, generic_angles, power_of_two
 from pwscont.basics.rounding import EPS
-from pwscont.linear.vectors import add_multiples
 
 #: Most rows, and most right-hand sides, for solutions one after the other, see :func:`_solved`.
 ROWS_IN_TURN, COLUMNS_IN_TURN = 32, 8

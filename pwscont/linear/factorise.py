@@ -7,14 +7,15 @@ vertical curves cross, the bordered matrix is factorised as a whole, at whatever
 
 from __future__ import annotations
 
-from functools import lru_cache
+from collections.abc import Callable
+from functools import cached_property, lru_cache
 from math import prod
-from typing import Any
+from typing import Any, final
 
 import numpy as np
 import scipy.sparse as sp
 
-from pwscont.basics.arrays import Array, Matrix, dense, power_of_two
+from pwscont.basics.arrays import Array, Indices, Matrix, dense, power_of_two
 from pwscont.linear.factor import (
     BorderedFactor,
     DenseLU,
@@ -240,3 +241,38 @@ def balanced(terms: Any, size: int) -> tuple[Array, Array]:
         equations = sp.csr_array((entries, at), shape=shape)
         found = lsqr(equations, logarithms, atol=ACCURACY, btol=ACCURACY)[0]
     return np.exp(found[:size]), np.exp(found[size:])
+
+
+@final
+class Rows:
+    """A copy of constant rows, such as the gradients of affine tests, for many products."""
+
+    def __init__(self, matrix: Matrix) -> None:
+        is_dense = isinstance(matrix, np.ndarray)
+        own: Callable[..., Any] = np.array if is_dense else sp.csr_matrix
+        self.matrix = own(matrix, dtype=float, copy=True)
+        if not is_dense:
+            self.matrix.sum_duplicates()
+        #: The product with a vector, shape (m,); ``dot`` of a sparse matrix takes longer.
+        self.dot: Callable[[Array], Array] = self.matrix.dot if is_dense else self.matrix.__matmul__
+
+    @cached_property
+    def magnitudes(self) -> Any:
+        """The magnitudes of all entries, for products with vectors that are not negative."""
+        return abs(self.matrix)
+
+    def one(self, index: int) -> Array:
+        """Return a row, dense, shape (k,), not to be written to."""
+        if isinstance(self.matrix, np.ndarray):
+            return np.asarray(self.matrix[index])
+        row = np.zeros(self.matrix.shape[1])
+        starts = self.matrix.indptr
+        entries = slice(starts.item(index), starts.item(index + 1))
+        row[self.matrix.indices[entries]] = self.matrix.data[entries]
+        return row
+
+    def some(self, which: Indices) -> Array:
+        """Return a few rows, dense, shape (len(which), k)."""
+        if isinstance(self.matrix, np.ndarray):
+            return self.matrix[which]
+        return np.asarray(self.matrix[which].toarray())

@@ -35,7 +35,7 @@ from pwscont.system.box import Box
 from pwscont.system.contract import jacobian_at
 from pwscont.system.promises import checked_necessary
 from pwscont.system.system import PiecewiseLinearSystem, PiecewiseSystem, number_of_cells
-from pwscont.transitions.rays import Corner
+from pwscont.transitions.corner import Corner
 
 #: Largest component along alpha of a vertical direction, as a part of the largest component.
 ALONG = EPS**0.5

@@ -43,8 +43,8 @@ from pwscont.system.box import Box
 from pwscont.system.contract import check_attributes
 from pwscont.system.selection import Selection
 from pwscont.system.system import PiecewiseSystem, SlicewiseLinearSystem
-from pwscont.transitions.corner import tangent_cone
-from pwscont.transitions.rays import Corner
+from pwscont.transitions.cone import tangent_cone
+from pwscont.transitions.corner import Corner
 
 
 @final

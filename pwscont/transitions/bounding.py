@@ -17,29 +17,32 @@ from typing import final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Matrix, Signs, are_finite, smallest
+from pwscont.basics.arrays import Array, Matrix, Signs, are_finite, plus, smallest
 from pwscont.basics.outcome import FILL, Failure, FailureReason, Kind
 from pwscont.basics.rounding import CONFIDENCE, EPS, GUARD, HALF_DIGITS
 from pwscont.curve.crossing import may_cross
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.newton import Border
 from pwscont.curve.stepper import INSIDE, CurvedSegment, Segment
-from pwscont.linear.vectors import plus
 from pwscont.system.abilities import end_of
 from pwscont.system.selection import Selection
 from pwscont.transitions.branch_points import path_from, path_through
-from pwscont.transitions.corner import TangentCone, opposite, same_piece, tangent_cone
-from pwscont.transitions.detector import Reading, SpecialPointFound, TransitionDetector, locate_zero
+from pwscont.transitions.cone import TangentCone, tangent_cone
+from pwscont.transitions.corner import Corner
+from pwscont.transitions.detector import Reading, SpecialPointFound, TransitionDetector
 from pwscont.transitions.rays import (
     SLANT,
-    Corner,
     Ray,
     beside,
     beyond,
     check_continuity,
     inward_ray,
+    opposite,
     rounding_of_tests,
+    same_piece,
+    turns,
 )
+from pwscont.transitions.zeros import locate_zero
 
 #: A place with an error below this bound belongs to a test that falls clearly: touching would need
 #: a curvature of more than 1 / EPS^(1/2).
@@ -290,11 +293,6 @@ def _as_uncertain_as(back: Ray, corner: Corner) -> Ray:
     apart = float((values[steep] / slopes[steep]).max())
     error = np.vstack([state.error, apart * state.tangent])
     return replace(back, state=replace(state, error=error))
-
-
-def turns(back: Ray, forth: Ray) -> bool:
-    """Tell whether alpha reverses where two rays leave; vertical pieces do not reverse alpha."""
-    return back.curve.slope(back.state) * forth.curve.slope(forth.state) > 0.0
 
 
 def _message(found: TangentCone, tests: str, count: int) -> str:

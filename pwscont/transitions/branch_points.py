@@ -31,9 +31,10 @@ from pwscont.curve.stepper import CurvedSegment, Segment
 from pwscont.linear.factorise import bordered
 from pwscont.system.selection import Selection
 from pwscont.transitions import detector
-from pwscont.transitions.corner import index_at, is_solid
+from pwscont.transitions.cone import index_at, is_solid
+from pwscont.transitions.corner import Corner
 from pwscont.transitions.detector import Reading, SpecialPointFound, TransitionDetector
-from pwscont.transitions.rays import NEARBY, Corner, Ray, are_parallel, beside
+from pwscont.transitions.rays import NEARBY, Ray, are_parallel, beside
 
 #: A branch point outside a step, within this part of the step's length, belongs to the step.
 OUTSIDE_STEP = 0.1

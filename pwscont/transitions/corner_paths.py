@@ -23,10 +23,10 @@ from pwscont.basics.budget import check_budget
 from pwscont.basics.character import Character
 from pwscont.basics.rounding import EPS, GUARD
 from pwscont.linear.factor import ProductForm
-from pwscont.linear.factorise import bordered, kink_by_columns, last_unit
-from pwscont.linear.vectors import Rows
+from pwscont.linear.factorise import Rows, bordered, kink_by_columns, last_unit
 from pwscont.system.selection import Selection
-from pwscont.transitions.rays import ASTRAY, SLANT, Corner, Direction, are_parallel
+from pwscont.transitions.corner import Corner, Direction
+from pwscont.transitions.rays import ASTRAY, SLANT, are_parallel
 
 #: Paths that are followed from each ray, each with a perturbation of its own.
 PATHS_PER_RAY = 4

@@ -46,12 +46,14 @@ from pwscont.system.abilities import Ending, end_of
 from pwscont.system.box import Box
 from pwscont.system.selection import Selection
 from pwscont.system.system import PiecewiseSystem, SlicewiseLinearSystem
-from pwscont.transitions import detector, smooth_folds
-from pwscont.transitions.bounding import BoundingTests, at_corner, crossed, turns
+from pwscont.transitions import smooth_folds
+from pwscont.transitions.bounding import BoundingTests, at_corner, crossed
 from pwscont.transitions.branch_points import at_branch_point
-from pwscont.transitions.corner import same_piece, tangent_cone
+from pwscont.transitions.cone import tangent_cone
+from pwscont.transitions.corner import Corner
 from pwscont.transitions.detector import Reading, SpecialPointFound, TransitionDetector
-from pwscont.transitions.rays import Corner, Ray, check_continuity, inward_ray
+from pwscont.transitions.rays import Ray, check_continuity, inward_ray, same_piece, turns
+from pwscont.transitions.zeros import NARROW_BRACKET, locate_sign_change, locate_zero
 
 
 def settled(system: PiecewiseSystem, metric: Metric, found: Found) -> Found | None:
@@ -201,7 +203,7 @@ def _reached(
     """Return the state at which a component of x reaches a limit; from above where side is 1."""
     row = np.zeros(len(segment.start.x))
     row[which] = side
-    state = detector.locate_zero(segment, lambda x: (side * float(x[which] - limit), row), bracket)
+    state = locate_zero(segment, lambda x: (side * float(x[which] - limit), row), bracket)
     if isinstance(state, State):
         state.x[which] = limit  # equal up to the rounding of the solve
     return state
@@ -228,8 +230,8 @@ def _fold(segment: CurvedSegment, found: State | Failure) -> State | None:
     """Return the fold at which a step turns at an end, by rounding, instead of crossing the end."""
     near = found
     if isinstance(near, Failure):
-        bracket, narrow = (0.0, segment.length), detector.NARROW_BRACKET
-        near = detector.locate_sign_change(segment, segment.curve.slope, bracket, narrow)
+        bracket, narrow = (0.0, segment.length), NARROW_BRACKET
+        near = locate_sign_change(segment, segment.curve.slope, bracket, narrow)
     fold = smooth_folds.fold_at_end(
         segment.curve, segment.end if isinstance(near, Failure) else near
     )

@@ -33,9 +33,10 @@ from pwscont.basics.rounding import CONVERGED, EPS
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.metric import Metric
 from pwscont.curve.stepper import BESIDE, CurvedSegment, Segment
-from pwscont.transitions.detector import SpecialPointFound, locate_sign_change
+from pwscont.transitions.detector import SpecialPointFound
 from pwscont.transitions.rays import Ray
 from pwscont.transitions.user_event import Stop, UserEvent
+from pwscont.transitions.zeros import locate_sign_change
 
 #: Parts of a step, or of a straight piece, at which g is looked at close to the ends.
 GRADED = 10.0 ** np.arange(-7.0, -1.0)

@@ -1,10 +1,11 @@
-"""The pieces that leave a point, and corners: facts F1, F2 and F8 (docs/theory).
+"""The pieces that leave a point: facts F1 and F2 (docs/theory).
 
 At a point x of the zero set let V be the set of bounding tests that vanish there. With V empty, a
 single curve passes: two rays in the same cell. With V = {i}, the selections J and J' on both sides
 satisfy J' - J = c grad(kappa_i)^T, hence det [J; grad] = det [J'; grad]: one ray into each cell,
 each ray the solution of a linear system, with orientations that agree. The direction at a kink is a
-sign, never a trial. If [J; grad] is singular, or the orientations differ, no ray is invented.
+sign, never a trial. If [J; grad] is singular, or the orientations differ, no ray is invented. For
+more tests see :mod:`pwscont.transitions.corner`.
 
 Interfaces that meet within rounding may be apart all the same: a ray then starts at a point of its
 own curve, not at the common point, which is a point of another curve.
@@ -12,35 +13,33 @@ own curve, not at the common point, which is a point of another curve.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass, replace
-from itertools import product
-from typing import Any, TypeAlias, final
+from dataclasses import dataclass
+from typing import Any, final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Indices, Matrix, Signs, generic, joined
+from pwscont.basics.arrays import Array, Matrix
 from pwscont.basics.character import Character
-from pwscont.basics.errors import InvalidSystemError
 from pwscont.basics.outcome import Failure
 from pwscont.basics.printing import at, named
 from pwscont.basics.rounding import CONFIDENCE, EPS, GUARD, HALF_DIGITS
 from pwscont.curve.corrector import BorderedNewton
 from pwscont.curve.curve import ERROR_OF_DIFFERENCES, Curve, State
-from pwscont.curve.error_samples import magnitude, rounding_of_values, slack_by_constants
+from pwscont.curve.error_samples import magnitude, rounding_of_values
 from pwscont.curve.metric import Metric
 from pwscont.linear.factorise import bordered, last_unit
 from pwscont.system.promises import refuse_jump
 from pwscont.system.selection import Selection
-from pwscont.system.system import Block, PiecewiseSystem, SlicewiseLinearSystem
 
 #: Largest residual of a direction of a selection, as a part of the terms.
 ASTRAY = HALF_DIGITS
+#: A slope smaller than this part of the sum of the magnitudes of its terms may be zero.
+SLANT = HALF_DIGITS
 #: Two unit vectors have one direction if their cosine differs from one by less than this: far above
 #: EPS, because the direction at the end of a path carries the errors of all updates on the way.
 PARALLEL = 1e-12
 #: How far from a point, in the metric, a curve is looked at beside the point: far enough for slopes
-#: and determinants to be no rounding, and near enough for the first of these to be the largest.
+#: and determinants to be more than rounding, and near enough for the curve to be nearly straight.
 NEARBY = HALF_DIGITS**0.5
 
 
@@ -57,7 +56,7 @@ class Ray:
         For a ray along an interface, all cells to which the ray belongs; else empty.
     index : int
         For a ray along an interface, the sum of the signs of det(dH/dz) over the solutions into
-        which small changes of H split the ray, see :mod:`pwscont.transitions.corner`.
+        which small changes of H split the ray, see :mod:`pwscont.transitions.cone`.
     """
 
     curve: Curve
@@ -83,11 +82,6 @@ class Ray:
     def reversed(self) -> Ray:
         """Return the same place with the opposite direction."""
         return Ray(self.curve, self.state.reversed(), self.interface_cells, self.index)
-
-
-def are_parallel(metric: Metric, a: Array, b: Array, apart: float = PARALLEL) -> bool:
-    """Tell whether two unit vectors have one direction: 1 - cosine is less than ``apart``."""
-    return bool(metric.covector(a).dot(b) > 1.0 - apart)
 
 
 def rounding_of_tests(gradients: Matrix, x: Array, error: Array, scale: Array) -> Array:
@@ -181,147 +175,34 @@ def beyond(selection: Selection, x: Array, test: int) -> Character:
     return character.with_sign(test, not selection.character.signs[test])
 
 
-def _vanish(system: PiecewiseSystem, metric: Metric, x: Array, error: Array, tests: Array) -> Signs:
-    """Tell which tests are zero at ``x``, shape (m,).
+# -- two rays from one point -----------------------------------------------------------------------
 
-    Where only typical magnitudes say so, and H is linear in z, the constants of H and of the tests
-    decide: the constants are what typical magnitudes stand for.
+
+def are_parallel(metric: Metric, a: Array, b: Array, apart: float = PARALLEL) -> bool:
+    """Tell whether two unit vectors have one direction: 1 - cosine is less than ``apart``."""
+    return bool(metric.covector(a).dot(b) > 1.0 - apart)
+
+
+def parallel(a: Ray, b: Ray, apart: float = PARALLEL) -> bool:
+    """Tell whether two rays from one point have one direction."""
+    return are_parallel(a.curve.metric, a.state.tangent, b.state.tangent, apart)
+
+
+def opposite(a: Ray, b: Ray) -> bool:
+    """Tell whether two rays from one point have opposite directions."""
+    return parallel(a, b.reversed())
+
+
+def same_piece(ray: Ray, back: Ray) -> bool:
+    """Tell whether a ray of a corner is the piece on which the corner was reached.
+
+    A cell holds one ray, or several that differ clearly; the direction of the piece carries
+    errors that ill conditioning magnifies.
     """
-    gradients, sizes = system.test_jacobian(x[:-1], float(x[-1])), np.abs(tests)
-    vanish = np.asarray(sizes <= rounding_of_tests(gradients, x, error, metric.scale))
-    surely = sizes <= CONFIDENCE * rounding_of_values(gradients, np.abs(x), error)
-    if surely[vanish].all() or not isinstance(system, SlicewiseLinearSystem):
-        return vanish  # nearly always
-    here = Selection(system, Character.of(tests))
-    jacobian = here.jacobian(x)
-    factor = bordered(jacobian, last_unit(len(x)), metric.binary)
-    if factor.is_singular():
-        return vanish
-    constants = here.residual_and(x, 0.0) - joined(jacobian @ x, 0.0)
-    known = slack_by_constants(gradients, tests, x, error, factor, jacobian, constants)
-    return np.asarray(vanish & (sizes <= known))
+    have_no_cell_in_common = set(ray.cells).isdisjoint(back.cells)
+    return parallel(ray, back, PARALLEL if have_no_cell_in_common else HALF_DIGITS)
 
 
-#: A direction d of length one in the metric, and the cells whose closures contain d.
-Direction: TypeAlias = tuple[Array, tuple[Character, ...]]
-
-#: A slope smaller than this part of the sum of the magnitudes of its terms may be zero.
-SLANT = HALF_DIGITS
-#: Error of a component of a unit direction, in typical magnitudes and divided by SLANT, because
-#: SLANT multiplies this error: a component that should be zero is not compared with itself.
-NOISE = GUARD * EPS / SLANT
-
-
-@final
-@dataclass(frozen=True, slots=True, eq=False)
-class Corner:
-    """A solution, and the tests that vanish there: none inside a cell, one on an interface."""
-
-    system: PiecewiseSystem
-    metric: Metric
-    x: Array  # shape (n + 1,)
-    error: Array  # samples of the error of ``x``, shape (k, n + 1)
-    zero: frozenset[int]  # the tests that vanish
-    tests: Array  # all tests there, shape (m,); the signs of those that vanish mean nothing
-
-    @classmethod
-    def at(
-        cls,
-        system: PiecewiseSystem,
-        metric: Metric,
-        x: Array,
-        error: Array,
-        zero: frozenset[int] | None = None,
-    ) -> Corner:
-        """Return the corner at ``x``, by default with all tests that are zero there to rounding."""
-        tests = np.array(system.test_functions(x[:-1], float(x[-1])), dtype=float)
-        if zero is None:
-            vanish = _vanish(system, metric, x, error, tests)
-            zero = frozenset(np.flatnonzero(vanish).tolist())
-        return cls(system, metric, x, error, zero, tests)
-
-    @classmethod
-    def of_start(cls, system: PiecewiseSystem, metric: Metric, x: Array, error: Array) -> Corner:
-        """Return where a start lies; refuse tests that are not finite.
-
-        Tests that bound no cell there do not count.
-        """
-        corner = cls.at(system, metric, x, error)
-        if len(corner.tests) and not np.isfinite(corner.tests).all():
-            raise InvalidSystemError(
-                f"{type(system).__name__}.test_functions returned {corner.tests} at a solution, "
-                f"alpha = {x[-1]:.6g}: all must be finite"
-            )
-        here, zero = corner.character, corner.zero
-        bounding = (system.bounding_tests(cell) for cell in (here, *map(here.flip, zero)))
-        return replace(corner, zero=frozenset()) if all(map(zero.isdisjoint, bounding)) else corner
-
-    @property
-    def character(self) -> Character:
-        """The character of the signs of the tests, those that vanish included."""
-        return Character.of(self.tests)
-
-    @property
-    def flat(self) -> Signs:
-        """Tell which tests, shape (m,), are as flat as at a double zero, such as z**2 at z = 0.
-
-        Their gradients there change by as much as they are within the rounding of the place. Tests
-        of systems that are linear at fixed alpha are not flat.
-        """
-        flat = np.zeros(len(self.tests), dtype=bool)
-        if isinstance(self.system, SlicewiseLinearSystem) or not self.zero:
-            return flat
-        scale, here = self.metric.scale, self.gradients
-        aside = GUARD * (magnitude(self.x, self.error) + EPS * scale) * generic(len(scale))
-        there = replace(self, x=self.x + aside).gradients
-        flat[self.which] = abs(here) @ scale <= abs(there - here) @ scale
-        return flat
-
-    @property
-    def which(self) -> Indices:
-        """The tests that vanish, in order, shape (k,)."""
-        return np.array(sorted(self.zero), dtype=np.intp)
-
-    @property
-    def gradients(self) -> Matrix:
-        """The gradients of the tests that vanish, shape (k, n + 1)."""
-        z, alpha = self.x[:-1], float(self.x[-1])
-        return self.system.some_test_gradients(z, alpha, self.which)
-
-    def all_cells(self) -> list[Character]:
-        """Return a character for each cell, from all sign patterns of the vanishing tests."""
-        cells: dict[bytes, Character] = {}
-        here, tests = self.character, sorted(self.zero)
-        for signs in product((False, True), repeat=len(tests)):
-            character = here.with_signs(tests, signs)
-            cells.setdefault(self.system.cell(character), character)
-        return list(cells.values())
-
-    def restricted(self, blocks: Iterable[Block]) -> list[Block]:
-        """Return blocks of the system with only the modes of cells that meet at the corner."""
-        here = self.character
-
-        def meets(block: Block, mode: tuple[bool, ...]) -> bool:
-            there, fixed = here.with_signs(block.tests, mode), set(block.tests) - self.zero
-            bounding = fixed.intersection(self.system.bounding_tests(there))
-            return all(there.array[i] == here.array[i] for i in bounding)
-
-        return [Block(b.tests, b.rows, tuple(m for m in b.modes if meets(b, m))) for b in blocks]
-
-    def direction_in(self, selection: Selection) -> Array | None:
-        """Return the null vector d of J_chi, None where J_chi has several to rounding."""
-        x, metric = self.x, self.metric
-        factor = bordered(selection.jacobian(x), generic(len(x)) / metric.scale, metric.binary)
-        return None if factor.is_singular() else metric.normalised(factor.solve(last_unit(len(x))))
-
-    def vanishing(self, selection: Selection) -> tuple[Indices, Matrix]:
-        """Return the tests that bound a cell and vanish, shape (k,), and the rows of gradients."""
-        which = np.flatnonzero(np.isin(selection.bounding, list(self.zero)))
-        return selection.bounding[which], selection.test_gradients(self.x)[which]
-
-    def slopes_along(self, selection: Selection, direction: Array) -> Array:
-        """Return the slopes along d of vanishing bounding tests, 0 for slopes within rounding."""
-        tests, rows = self.vanishing(selection)
-        slopes: Array = (rows @ direction) * ~self.flat[tests]
-        least = SLANT * (abs(rows) @ (np.abs(direction) + NOISE * self.metric.scale))
-        return np.where(np.abs(slopes) > least, slopes, 0.0)
+def turns(back: Ray, forth: Ray) -> bool:
+    """Tell whether alpha reverses where two rays leave; vertical pieces do not reverse alpha."""
+    return back.curve.slope(back.state) * forth.curve.slope(forth.state) > 0.0

@@ -25,6 +25,7 @@ from pwscont.curve.stepper import CurvedSegment, Segment
 from pwscont.transitions import detector
 from pwscont.transitions.detector import Reading, SpecialPointFound, TransitionDetector
 from pwscont.transitions.rays import NEARBY, Ray, beside
+from pwscont.transitions.zeros import NARROW_BRACKET, locate_sign_change
 
 #: Slopes below this part of the turn of a step are polished where a fold is located: the tangents
 #: of other states are known well enough to tell the side of the fold.
@@ -78,10 +79,10 @@ class SmoothFolds(TransitionDetector):
             return slope(state) if abs(slope(state)) > off * curve.metric.width else 0.0
 
         narrow = _place(segment, GUARD * EPS)
-        found = detector.locate_sign_change(segment, exact_slope, bracket, narrow)
+        found = locate_sign_change(segment, exact_slope, bracket, narrow)
         if isinstance(found, Failure):  # right at an end the change may be polished away
-            narrow = max(narrow, detector.NARROW_BRACKET)
-            found = detector.locate_sign_change(segment, slope, bracket, narrow)
+            narrow = max(narrow, NARROW_BRACKET)
+            found = locate_sign_change(segment, slope, bracket, narrow)
         if isinstance(found, Failure):
             return found
         fold, off = finer(found)

@@ -22,7 +22,7 @@ from typing import NamedTuple, final
 import numpy as np
 
 from pwscont.basics import arrays
-from pwscont.basics.arrays import Array, Matrix, Signs
+from pwscont.basics.arrays import Array, Matrix, Signs, add_multiples
 from pwscont.basics.character import Character
 from pwscont.basics.outcome import Failure
 from pwscont.basics.rounding import CONFIDENCE, CONVERGED, EPS, GUARD, HALF_DIGITS
@@ -31,18 +31,18 @@ from pwscont.curve.error_samples import MOST_WHOLE_INVERSE, magnitude, samples
 from pwscont.curve.metric import Range
 from pwscont.curve.stepper import Segment
 from pwscont.linear.factor import GROWTH, ProductForm
-from pwscont.linear.factorise import column, inner, kink_by_columns, last_unit
+from pwscont.linear.factorise import Rows, column, inner, kink_by_columns, last_unit
 from pwscont.linear.jacobian import StructuredJacobian
-from pwscont.linear.vectors import Rows, add_multiples
 from pwscont.system.abilities import Ending
 from pwscont.system.box import Box
 from pwscont.system.selection import Selection
 from pwscont.system.system import PiecewiseLinearSystem, PiecewiseSystem
 from pwscont.system.values import own_array
 from pwscont.transitions.bounding import BoundingTests, crossed
-from pwscont.transitions.detector import Reading, SpecialPointFound, TransitionDetector, ratio_test
+from pwscont.transitions.detector import Reading, SpecialPointFound, TransitionDetector
 from pwscont.transitions.ends import at_end
 from pwscont.transitions.rays import ASTRAY, SLANT, Ray, rounding_of_tests
+from pwscont.transitions.zeros import ratio_test
 
 
 class Entered(NamedTuple):

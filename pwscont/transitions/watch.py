@@ -31,15 +31,8 @@ from pwscont.curve.corrector import corrected_again
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.stepper import CurvedSegment, Segment
 from pwscont.system.promises import AFFINE_DEFECT, refuse_wrong_ray
-from pwscont.transitions.detector import (
-    HIDDEN,
-    MOST_BRACKET_HALVINGS,
-    NARROW_BRACKET,
-    Reading,
-    SpecialPointFound,
-    TransitionDetector,
-    locate_sign_change,
-)
+from pwscont.transitions.detector import HIDDEN, Reading, SpecialPointFound, TransitionDetector
+from pwscont.transitions.zeros import MOST_BRACKET_HALVINGS, NARROW_BRACKET, locate_sign_change
 
 #: Closer to the beginning of a piece than this, in the metric and times 1 + |x|, the event of a
 #: user's detector is rounding.
