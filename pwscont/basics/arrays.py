@@ -112,6 +112,10 @@ def power_of_two(values: Array) -> Array:
     return np.ldexp(1.0, np.frexp(values)[1])
 
 
+#: The golden section: multiples, up to whole numbers, are spread evenly and avoid simple numbers.
+GOLDEN = 0.5 * (5.0**0.5 - 1.0)
+
+
 @lru_cache(maxsize=16)
 def generic(size: int, shift: float = 0.0) -> Array:
     """Return numbers between -1 and 1, the same in every run; other numbers for each shift.

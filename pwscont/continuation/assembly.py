@@ -26,7 +26,7 @@ from pwscont.curve.metric import Metric
 from pwscont.curve.stepper import Segment, StraightSegment
 from pwscont.graph import BranchGraph, Piece, SpecialPoint
 from pwscont.graph.queries import cubics_between
-from pwscont.graph.records import Place, are_one, significant
+from pwscont.graph.records import NO_NODE, Place, are_one, significant
 from pwscont.system.abilities import Ending, Reduction, shown_points, shown_size
 from pwscont.system.box import Box
 from pwscont.system.system import PiecewiseSystem
@@ -174,7 +174,8 @@ def assemble(
         if (place := edge.begun_at) is not None:
             digits = significant(place.error, place.x, metric.scale)
             said = f"start in {piece.label}"
-            starts.append(SpecialPoint(-1, Kind.START, place, said, said, piece.id, digits))
+            start = SpecialPoint(NO_NODE, Kind.START, place, said, said, piece.id, digits)
+            starts.append(start)
     points = [
         _special_point(i, discovery.nodes[n], before[n], after[n], system, places, metric, events)
         for n, i in numbers.items()

@@ -83,41 +83,46 @@ MOST_STEPS = 20_000
 #: longest step grows with the distance: a piece that runs to infinity is recognised after a few
 #: hundred steps.
 MANY_STEPS, STRETCHED_FROM = 150, 2.0
-#: After every such number of steps a piece is checked for running to infinity.
-ENDLESS_CHECK_EVERY = 200
-#: A piece runs to infinity if z is this far away, in typical magnitudes, and, between these parts
-#: of z and at the end, alpha changes by at most this part of the change before,
-ENDLESS_FROM, PARTS, ENDLESS_RATIO = 20.0, (0.7, 0.85), 0.8
-#: and if all changes of alpha to come, at most this many times the last change where the distance
-#: from the limit is a power of 1 / z of at least 1/2, are at most this part of the interval,
-ENDLESS_REST, ENDLESS_CHANGE = 13.0, 1e-3
-#: or the piece has more steps than these. Such a piece may run to infinity nearer by, too, where
-#: alpha approaches a limit evenly, and all changes to come are at most this part of the interval.
-ENDLESS_STEPS, LONG_CHANGE = 450, 1e-2
-#: Between three successive parts of the way of such a piece, z grows by the same factor, at most by
-#: the inverse of LONG_PART, at least by the inverse of MOST_PART, and by EXCESS more than from the
-#: beginning; changes must shrink at least as this power of 1 / z, and between parts closer than
-#: usual as a geometric sequence, up to this part.
-LONG_PART, MOST_PART, EXCESS, LONG_POWER, GEOMETRIC = 0.7, 0.9, 1.001, 0.45, 0.95
-ENDLESS = FailureReason.ENDLESS.value
 #: A piece creeps after this many tiny steps in turn: steps below this part of the longest step.
 MOST_TINY, TINY_PART = 300, 1e-5
-#: After every such number of steps it is asked whether a piece crawls along a double root: steps
-#: are shorter than this on average, and the determinant changes its sign more often than this.
-CRAWL_CHECK_EVERY, CRAWLING, MOST_FLIPS = 100, 1e-5, 10
+#: A piece crawls along a double root where steps are shorter than this on average, and the
+#: determinant has changed its sign more often than this; asked after every such number of steps.
+CRAWLING, MOST_FLIPS, CRAWL_CHECK_EVERY = 1e-5, 10, 100
 #: A piece is singular after this many steps too long to tell which event comes first.
 MOST_BLOCKED = 200
 #: Derivatives by differences are wrong if this many more steps were shortened than were not: with
 #: right derivatives Newton converges better in shorter steps, and a seventh of steps is short.
 MOST_SHORTENED = 100
+#: A step is shortened if the length is less than this part of the length that was proposed.
+SHORTENED = 0.75
 #: Failures that wrong derivatives may cause.
 BY_DERIVATIVES = (FailureReason.NOT_CONVERGED, FailureReason.NOT_FINITE, FailureReason.JUMP)
 #: The end of the model is at most this many times the last step away: steps shrink towards the end.
 REST_OF_THE_WAY = 4.0
 #: A component of a unit tangent that is smaller does not move.
 NEARLY_STILL = 1e-6
-#: A step is shortened if the length is less than this part of the length that was proposed.
-SHORTENED = 0.75
+
+# A piece may run to infinity while alpha stays inside the interval (PieceFollower._is_endless).
+
+#: After every such number of steps a piece is checked for running to infinity.
+ENDLESS_CHECK_EVERY = 200
+ENDLESS = FailureReason.ENDLESS.value
+#: A piece of more steps is long: a long piece runs to infinity under weaker conditions.
+ENDLESS_STEPS = 450
+#: Far out: the distance of z, in typical magnitudes; the parts of this distance between which
+#: changes of alpha are compared; and the largest ratio of such a change to the change before.
+ENDLESS_FROM, PARTS, ENDLESS_RATIO = 20.0, (0.7, 0.85), 0.8
+#: If alpha nears the limit as a power of 1 / z of at least 1/2, all changes to come are at most
+#: ENDLESS_REST times the last change. They must be at most ENDLESS_CHANGE of the interval.
+ENDLESS_REST, ENDLESS_CHANGE = 13.0, 1e-3
+#: A long piece nearer by: three successive parts of the way, over which z grows by one factor. The
+#: part is LONG_PART; for a piece that began farther out, as much larger as the way needs (EXCESS),
+#: and at most MOST_PART.
+LONG_PART, MOST_PART, EXCESS = 0.7, 0.9, 1.001
+#: There changes of alpha must shrink at least as this power of 1 / z, between parts larger than
+#: LONG_PART as a geometric sequence up to GEOMETRIC, and all changes to come must be at most
+#: LONG_CHANGE of the interval.
+LONG_POWER, GEOMETRIC, LONG_CHANGE = 0.45, 0.95, 1e-2
 
 
 #: A piece: its points, each of shape (n + 1,), and where it arrived.
@@ -332,10 +337,11 @@ class PieceFollower:
         return self._flips > MOST_FLIPS and gone < CRAWLING * len(self._points)
 
     def _is_endless(self) -> bool:
-        """Tell whether a long piece leads to infinity while alpha stays inside the interval.
+        """Tell whether a piece leads to infinity while alpha stays inside the interval.
 
         Between parts of the way to the farthest point, changes of alpha shrink where alpha
-        approaches a limit like a power of 1 / z, not like a logarithm.
+        approaches a limit like a power of 1 / z, not like a logarithm. Two rules: one for pieces
+        far out, one for long pieces at any distance.
         """
         points = np.array(self._points) / self._curve.metric.scale
         sizes, alpha = np.linalg.norm(points[:, :-1], axis=1), points[:, -1]

@@ -44,28 +44,39 @@ from math import ceil, inf, isfinite, sqrt
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Matrix, dense, generic, joined, largest, product, smallest
+from pwscont.basics.arrays import (
+    GOLDEN,
+    Array,
+    Matrix,
+    dense,
+    generic,
+    joined,
+    largest,
+    product,
+    smallest,
+)
 from pwscont.basics.outcome import Failure, FailureReason
 from pwscont.basics.rounding import CONVERGED
 from pwscont.curve.crossing import FULL_RANK, loses_rank
 from pwscont.curve.curve import State
 from pwscont.curve.step_size import StepSize
-from pwscont.curve.stepper import INSIDE, SHORTEST_CHORD, CurvedSegment
+from pwscont.curve.stepper import SHORTEST_CHORD, CurvedSegment
 from pwscont.linear.factor import Factor
 from pwscont.linear.factorise import bordered
 from pwscont.system.system import PiecewiseSystem, SlicewiseLinearSystem
 
-#: The second place at which the cubic is looked at, as a part of the step: there the cubic has
-#: crossed sqrt(3) - 1 of the distance between sheets.
-SECOND = 0.6602
+#: The places inside a step that are always looked at, as parts u of the step. A cubic that leads to
+#: another sheet has crossed the part 3 u^2 - 2 u^3 of the distance there: the golden section and
+#: sqrt(3) - 1, whose multiples stay far from whole numbers, so that no sheet between passes for the
+#: curve. For jumps over many sheets the first multiple may be nearly whole: after a large
+#: correction the second place is looked at as well.
+INSIDE, SECOND = 0.4209, 0.6602
 #: The largest number of places in a step.
 MOST_PLACES = 256
 #: Most unknowns for which a look costs little beside a step.
 CHEAP_UNKNOWNS = 8
 #: Variation of the distances between places, as a part of the distance.
 UNEVEN = 0.3
-#: The golden section, whose multiples place the distances unevenly.
-GOLDEN = 0.5 * (5.0**0.5 - 1.0)
 #: Largest part of the distances from the cubic that is not smooth, as a part of the largest
 #: distance: beyond, a place is odd.
 ROUGH_PART = 0.05
@@ -103,7 +114,7 @@ def farthest_off(
     if not 0.0 < segment.gap < segment.length:
         return _off_at(segment, factor, (INSIDE,) if is_sure else (INSIDE, SECOND))
     count = min(max(ceil(segment.length / segment.gap) - 1, 2), MOST_PLACES)
-    u, weights, rough = _places(count)
+    u, weights, rough = _uneven_places(count)
     off, alphas = _looked_at(segment, factor, weights)
     if len(off) < count and not segment.curve.metric.admits(segment.near(INSIDE * segment.length)):
         return LEAVES_INTERVAL
@@ -123,7 +134,7 @@ def farthest_off(
 
 
 @lru_cache(maxsize=MOST_PLACES)
-def _places(count: int) -> tuple[Array, Array, Array]:
+def _uneven_places(count: int) -> tuple[Array, Array, Array]:
     """Return ``count`` places at uneven distances inside a step, as parts of the step.
 
     With the places come the weights of the cubic there, and the projection of distances from the

@@ -17,6 +17,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from functools import reduce
 from itertools import product
+from typing import final
 
 import numpy as np
 
@@ -117,14 +118,11 @@ def rough_magnitudes(system: PiecewiseSystem, interval: Range, z: Array) -> Arra
         return _by_coefficients(system, interval)
     box = Box.of(system)
     z = box.inside(np.where(np.abs(z) > VANISHED * largest(np.abs(z)), z, 0.0))
-    here = [_residual(system, z, alpha) for alpha in alphas]
-    if jumps := _jumps(system, alphas, z, here):  # as (2 + alpha)^z at z = 0, alpha = -2
-        kept = [i for i in range(len(alphas)) if i not in jumps]
-        alphas, here = [alphas[i] for i in kept], [here[i] for i in kept]
-    terms, others = _finite(np.ptp(here, axis=0)), _finite(np.abs(here).max(axis=0))
+    probe = _Probe(system, alphas, z)
+    probe.leave_out_jumps()  # as of (2 + alpha)^z at z = 0, alpha = -2
+    terms, others = _finite(np.ptp(probe.here, axis=0)), _finite(np.abs(probe.here).max(axis=0))
     for j in np.flatnonzero(z).tolist():  # at a solution terms cancel
-        changes = _each_change(system, box, alphas, z, here, j, abs(float(z[j])))
-        others = reduce(np.maximum, changes, others)
+        others = reduce(np.maximum, probe.changes(j, abs(float(z[j]))), others)
     most_of = box.period / PERIOD  # a periodic unknown has this size, whatever H is
     sizes = np.where(np.isfinite(most_of), most_of, 0.0)
     most, may_bend = np.zeros((system.size, system.size)), True
@@ -132,40 +130,134 @@ def rough_magnitudes(system: PiecewiseSystem, interval: Range, z: Array) -> Arra
         unknown = np.flatnonzero(sizes == 0.0).tolist()
         for j in unknown:
             check_budget()
-            sizes[j] = _reach(system, box, alphas, z, here, terms, j)
+            sizes[j] = probe.reach(j, terms)
         if number and not sizes[unknown].any():
             if not may_bend:
                 break
             may_bend = False
-            ways = np.eye(system.size)[unknown]
-            sizes[unknown] = [_bend(system, alphas, z, here, way) for way in ways]
-            sizes = sizes if sizes.any() else _by_bends(system, alphas, z, here)
+            sizes[unknown] = [probe.bend(way) for way in np.eye(system.size)[unknown]]
+            sizes = sizes if sizes.any() else probe.bends()
         for j in unknown if number else range(system.size):
-            changes = _each_change(system, box, alphas, z, here, j, sizes[j])
-            most[:, j] = reduce(np.maximum, changes)
+            most[:, j] = reduce(np.maximum, probe.changes(j, sizes[j]))
         if sizes.all():
             break
         terms = np.maximum(terms, np.maximum(others, most.max(axis=1)))
     sizes = np.where(sizes > 0.0, sizes, np.minimum(1.0, box.upper - box.lower))
     if largest(sizes) > FAR_APART * smallest(sizes):
-        sizes = np.maximum(sizes, _least_steps(system, alphas, sizes))
+        sizes = np.maximum(sizes, _least_steps(system, probe.alphas, sizes))
     return np.minimum(sizes, most_of)
 
 
-def _jumps(
-    system: PiecewiseSystem, alphas: Sequence[float], z: Array, here: Sequence[Array]
-) -> set[int]:
-    """Return the places of alphas at which H changes as much as H itself, however little z does.
+@final
+class _Probe:
+    """H at a point and at a few alphas, and how H changes if the unknowns change."""
 
-    Empty where H does so at all alphas: another unit of the unknowns may be the cause.
-    """
-    sizes, box, found = _finite(np.abs(here).max(axis=0)), Box.of(system), set[int]()
-    for i, (alpha, before) in enumerate(zip(alphas, here, strict=True)):
-        for way in (1.0, -1.0):
-            beside = box.inside(z + way * BASE ** -MORE_POWERS[-1] * generic(len(z)))
-            change = _finite(np.abs(_residual(system, beside, alpha) - before))
-            found |= {i} if (change >= PART * sizes)[sizes > 0.0].any() else set()
-    return found if len(found) < len(alphas) else set()
+    def __init__(self, system: PiecewiseSystem, alphas: Sequence[float], z: Array) -> None:
+        self._system, self._box, self._z = system, Box.of(system), z
+        self.alphas = alphas
+        self.here = [_residual(system, z, alpha) for alpha in alphas]
+
+    def leave_out_jumps(self) -> None:
+        """Leave out alphas at which H changes as much as H itself, however little z does.
+
+        If H does so at all alphas, all stay: another unit of the unknowns may be the cause.
+        """
+        sizes, kept = _finite(np.abs(self.here).max(axis=0)), list[int]()
+        change = BASE ** -MORE_POWERS[-1] * generic(len(self._z))
+        for i, (alpha, before) in enumerate(zip(self.alphas, self.here, strict=True)):
+            beside = (self._at(alpha, self._z + way) for way in (change, -change))
+            jumps = (_finite(np.abs(values - before)) >= PART * sizes for values in beside)
+            if not any(jump[sizes > 0.0].any() for jump in jumps):
+                kept.append(i)
+        if kept:
+            self.alphas, self.here = [self.alphas[i] for i in kept], [self.here[i] for i in kept]
+
+    def changes(self, j: int, size: float) -> Iterator[Array]:
+        """Yield by how much each row changes if z_j grows or shrinks by a size, at each alpha."""
+        lower, upper = self._box.lower.item(j), self._box.upper.item(j)
+        for before, alpha in zip(self.here, self.alphas, strict=True):
+            for change in (size, -size):
+                moved = self._z.copy()
+                moved[j] = min(max(moved.item(j) + change, lower), upper)
+                yield _finite(np.abs(_residual(self._system, moved, alpha) - before))
+
+    def reach(self, j: int, terms: Array) -> float:
+        """Return by how much z_j must change for a row to change by its terms, 0 if none does."""
+        rows = np.flatnonzero(terms)
+
+        def is_enough(power: int, part: float = PART) -> bool:
+            least = part * terms[rows]
+            changes = self.changes(j, BASE**power)
+            return any(is_anywhere(change[rows] >= least) for change in changes)
+
+        high = _first(is_enough, -POWERS, POWERS) if rows.size else POWERS
+        if high == POWERS:
+            most = next(filter(is_enough, MORE_POWERS if rows.size else ()), None)
+            if most is None:
+                return 0.0
+            high = _first(is_enough, POWERS, most)
+        elif high == 1 - POWERS:
+            high = _first(is_enough, -MORE_POWERS[-1], high)
+        if is_enough(high - FAR_BELOW, LITTLE):
+            small = _first(lambda power: is_enough(power, LITTLE), -POWERS, high)
+            near = range(small, min(small + FAR_BELOW, high), 2)
+            first = 1 if is_enough(high - FAR_BELOW, LEVEL) else 0
+            parts = [part for part in PARTS[first:] if not is_enough(-POWERS, part)]  # no jump of H
+            found = (power for part in parts for power in near if is_enough(power, part))
+            high = next(found, high)
+        return float(BASE**high / PART)
+
+    def bends(self) -> Array:
+        """Return sizes from the bend of H if all unknowns change, zero if H is straight.
+
+        Along one unknown alone a product of two, as of predator and prey, is straight. In general
+        ways weak parts of H, such as a load that buckles a chain, hide behind strong ones: the way
+        along which H changes least comes next.
+        """
+        system, z, alpha = self._system, self._z, self.alphas[len(self.alphas) // 2]
+        jacobian = jacobian_at(system, z, alpha, system.character(z, alpha))
+        entries = entry_sizes(jacobian)[:, :-1]
+        unit, way = power_of_two(balanced(entries, system.size)[0]), generic(system.size)
+        if step := self.bend(unit * way):
+            return step * unit
+        factor = bordered(jacobian, last_unit(system.size + 1), np.append(unit, 1.0))
+        rows = entries @ unit
+        for _ in range(0 if factor.is_singular() else 2):  # inverse iteration
+            found = _finite(factor.solve(joined(rows * way, 0.0))[:-1]) / unit
+            way = found / largest(np.abs(found)) if found.any() else way
+        return unit * self.bend(unit * way)
+
+    def bend(self, way: Array) -> float:
+        """Return the step along a way at which H is clearly not in proportion to it, 0 if none.
+
+        H has no terms at a solution that stays for all alpha, such as z = 0: only bends tell the
+        units. The longest step of all alphas counts, because at a branch point H is nothing but
+        bent.
+        """
+
+        def bend(alpha: float, before: Array) -> float:
+            def changes(step: float) -> Array:
+                ways = (step * way, -step * way)
+                return np.array([self._at(alpha, self._z + s) - before for s in ways])
+
+            def is_bent(power: int) -> bool:
+                step = BASE**power
+                once, twice, little = changes(step), changes(2.0 * step), changes(MERE * step)
+                bent = (np.abs(twice - 2.0 * once) > BENT * np.abs(twice)) & (little != 0.0)
+                return is_anywhere(bent.ravel()) or not np.isfinite(twice).all(axis=1).any()
+
+            power = _first(is_bent, -POWERS, POWERS)
+            if power == POWERS and alpha == self.alphas[len(self.alphas) // 2]:
+                # z - tanh(z): straight far away
+                power = next(filter(is_bent, range(POWERS, -POWERS, -STRIDE)), POWERS)
+                power = _first(is_bent, -POWERS, power)
+            return float(BASE**power / PART) if 1 - POWERS < power < POWERS else 0.0
+
+        return max(map(bend, self.alphas, self.here))
+
+    def _at(self, alpha: float, z: Array) -> Array:
+        """Return H at the point within the bounds of the unknowns that is nearest to z."""
+        return _residual(self._system, self._box.inside(z), alpha)
 
 
 def _least_steps(system: PiecewiseSystem, alphas: Sequence[float], sizes: Array) -> Array:
@@ -186,117 +278,12 @@ def _least_steps(system: PiecewiseSystem, alphas: Sequence[float], sizes: Array)
     return np.where(np.isfinite(least) & (least > FAR_BEYOND * sizes), least, 0.0)
 
 
-def _reach(
-    system: PiecewiseSystem,
-    box: Box,
-    alphas: Sequence[float],
-    z: Array,
-    here: Sequence[Array],
-    terms: Array,
-    j: int,
-) -> float:
-    """Return by how much z_j must change for a row to change by its terms, 0 if none does."""
-    rows = np.flatnonzero(terms)
-
-    def is_enough(power: int, part: float = PART) -> bool:
-        least = part * terms[rows]
-        changes = _each_change(system, box, alphas, z, here, j, BASE**power)
-        return any(is_anywhere(change[rows] >= least) for change in changes)
-
-    high = _first(is_enough, -POWERS, POWERS) if rows.size else POWERS
-    if high == POWERS:
-        most = next(filter(is_enough, MORE_POWERS if rows.size else ()), None)
-        if most is None:
-            return 0.0
-        high = _first(is_enough, POWERS, most)
-    elif high == 1 - POWERS:
-        high = _first(is_enough, -MORE_POWERS[-1], high)
-    if is_enough(high - FAR_BELOW, LITTLE):
-        small = _first(lambda power: is_enough(power, LITTLE), -POWERS, high)
-        near = range(small, min(small + FAR_BELOW, high), 2)
-        first = 1 if is_enough(high - FAR_BELOW, LEVEL) else 0
-        parts = [part for part in PARTS[first:] if not is_enough(-POWERS, part)]  # no jump of H
-        high = next((power for part in parts for power in near if is_enough(power, part)), high)
-    return float(BASE**high / PART)
-
-
-def _by_bends(
-    system: PiecewiseSystem, alphas: Sequence[float], z: Array, here: Sequence[Array]
-) -> Array:
-    """Return sizes from the bend of H if all unknowns change, zero if H is straight.
-
-    Along one unknown alone a product of two, as of predator and prey, is straight. In general ways
-    weak parts of H, such as a load that buckles a chain, hide behind strong ones: the way along
-    which H changes least comes next.
-    """
-    alpha = alphas[len(alphas) // 2]
-    jacobian = jacobian_at(system, z, alpha, system.character(z, alpha))
-    entries = entry_sizes(jacobian)[:, :-1]
-    unit, way = power_of_two(balanced(entries, system.size)[0]), generic(system.size)
-    if step := _bend(system, alphas, z, here, unit * way):
-        return step * unit
-    factor = bordered(jacobian, last_unit(system.size + 1), np.append(unit, 1.0))
-    rows = entries @ unit
-    for _ in range(0 if factor.is_singular() else 2):  # inverse iteration
-        found = _finite(factor.solve(joined(rows * way, 0.0))[:-1]) / unit
-        way = found / largest(np.abs(found)) if found.any() else way
-    return unit * _bend(system, alphas, z, here, unit * way)
-
-
-def _bend(
-    system: PiecewiseSystem, alphas: Sequence[float], z: Array, here: Sequence[Array], way: Array
-) -> float:
-    """Return the step along a way at which H is clearly not in proportion to the step; 0 if none.
-
-    H has no terms at a solution that stays for all alpha, such as z = 0: only bends tell the units.
-    The longest step of all alphas counts, because at a branch point H is nothing but bent.
-    """
-    box = Box.of(system)
-
-    def bend(alpha: float, before: Array) -> float:
-        def changes(step: float) -> Array:
-            ways = (step * way, -step * way)
-            return np.array([_residual(system, box.inside(z + s), alpha) - before for s in ways])
-
-        def is_bent(power: int) -> bool:
-            step = BASE**power
-            once, twice, little = changes(step), changes(2.0 * step), changes(MERE * step)
-            bent = (np.abs(twice - 2.0 * once) > BENT * np.abs(twice)) & (little != 0.0)
-            return is_anywhere(bent.ravel()) or not np.isfinite(twice).all(axis=1).any()
-
-        power = _first(is_bent, -POWERS, POWERS)
-        if power == POWERS and alpha == alphas[len(alphas) // 2]:  # z - tanh(z): straight far away
-            power = next(filter(is_bent, range(POWERS, -POWERS, -STRIDE)), POWERS)
-            power = _first(is_bent, -POWERS, power)
-        return float(BASE**power / PART) if 1 - POWERS < power < POWERS else 0.0
-
-    return max(map(bend, alphas, here))
-
-
 def _first(holds: Callable[[int], bool], low: int, high: int) -> int:
     """Return the first power at which a condition holds, by bisection."""
     while high - low > 1:
         middle = (low + high) // 2
         low, high = (low, middle) if holds(middle) else (middle, high)
     return high
-
-
-def _each_change(
-    system: PiecewiseSystem,
-    box: Box,
-    alphas: Sequence[float],
-    z: Array,
-    here: Sequence[Array],
-    j: int,
-    size: float,
-) -> Iterator[Array]:
-    """Yield by how much each row changes if z_j grows or shrinks by a size, at each alpha."""
-    lower, upper = box.lower.item(j), box.upper.item(j)
-    for before, alpha in zip(here, alphas, strict=True):
-        for change in (size, -size):
-            moved = z.copy()
-            moved[j] = min(max(z.item(j) + change, lower), upper)
-            yield _finite(np.abs(_residual(system, moved, alpha) - before))
 
 
 def _residual(system: PiecewiseSystem, z: Array, alpha: float) -> Array:
@@ -351,9 +338,10 @@ def _by_newton(system: PiecewiseSystem, alphas: Sequence[float], z: Array) -> Ar
         factor = bordered(jacobian, last_unit(system.size + 1), balanced_columns(jacobian))
         if not factor.is_singular():
             steps[i] = _finite(factor.solve(joined(before[place], 0.0))[:-1])
-    here = [_residual(system, z - steps[0], alpha) for alpha in alphas]
-    if all(largest(np.abs(h)) <= HALF_DIGITS * size for h, size in zip(here, sizes, strict=True)):
-        found = _by_bends(system, alphas, z - steps[0], here)  # a solution of all alphas
+    probe = _Probe(system, alphas, z - steps[0])
+    here = [largest(np.abs(values)) for values in probe.here]
+    if all(after <= HALF_DIGITS * size for after, size in zip(here, sizes, strict=True)):
+        found = probe.bends()  # a solution of all alphas
     else:
         found = _without_tails(np.abs(steps).max(axis=0), jacobian)
     return np.where(found > 0.0, found, 1.0)

@@ -1,19 +1,19 @@
 """The step of pseudo-arclength continuation: predict, correct, accept or say why not.
 
-Predictors lead from the last points of a curve to a guess for the next point.
+1. A :class:`Predictor` guesses the next point from the last points of the curve.
+2. A corrector leads from the guess to a point of the curve.
+3. :func:`accepted` tells whether that point is the next point of the same curve: the corrector may
+   also converge on another part of the curve or on a neighbouring sheet. A step is true if
 
-:meth:`PseudoArclength.step` shortens the step until :func:`accepted` calls the corrected prediction
-a true step. A step ends early at the end of the interval (:func:`land_on_end`), because H may be
-undefined beyond, or at a zero of a function (:meth:`PseudoArclength.aim`).
+   - the correction is a small part of the step,
+   - Newton contracts at once (Deuflhard 2011, chapter 5),
+   - the cubic between the two points, which the graph interpolates, is on the curve inside the step
+     (:mod:`pwscont.curve.looks`). Sheets closer than about a thousandth of a step stay unseen.
 
-The corrector may converge on another part of the curve or on a neighbouring sheet. A step is true
-if the correction is a small part of the step, if Newton contracts at once (Deuflhard 2011, chapter
-5), and if the cubic between the two points, which the graph interpolates, is on the curve inside
-the step. A point inside costs a residual and a solution with the corrector's factorisation. At this
-point a cubic that leads to another sheet has crossed a golden section of the distance: multiples of
-the golden section stay far from whole numbers, so no sheet between passes for the curve. For jumps
-over many sheets the multiple may be nearly whole: after a large correction a second point is looked
-at. Sheets closer than about a thousandth of a step stay unseen.
+4. :meth:`PseudoArclength.step` shortens the step until the step is true.
+
+A step ends early at the end of the interval (:func:`land_on_end`), because H may be undefined
+beyond, or at a zero of a function (:meth:`PseudoArclength.aim`).
 """
 
 from __future__ import annotations

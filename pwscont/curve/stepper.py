@@ -24,9 +24,6 @@ SHORTEST_CHORD = 1e-6
 #: Bound on the distance of the curve from the cubic of a segment, as a part of the chord; a step is
 #: accepted if the distance at points inside is at most a tenth of the bound.
 BESIDE = 1e-3
-#: The place inside a step that is looked at, as a part u of the step: 3 u^2 - 2 u^3 is the golden
-#: section.
-INSIDE = 0.4209
 
 
 class Segment(ABC):

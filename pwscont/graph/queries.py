@@ -57,8 +57,17 @@ def _refined(graph: ConnectedPieces, piece: Piece, alpha: float) -> Solution:
         x, error = solve_between(system, piece.character, points, alpha, interval)
         digits = significant(error, x, scale)
         x, error = shown_points(system, x), shown_points(system, error)
-    where, how = (x[:-1], alpha, piece.character, piece.label), (piece.det_sign, piece.id)
-    return Solution(*where, *how, None, error, digits, graph.quantities)
+    return Solution(
+        z=x[:-1],
+        alpha=alpha,
+        character=piece.character,
+        label=piece.label,
+        det_sign=piece.det_sign,
+        piece=piece.id,
+        error=error,
+        digits=digits,
+        quantities=graph.quantities,
+    )
 
 
 def stray_alpha(

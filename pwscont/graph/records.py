@@ -29,6 +29,10 @@ ROUND_UP = np.uint64(2**48 - 1)
 Digits = npt.NDArray[np.uint16]
 
 
+#: The id of a start within a piece, which is no node of the graph.
+NO_NODE = -1
+
+
 @final
 class Place:
     """A point x = (z, alpha), not to be written to, with the estimated error of each component."""

@@ -17,7 +17,7 @@ from typing import TypeAlias, final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, finite_array
+from pwscont.basics.arrays import GOLDEN, Array, finite_array
 from pwscont.basics.errors import InvalidInputError
 from pwscont.basics.outcome import Guarantee, SearchScope
 from pwscont.basics.printing import counted
@@ -50,8 +50,6 @@ SIDE_PATHS = 20
 STEPS_PER_START = 50
 #: Fewest unknowns for which side paths are followed.
 MANY_UNKNOWNS = 4
-#: The golden section.
-GOLDEN = 0.5 * (5.0**0.5 - 1.0)
 
 
 @final

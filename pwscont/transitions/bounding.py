@@ -22,8 +22,9 @@ from pwscont.basics.outcome import FILL, Failure, FailureReason, Kind
 from pwscont.basics.rounding import CONFIDENCE, EPS, GUARD, HALF_DIGITS
 from pwscont.curve.crossing import may_cross
 from pwscont.curve.curve import Curve, State
+from pwscont.curve.looks import INSIDE
 from pwscont.curve.newton import Border
-from pwscont.curve.stepper import INSIDE, CurvedSegment, Segment
+from pwscont.curve.stepper import CurvedSegment, Segment
 from pwscont.system.abilities import end_of
 from pwscont.system.selection import Selection
 from pwscont.transitions.branch_points import path_from, path_through

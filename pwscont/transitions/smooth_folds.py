@@ -46,19 +46,19 @@ class SmoothFolds(TransitionDetector):
     def needs_shorter_step(
         self, segment: CurvedSegment, start: Reading, end: Reading
     ) -> Failure | None:
-        """Say that alpha turns twice on the cubic of the segment, or has slope zero at its end.
+        """Say that alpha is level at the end of a segment, or turns twice along the cubic.
 
-        The slope of the cubic is a parabola; a parabola that barely reaches zero is left alone, and
-        so is a segment on which alpha is constant to rounding, as around the zero of z^5. On
-        the step after a fold, which begins with slope zero, alpha may turn once. A step that ends
-        with slope zero must be shorter, except along a vertical piece, on which alpha is the same
-        at both ends; if every shorter step ends with slope zero, the branch is flat.
+        - A segment that ends level must be shorter; if every shorter segment ends level, the branch
+          is flat. A vertical piece is level everywhere, and alpha is the same at both ends.
+        - The slope of alpha along the cubic is a parabola. A parabola that barely reaches zero is
+          left alone, and so is a segment on which alpha is constant to rounding, as around the zero
+          of z^5. The first segment after a fold begins level, and alpha may turn once there.
         """
-        first, last = float(start.values[0]), float(end.values[0])
-        if not last:
+        begins_level, ends_level = not start.values[0], not end.values[0]
+        if ends_level:
             rise = abs(segment.end.alpha - segment.start.alpha)
-            is_flat = first or rise > CONVERGED * segment.curve.metric.width
-            return Failure(FailureReason.FLAT) if is_flat else None
+            is_vertical = begins_level and rise <= CONVERGED * segment.curve.metric.width
+            return None if is_vertical else Failure(FailureReason.FLAT)
         return Failure(FailureReason.HIDDEN_FOLDS) if _turns_twice(segment) else None
 
     def locate(self, segment: Segment, index: int, bracket: tuple[float, float]) -> State | Failure:
