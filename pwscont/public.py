@@ -45,9 +45,9 @@ from pwscont.system.system import (
     SlicewiseLinearSystem,
 )
 from pwscont.transitions import TransitionDetector
-from pwscont.transitions.user_event import Stop
 
 if TYPE_CHECKING:
+    from pwscont.events.user_event import Stop
     from pwscont.evolution.evolve import evolve
     from pwscont.evolution.graph import EvolutionGraph
     from pwscont.evolution.history import LoadHistory
@@ -182,6 +182,7 @@ LATER = {
     "PlaneScene": "pwscont.two_parameters.scene",
     "QuantityAt": "pwscont.studies.measures",
     "Scene": "pwscont.scenes.scene",
+    "Stop": "pwscont.events.user_event",
     "Study": "pwscont.studies.study",
     "StudyResult": "pwscont.studies.result",
     "Switched": "pwscont.notation.switched",
