@@ -29,7 +29,7 @@ from pwscont import (
     PseudoArclength,
     trace,
 )
-from pwscont.curve.step_size import StepSize
+from pwscont.curve.stepper import StepSize
 
 RUNS = 9
 

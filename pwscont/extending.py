@@ -35,7 +35,8 @@ from pwscont.basics.outcome import Failure, FailureReason, Guarantee, Kind, Sear
 from pwscont.basics.printing import apart, card, counted, named, number, short, with_article
 from pwscont.basics.quantities import Function, Quantities, as_written, spelled
 from pwscont.basics.rounding import CONFIDENCE, CONVERGED, EPS, GUARD, SAME_ALPHA
-from pwscont.continuation.run import Report, checked_interval, plan_in_words, silent, uninterrupted
+from pwscont.continuation.plan import Report, checked_interval, plan_in_words, silent
+from pwscont.continuation.run import uninterrupted
 from pwscont.curve.corrector import Corrected, Corrector
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.metric import Metric

@@ -26,8 +26,7 @@ from pwscont.curve.pseudo_arclength import (
     Secant,
     Tangent,
 )
-from pwscont.curve.step_size import StepSize
-from pwscont.curve.stepper import ExactLinear, Stepper
+from pwscont.curve.stepper import ExactLinear, Stepper, StepSize
 from pwscont.graph import BranchGraph
 from pwscont.linear.jacobian import BandedJacobian
 from pwscont.search import (
@@ -45,9 +44,9 @@ from pwscont.system.system import (
     SlicewiseLinearSystem,
 )
 from pwscont.transitions import TransitionDetector
-from pwscont.transitions.user_event import Stop
 
 if TYPE_CHECKING:
+    from pwscont.events.user_event import Stop
     from pwscont.evolution.evolve import evolve
     from pwscont.evolution.graph import EvolutionGraph
     from pwscont.evolution.history import LoadHistory
@@ -182,6 +181,7 @@ LATER = {
     "PlaneScene": "pwscont.two_parameters.scene",
     "QuantityAt": "pwscont.studies.measures",
     "Scene": "pwscont.scenes.scene",
+    "Stop": "pwscont.events.user_event",
     "Study": "pwscont.studies.study",
     "StudyResult": "pwscont.studies.result",
     "Switched": "pwscont.notation.switched",

@@ -26,7 +26,7 @@ from pwscont.bench.report import as_dict
 from pwscont.bench.truth.known_answer import UnknownAnswerError
 from pwscont.bench.truth.problems import Bratu, bratu_fold
 from pwscont.commands.cli import main
-from pwscont.curve.step_size import StepSize
+from pwscont.curve.stepper import StepSize
 from pwscont.transitions import BoundingTests
 
 pytestmark = pytest.mark.sweep(2)  # the others take too long for the README's command

@@ -16,7 +16,7 @@ from pwscont import (
 )
 from pwscont.curve.corrector import BorderedNewton, MoorePenrose
 from pwscont.curve.pseudo_arclength import Secant, Tangent
-from pwscont.curve.step_size import StepSize
+from pwscont.curve.stepper import StepSize
 from pwscont.search import Search
 
 pytestmark = pytest.mark.sweep(2)  # the others take too long for the README's command

@@ -10,7 +10,7 @@ from pwscont_coulomb.elastic.scenes import block, wedge_body
 from pwscont_coulomb.modes import Mode
 
 from pwscont import explore
-from pwscont.continuation.run import silent
+from pwscont.continuation.plan import silent
 
 PAGE = (Path(__file__).parents[1] / "docs" / "elastic.rst").read_text(encoding="utf-8")
 

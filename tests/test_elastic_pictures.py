@@ -25,7 +25,7 @@ from pwscont_coulomb.modes import Mode
 
 from pwscont import explore
 from pwscont.basics.errors import InvalidInputError, UnknownNameError
-from pwscont.continuation.run import silent
+from pwscont.continuation.plan import silent
 from pwscont.scenes.answer import Look
 
 

@@ -19,7 +19,7 @@ from pwscont import explore
 from pwscont.basics.errors import InvalidInputError
 from pwscont.bench.cases import case_of
 from pwscont.commands.cli import main
-from pwscont.continuation.run import silent
+from pwscont.continuation.plan import silent
 
 
 def jam(nodes):

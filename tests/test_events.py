@@ -23,9 +23,9 @@ from pwscont import (
 )
 from pwscont.basics.outcome import Failure, FailureReason
 from pwscont.curve.stepper import CurvedSegment
+from pwscont.events import along as events_module
 from pwscont.extending import Ray, Reading, SpecialPointFound, locate_sign_change
 from pwscont.scenes.marks import markers_of
-from pwscont.transitions import events as events_module
 
 pytestmark = pytest.mark.sweep(2)  # the others take too long for the README's command
 

@@ -17,7 +17,7 @@ from pwscont import (
 from pwscont.basics.outcome import TOUCH
 from pwscont.curve.corrector import MoorePenrose
 from pwscont.curve.pseudo_arclength import Secant
-from pwscont.curve.step_size import StepSize
+from pwscont.curve.stepper import StepSize
 
 pytestmark = pytest.mark.sweep(2)  # the others take too long for the README's command
 

@@ -7,7 +7,7 @@ import pytest
 from sweeps import swept
 
 from pwscont import NaturalParameter, PiecewiseSystem, PseudoArclength, trace
-from pwscont.curve.step_size import StepSize
+from pwscont.curve.stepper import StepSize
 
 pytestmark = pytest.mark.sweep(2)  # the others take too long for the README's command
 

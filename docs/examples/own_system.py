@@ -40,7 +40,7 @@ from pwscont import (
     plot,
     trace,
 )
-from pwscont.curve.step_size import StepSize
+from pwscont.curve.stepper import StepSize
 
 
 class ArchOverPad(PiecewiseSystem):

@@ -26,6 +26,10 @@ class Kind(StrEnum):
     STOPPED = "stopped"
 
 
+#: Kinds of special points at which a curve leaves one cell for another: the change says all.
+CROSSED = (Kind.TRANSITION, Kind.NONSMOOTH_FOLD)
+
+
 def kind_of(word: str) -> Kind | str:
     """Return the kind with this word, or the word itself if a user's detector made the word."""
     return Kind(word) if word in set(Kind) else word

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections import defaultdict, deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from itertools import combinations, count, islice, pairwise
-from typing import TypeAlias
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
@@ -17,9 +17,9 @@ from pwscont.basics.arrays import Array
 from pwscont.basics.budget import Budget, check_budget
 from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidSystemError
-from pwscont.basics.outcome import Kind
+from pwscont.basics.outcome import CROSSED, Kind
 from pwscont.basics.rounding import CONVERGED, SAME_ALPHA
-from pwscont.continuation.discovery import CROSSED, Discovery
+from pwscont.continuation.discovery import Discovery
 from pwscont.continuation.known import Edge, Node
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.metric import Metric
@@ -31,7 +31,10 @@ from pwscont.system.abilities import Ending, Reduction, shown_points, shown_size
 from pwscont.system.box import Box
 from pwscont.system.system import PiecewiseSystem
 from pwscont.transitions.detector import TransitionDetector, kinds_at
-from pwscont.transitions.events import EventMark, Events
+
+if TYPE_CHECKING:
+    from pwscont.events.along import EventMark
+    from pwscont.events.events import Events
 
 #: Puts the unknowns that a user sees into points (..., z, alpha) of the reduced system, or errors.
 Show: TypeAlias = Callable[..., Array]

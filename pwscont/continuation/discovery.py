@@ -16,7 +16,7 @@ import numpy as np
 
 from pwscont.basics.arrays import Array
 from pwscont.basics.budget import Budget
-from pwscont.basics.outcome import ON_BOUND, FailureReason, Kind
+from pwscont.basics.outcome import CROSSED, ON_BOUND, FailureReason, Kind
 from pwscont.basics.rounding import SAME_ALPHA
 from pwscont.continuation.follow import ENDLESS, LONG_CHANGE, Followed, PieceFollower, is_cut
 from pwscont.continuation.known import (
@@ -103,8 +103,6 @@ TWICE = FailureReason.TWICE.value
 MOST_IN_VAIN, NOWHERE = 300, 1e-5
 #: A path that repeats itself is followed to a bound that is at most this many periods away.
 MOST_SHIFTS = 1000
-#: Kinds of special points at which a curve leaves one cell for another: the change says all.
-CROSSED = (Kind.TRANSITION, Kind.NONSMOOTH_FOLD)
 
 
 @final

@@ -1,36 +1,38 @@
-"""trace and explore, and the plan of a run made ready."""
+"""trace and explore: a plan is made, magnitudes are measured, and the run begins."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
 from itertools import chain, islice
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pwscont.basics.arguments import check_callable, checked_kind
-from pwscont.basics.arrays import Array, finite_array
+from pwscont.basics.arguments import checked_kind
+from pwscont.basics.arrays import Array
 from pwscont.basics.budget import Budget, Limits
 from pwscont.basics.errors import InvalidInputError, StartNotFoundError
 from pwscont.basics.outcome import Failure, SearchScope
-from pwscont.basics.printing import counted, short
-from pwscont.basics.quantities import Function, checked_record
+from pwscont.basics.printing import counted
+from pwscont.basics.quantities import Function
 from pwscont.continuation.journal import Journal
-from pwscont.continuation.run import (
+from pwscont.continuation.plan import (
     Plan,
     Report,
-    Watched,
-    check_stepper_fits,
+    Start,
     checked_detectors,
     checked_interval,
+    checked_options,
+    checked_plan,
+    checked_start,
     default_search_of,
-    follow_starts,
     silent,
 )
+from pwscont.continuation.run import follow_starts
 from pwscont.curve.error_samples import Found, is_inside
 from pwscont.curve.magnitudes import are_alike, magnitudes_of, rough_magnitudes, rounded_to_one
-from pwscont.curve.metric import Gauge, MisjudgedError, Range
+from pwscont.curve.metric import Gauge, MisjudgedError
 from pwscont.curve.semismooth import semismooth_newton
 from pwscont.curve.stepper import Stepper
 from pwscont.graph import BranchGraph
@@ -38,30 +40,14 @@ from pwscont.graph.proved import Proof
 from pwscont.graph.structure import NOT_SEARCHED
 from pwscont.search import Search
 from pwscont.search.search import scope_of, starts_of
-from pwscont.system.abilities import completed, shown_size
-from pwscont.system.contract import check_declaration
-from pwscont.system.promises import check_start, refuse_undefined
+from pwscont.system.abilities import shown_size
+from pwscont.system.promises import refuse_undefined
 from pwscont.system.system import PiecewiseLinearSystem, PiecewiseSystem
 from pwscont.transitions import TransitionDetector
 from pwscont.transitions.ends import settled
-from pwscont.transitions.user_event import Stop
 
-#: A rough state and its alpha.
-Start = tuple[Array, float]
-
-
-def checked_start(system: PiecewiseSystem, start: Any, interval: Range, name: str) -> Start:
-    """Return z, with hidden unknowns, and alpha of a start, or say what is wrong with it."""
-    try:
-        z, alpha, pair = start[0], float(start[1]), len(start) == 2
-    except (TypeError, ValueError, OverflowError, LookupError) as error:
-        got = short(repr(start))
-        raise InvalidInputError(f"{name} must be a pair (z, alpha), got {got}") from error
-    if not pair:
-        raise InvalidInputError(f"{name} must be a pair (z, alpha), got {len(start)} entries")
-    if not interval[0] <= alpha <= interval[1]:
-        raise InvalidInputError(f"{name} at alpha = {alpha} lies outside the interval {interval}")
-    return completed(system, finite_array(f"z of {name}", z, (shown_size(system),)), alpha), alpha
+if TYPE_CHECKING:
+    from pwscont.events.user_event import Stop
 
 
 def corrected(plan: Plan, start: Start, name: str) -> Found:
@@ -88,23 +74,6 @@ def corrected(plan: Plan, start: Start, name: str) -> Found:
 FIRST = 2
 #: How often magnitudes are revised by the path.
 REVISIONS = 6
-
-
-def checked_plan(
-    system: PiecewiseSystem,
-    interval: Range,
-    start: Start,
-    budget: Budget,
-    watched: Watched,
-    stepper: Stepper | None,
-    **options: Any,
-) -> Plan:
-    """Return the plan for a system that keeps its promises at a start; options are of a Plan."""
-    check_declaration(system)
-    check_stepper_fits(system, stepper)
-    plan = Plan.of(system, interval, stepper, watched, budget, **options)
-    check_start(plan.system, interval, *start)
-    return plan
 
 
 def follow_measured(
@@ -232,19 +201,6 @@ def trace(
     with Budget(limits) as budget:
         plan = checked_plan(system, inside, rough, budget, watched, stepper, **options)
         return follow_measured(plan, rough[0], lambda plan: _found(plan, given), NOT_SEARCHED)[0]
-
-
-def checked_options(
-    system: PiecewiseSystem, journal: Any, limits: Any, report: Any, parameter: Any, record: Any
-) -> dict[str, Any]:
-    """Return the options of a plan, or refuse what is no journal, limits, function or name."""
-    checked_kind("journal", journal, Journal)
-    checked_kind("limits", limits, Limits)
-    check_callable("report", report, "(number of pieces, alpha)")
-    if not (isinstance(parameter, str) and parameter):
-        raise InvalidInputError(f"parameter must be a text, got {parameter!r}")
-    recorded = checked_record(record, system.names() if record else ())
-    return {"parameter": parameter, "record": recorded, "report": report, "journal": journal}
 
 
 def explore(

@@ -8,7 +8,7 @@ beside the end of a model.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TypeAlias, final
+from typing import TYPE_CHECKING, TypeAlias, final
 
 import numpy as np
 
@@ -18,19 +18,28 @@ from pwscont.basics.errors import InvalidInputError
 from pwscont.basics.outcome import TWOFOLD, Failure, FailureReason, Kind
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.metric import Gauge, Range
-from pwscont.curve.step_size import StepSize, step_size_of
-from pwscont.curve.stepper import CurvedSegment, Segment, Stepper, StraightSegment
+from pwscont.curve.stepper import (
+    CurvedSegment,
+    Segment,
+    Stepper,
+    StepSize,
+    StraightSegment,
+    step_size_of,
+)
 from pwscont.system.contract import refuse_wrong_jacobian
 from pwscont.system.differences import FINEST_PART, REFINEMENT, STEP
 from pwscont.transitions.bounding import BoundingTests
 from pwscont.transitions.branch_points import SmoothBranchPoints, crossing_on_end
 from pwscont.transitions.detector import Reading, SpecialPointFound, TransitionDetector
 from pwscont.transitions.ends import Bounds, IntervalEnds, ended_by_system, solves
-from pwscont.transitions.events import Events, EventsAlong
 from pwscont.transitions.rays import NEARBY, Ray
 from pwscont.transitions.smooth_folds import SmoothFolds, leaning
 from pwscont.transitions.straight import StraightTests
 from pwscont.transitions.watch import Event, Watch, first_on_curve, first_on_ray
+
+if TYPE_CHECKING:
+    from pwscont.events.along import EventsAlong
+    from pwscont.events.events import Events
 
 
 def default_detectors(stepper: Stepper, interval: Range) -> tuple[TransitionDetector, ...]:

@@ -59,8 +59,7 @@ from pwscont.basics.outcome import Failure, FailureReason
 from pwscont.basics.rounding import CONVERGED
 from pwscont.curve.crossing import FULL_RANK, loses_rank
 from pwscont.curve.curve import State
-from pwscont.curve.step_size import StepSize
-from pwscont.curve.stepper import SHORTEST_CHORD, CurvedSegment
+from pwscont.curve.stepper import SHORTEST_CHORD, CurvedSegment, StepSize
 from pwscont.linear.factor import Factor
 from pwscont.linear.factorise import bordered
 from pwscont.system.system import PiecewiseSystem, SlicewiseLinearSystem

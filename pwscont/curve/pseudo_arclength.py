@@ -34,7 +34,6 @@ from pwscont.curve.error_samples import magnitude
 from pwscont.curve.looks import CLOSER_PLACES, farthest_off, gap_of
 from pwscont.curve.metric import Range
 from pwscont.curve.newton import STALLED, Border, Root, uncertainty
-from pwscont.curve.step_size import StepSize
 from pwscont.curve.stepper import (
     BESIDE,
     SHORTEST_CHORD,
@@ -42,6 +41,7 @@ from pwscont.curve.stepper import (
     ExactLinear,
     Segment,
     Stepper,
+    StepSize,
 )
 
 

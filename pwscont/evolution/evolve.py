@@ -13,14 +13,14 @@ from pwscont.basics.budget import Budget, Limits
 from pwscont.basics.errors import InvalidInputError, InvalidSystemError
 from pwscont.basics.quantities import Function, Quantities, checked_names, checked_record
 from pwscont.continuation.journal import Journal
-from pwscont.continuation.run import Report, silent
+from pwscont.continuation.plan import Report, silent
+from pwscont.events.user_event import Stop
 from pwscont.evolution.graph import EvolutionGraph
 from pwscont.evolution.memory import Evolver, Moment, Moments, SystemWithMemory, WaysOn
 from pwscont.evolution.rays import ByRays
 from pwscont.evolution.rules import Jumps, UserEvents
 from pwscont.evolution.run import RecordedWays, Run
 from pwscont.evolution.states import EvolutionNode, EvolutionPiece
-from pwscont.transitions.user_event import Stop
 
 #: Largest number of uncertain events that the guarantee names.
 MOST_NAMED = 4

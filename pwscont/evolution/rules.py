@@ -22,8 +22,8 @@ from pwscont.basics.arrays import Array
 from pwscont.basics.errors import InvalidInputError
 from pwscont.basics.quantities import Function, evaluated
 from pwscont.basics.rounding import EPS
+from pwscont.events.user_event import Stop
 from pwscont.evolution.memory import Evolver, Moment, Way
-from pwscont.transitions.user_event import Stop
 
 #: (state at the loss, states that are left) -> number of the chosen state.
 Rule: TypeAlias = Callable[[Array, Sequence[Array]], int]

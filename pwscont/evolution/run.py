@@ -25,7 +25,7 @@ from pwscont.basics.budget import Budget
 from pwscont.basics.errors import InvalidInputError
 from pwscont.basics.rounding import SAME_STATE
 from pwscont.continuation.journal import Journal
-from pwscont.continuation.run import Report
+from pwscont.continuation.plan import Report
 from pwscont.evolution.memory import Evolver, Moment, Way, WaysOn, closeness
 from pwscont.evolution.rays import holds, typical
 from pwscont.evolution.rules import Jumps, UserEvents

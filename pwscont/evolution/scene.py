@@ -15,7 +15,7 @@ from pwscont.basics.errors import SystemNeededError
 from pwscont.basics.printing import counted, named, short, state
 from pwscont.basics.quantities import Function
 from pwscont.continuation.journal import Journal
-from pwscont.continuation.run import Report, silent
+from pwscont.continuation.plan import Report, silent
 from pwscont.evolution.evolve import evolve
 from pwscont.evolution.graph import EvolutionGraph
 from pwscont.evolution.memory import SystemWithMemory

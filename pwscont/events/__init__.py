@@ -1,0 +1,1 @@
+"""Events: zeros of functions that a user names; imported if a run has events."""
