@@ -84,7 +84,7 @@ from pwscont.system.abilities import (
 from pwscont.system.box import Box
 from pwscont.system.contract import checked_magnitudes, jacobian_at, residual_at
 from pwscont.system.differences import Differences
-from pwscont.system.selection import Selection, numbers_in
+from pwscont.system.selection import Selection
 from pwscont.transitions.detector import (
     Reading,
     SpecialPointFound,
@@ -218,7 +218,6 @@ __all__ = [
     "named",
     "newton",
     "number",
-    "numbers_in",
     "one_thread",
     "plan_in_words",
     "power_of_two",

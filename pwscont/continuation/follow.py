@@ -15,7 +15,7 @@ import numpy as np
 from pwscont.basics.arrays import Array, generic
 from pwscont.basics.budget import Budget, check_budget, current_budget
 from pwscont.basics.errors import InvalidInputError
-from pwscont.basics.outcome import TWOFOLD, Failure, FailureReason, Kind
+from pwscont.basics.outcome import Failure, FailureReason, Kind, Remark
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.metric import Gauge, Range
 from pwscont.curve.step_size import StepSize, step_size_of
@@ -102,7 +102,6 @@ ENDLESS_STEPS, LONG_CHANGE = 450, 1e-2
 #: beginning; changes must shrink at least as this power of 1 / z, and between parts closer than
 #: usual as a geometric sequence, up to this part.
 LONG_PART, MOST_PART, EXCESS, LONG_POWER, GEOMETRIC = 0.7, 0.9, 1.001, 0.45, 0.95
-ENDLESS = FailureReason.ENDLESS.value
 #: A piece creeps after this many tiny steps in turn: steps below this part of the longest step.
 MOST_TINY, TINY_PART = 300, 1e-5
 #: After every such number of steps it is asked whether a piece crawls along a double root: steps
@@ -303,7 +302,7 @@ class PieceFollower:
             return end
         arrival, events = event.arrive(self._curve), self._events
         arrival = events.ended(arrival) if events else arrival
-        arrival = arrival.adding(TWOFOLD) if self._flips else arrival
+        arrival = arrival.adding(f"; {Remark.TWOFOLD}") if self._flips else arrival
         final = ended_by_system(arrival)
         arrival = arrival if final is arrival else final.leading(final.rays[:1])
         return self._points_to(step, event.position, event.state), arrival
