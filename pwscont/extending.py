@@ -84,7 +84,7 @@ from pwscont.system.abilities import (
 from pwscont.system.box import Box
 from pwscont.system.contract import checked_magnitudes, jacobian_at, residual_at
 from pwscont.system.differences import Differences
-from pwscont.system.selection import Selection, numbers_in
+from pwscont.system.selection import Selection
 from pwscont.transitions.detector import Reading, SpecialPointFound, TransitionDetector
 from pwscont.transitions.rays import Ray
 from pwscont.transitions.zeros import locate_point, locate_sign_change, locate_zero
@@ -212,7 +212,6 @@ __all__ = [
     "named",
     "newton",
     "number",
-    "numbers_in",
     "one_thread",
     "plan_in_words",
     "power_of_two",

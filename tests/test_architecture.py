@@ -57,16 +57,16 @@ LONGEST_FILE = 500
 #: Most files and lines of each room, a little above the figures when they were set. When a room
 #: becomes smaller, its budget becomes smaller.
 BUDGET = {
-    "basics": (10, 1193),
-    "system": (9, 2078),
+    "basics": (10, 1204),
+    "system": (9, 1907),
     "linear": (5, 1078),
-    "notation": (13, 2921),
+    "notation": (13, 2912),
     "curve": (12, 3409),
     "enumeration": (11, 2498),
     "transitions": (13, 3413),
     "graph": (8, 2494),
     "search": (9, 2046),
-    "continuation": (9, 2865),
+    "continuation": (9, 2862),
     "kit": (4, 975),
     "proof": (8, 2079),
     "events": (4, 556),
@@ -79,7 +79,7 @@ BUDGET = {
     "commands": (10, 1158),
 }
 #: Most files and classes that the README's arch meets; a change that needs more says why.
-MOST_FILES_MET, MOST_CLASSES_MET = 50, 55
+MOST_FILES_MET, MOST_CLASSES_MET = 51, 55
 
 
 def module_of(path):

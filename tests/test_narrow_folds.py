@@ -181,3 +181,38 @@ def test_a_piece_on_which_alpha_turns_is_said(monkeypatch):
     graph = trace(system, ([start], -1.0), (-1.0, 1.0))
     assert len(graph.special_points("fold")) % 2 == 1
     assert "a fold was passed over" in graph.guarantee
+
+
+class Warm(PiecewiseSystem):
+    """y(z) = alpha with y^3 + y = z, by Newton from the last y, which stays in a list."""
+
+    size = 1
+
+    def __init__(self):
+        self.kept = [1.0]
+
+    def test_functions(self, z, alpha):
+        return np.zeros(0)
+
+    def residual(self, z, alpha, character):
+        y = self.kept[0]
+        for _ in range(40):
+            y = y - (y**3 + y - z[0]) / (3.0 * y**2 + 1.0)
+        self.kept[0] = y
+        return np.array([y - alpha])
+
+
+def test_places_inside_a_step_do_not_disturb_what_h_keeps():
+    graph = trace(Warm(), ([0.0], 0.0), (-2.0, 2.0))
+    np.testing.assert_allclose([s.z[0] for s in graph.solutions(1.0)], [2.0], rtol=1e-12)
+
+
+def test_folds_of_a_narrow_bump_of_a_formula_are_found():
+    """alpha = z + 0.01 exp(-((z - 0.3) / 0.004)^2) has two folds beside the bump."""
+
+    def bump(z, a, sw):
+        return z + 0.01 * np.exp(-(((z - 0.3) / 0.004) ** 2)) - a
+
+    graph = trace(Switched(1, bump), ([-1.0], -1.0), (-1.0, 1.0))
+    assert len(graph.special_points("fold")) == 2
+    assert graph.count(0.308) == 3

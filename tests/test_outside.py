@@ -6,8 +6,7 @@ from circle import Circle
 
 from pwscont import PseudoArclength
 from pwscont.basics.character import Character
-from pwscont.continuation.follow import PieceFollower
-from pwscont.continuation.run import default_detectors
+from pwscont.continuation.follow import PieceFollower, default_detectors
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.metric import Metric
 from pwscont.system.box import Box

@@ -14,7 +14,7 @@ from pwscont import (
     explore,
     trace,
 )
-from pwscont.basics.outcome import TOUCH
+from pwscont.basics.outcome import Remark
 from pwscont.curve.corrector import MoorePenrose
 from pwscont.curve.pseudo_arclength import Secant
 from pwscont.curve.stepper import StepSize
@@ -216,7 +216,7 @@ def test_a_curve_that_another_touches_while_crossing_goes_on():
     graph = trace(system, (system.state(0.0, -0.9)[0], -0.8), INTERVAL)
     (touched,) = graph.special_points("degenerate")
     assert abs(touched.alpha - 0.1) <= 1e-3
-    assert touched.message == TOUCH
+    assert touched.message == Remark.TOUCH
     assert not graph.special_points("branch point")
     assert not graph.special_points("stopped")
     for alpha in (-0.9, 0.0, 0.2, 1.2):
@@ -414,7 +414,9 @@ def test_curves_that_touch_are_both_followed(order, lift):
     for alpha in (-0.9, -0.31, 0.27, 0.8, 1.1):
         found = sorted(solution.z[0] for solution in graph.solutions(alpha))
         np.testing.assert_allclose(found, sorted([lift, lift + alpha**order]), atol=1e-9)
-    touching = [point for point in graph.special_points("degenerate") if TOUCH in point.message]
+    touching = [
+        point for point in graph.special_points("degenerate") if Remark.TOUCH in point.message
+    ]
     assert touching or order % 2 == 0  # without a flip the magnitude may tell
     assert all(abs(point.alpha) < 1e-2 for point in touching)
     assert ("touch" in graph.guarantee) == bool(touching)

@@ -35,18 +35,24 @@ def kind_of(word: str) -> Kind | str:
     return Kind(word) if word in set(Kind) else word
 
 
-#: The message for special points that seem to accumulate; the value of alpha follows.
-ACCUMULATE = "special points seem to accumulate at alpha ="
-#: The beginning of the message of a corner at which solutions are no curves.
-FILL = "solutions fill"
-#: The message of a solution from which solutions of the same alpha lead away.
-FILL_CURVES = f"{FILL} a curve or more at this alpha"
-#: The message of a point at which curves meet, only some of which are known.
-TOUCH = "curves touch here, or more than two cross: only the curves that arrive are followed"
-#: What is added to the message of a point if the determinant changed its sign on the piece before.
-TWOFOLD = "; on the way, two curves may have been taken for one"
-#: The message of a point at which only some of the branches stay within the bounds.
-ON_BOUND = "a branch ends on its bound"
+@final
+class Remark(StrEnum):
+    """What may be said of a special point beside its kind; the value stands in the message.
+
+    A graph file keeps messages only: whoever decides by a remark asks :func:`says`.
+    """
+
+    ACCUMULATE = "special points seem to accumulate at alpha ="  # the value of alpha follows
+    FILL = "solutions fill"  # the solutions around are no curves
+    FILL_CURVES = "solutions fill a curve or more at this alpha"
+    TOUCH = "curves touch here, or more than two cross: only the curves that arrive are followed"
+    #: The determinant changed its sign on the piece that ends here.
+    TWOFOLD = "on the way, two curves may have been taken for one"
+    ON_BOUND = "a branch ends on its bound"
+    REPEATS = (
+        "the path repeats itself without end: set limits=Limits(pieces=...) to follow it further"
+    )
+
 
 #: What is said of a search that ends because there are so many solutions.
 GIVEN_UP = "given up because many solutions were found: there may be more"
@@ -116,6 +122,11 @@ class FailureReason(Enum):
         "the piece took more steps than allowed; allow longer steps, give scale() for unknowns far "
         "from one, or look for a mistake in residual or Jacobian with check_system"
     )
+
+
+def says(message: str, *what: Remark | FailureReason) -> bool:
+    """Tell whether the message of a special point holds one of these remarks or reasons."""
+    return any(each.value in message for each in what)
 
 
 @final

@@ -16,13 +16,12 @@ import numpy as np
 
 from pwscont.basics.arrays import Array
 from pwscont.basics.budget import Budget
-from pwscont.basics.outcome import CROSSED, ON_BOUND, FailureReason, Kind
+from pwscont.basics.outcome import CROSSED, FailureReason, Kind, Remark, says
 from pwscont.basics.rounding import SAME_ALPHA
-from pwscont.continuation.follow import ENDLESS, LONG_CHANGE, Followed, PieceFollower, is_cut
+from pwscont.continuation.follow import LONG_CHANGE, Followed, PieceFollower, is_cut
 from pwscont.continuation.known import (
     EVERY,
     JOIN,
-    REPEATS,
     SAME,
     SAME_CROSSING,
     Edge,
@@ -84,7 +83,7 @@ def _leads_nowhere(points: Sequence[Array], arrival: SpecialPointFound, ray: Ray
         return False
     why, metric = worded(arrival.said), ray.curve.metric
     gone = metric.norm(metric.difference(points[-1], points[0])) if len(points) > 1 else 0.0
-    return gone < NOWHERE or TWICE in why
+    return gone < NOWHERE or says(why, FailureReason.TWICE)
 
 
 def _is_a_point(left: KnownRay, points: Sequence[Array], ray: Ray) -> bool:
@@ -98,7 +97,6 @@ BESIDE_AN_END = 1e-3
 #: Largest distance in the metric between two roundings of one solution, and the part of the way
 #: between both at which H must be rounding.
 FARTHEST_TWIN, BETWEEN = 1e-3, 0.381966
-TWICE = FailureReason.TWICE.value
 #: Most steps along curves on which H seems to vanish twice, or which are no longer than this.
 MOST_IN_VAIN, NOWHERE = 300, 1e-5
 #: A path that repeats itself is followed to a bound that is at most this many periods away.
@@ -222,7 +220,7 @@ class Discovery:
             return
         if arrival.kind == Kind.END:
             self.leaving.append(arrival.rays[0].reversed())
-        if arrival.said == ENDLESS:
+        if says(worded(arrival.said), FailureReason.ENDLESS):
             self._endless.append(arrival.rays[0])
         end = place_of_arrival(arrival)
         reached = self._reach(points, arrival, end, left)
@@ -245,12 +243,12 @@ class Discovery:
         is_due = (len(self.edges) + 1) % EVERY == 0 and not self._budget.is_limited
         if is_due and self._repeats_itself(number, ray.curve.metric.scale):
             self._repeats = True
-            return REPEATS
-        return TWICE if self._is_in_vain(ray) else ""
+            return Remark.REPEATS
+        return FailureReason.TWICE.value if self._is_in_vain(ray) else ""
 
     def _leave(self, left: KnownRay, why: str) -> None:
         """Say at the node of a ray why the ray is not followed; in a net, all rays are left."""
-        for known in (left, *self._queue) if why == REPEATS and self.is_net else (left,):
+        for known in (left, *self._queue) if why == Remark.REPEATS and self.is_net else (left,):
             if known.ray is not None:
                 self.nodes[known.node].stop(why)
                 known.ray = None
@@ -294,7 +292,7 @@ class Discovery:
             return SpecialPointFound(Kind.END, arrival.x, why or "end of the interval", rays)
         if why is None:
             return arrival.leading(rays)
-        said = f"{worded(arrival.said)}; {ON_BOUND}: {why}"
+        said = f"{worded(arrival.said)}; {Remark.ON_BOUND}: {why}"
         return SpecialPointFound(arrival.kind, arrival.x, said, rays)
 
     def _reach(

@@ -15,7 +15,7 @@ import numpy as np
 from pwscont.basics.arrays import Array, generic
 from pwscont.basics.budget import Budget, check_budget, current_budget
 from pwscont.basics.errors import InvalidInputError
-from pwscont.basics.outcome import TWOFOLD, Failure, FailureReason, Kind
+from pwscont.basics.outcome import Failure, FailureReason, Kind, Remark
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.metric import Gauge, Range
 from pwscont.curve.stepper import (
@@ -115,7 +115,6 @@ NEARLY_STILL = 1e-6
 
 #: After every such number of steps a piece is checked for running to infinity.
 ENDLESS_CHECK_EVERY = 200
-ENDLESS = FailureReason.ENDLESS.value
 #: A piece of more steps is long: a long piece runs to infinity under weaker conditions.
 ENDLESS_STEPS = 450
 #: Far out: the distance of z, in typical magnitudes; the parts of this distance between which
@@ -314,7 +313,7 @@ class PieceFollower:
             return end
         arrival, events = event.arrive(self._curve), self._events
         arrival = events.ended(arrival) if events else arrival
-        arrival = arrival.adding(TWOFOLD) if self._flips else arrival
+        arrival = arrival.adding(f"; {Remark.TWOFOLD}") if self._flips else arrival
         final = ended_by_system(arrival)
         arrival = arrival if final is arrival else final.leading(final.rays[:1])
         return self._points_to(step, event.position, event.state), arrival

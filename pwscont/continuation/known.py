@@ -13,7 +13,7 @@ import numpy as np
 
 from pwscont.basics.arrays import Array
 from pwscont.basics.character import Character
-from pwscont.basics.outcome import ACCUMULATE, Failure, Kind
+from pwscont.basics.outcome import Failure, Kind, Remark
 from pwscont.basics.rounding import CONFIDENCE, EPS
 from pwscont.curve.corrector import BorderedNewton
 from pwscont.curve.curve import Curve
@@ -221,7 +221,6 @@ class Edge(NamedTuple):
 OFF_THE_PIECE = 1.0
 
 #: What a user reads at an end of a path that repeats itself.
-REPEATS = "the path repeats itself without end: set limits=Limits(pieces=...) to follow it further"
 #: Pieces after which a path is looked at again; odd, so that the ends of a path take turns.
 EVERY = 13
 #: Differences that must fit a convergent sequence, and most kinds of points that may take turns.
@@ -299,7 +298,7 @@ def accumulating(nodes: Mapping[int, Node], number: int) -> str:
     way = _way_to(nodes, number, TERMS * MOST_TURNS + 2)
     alphas = [place.alpha for place, _ in way]
     limit = accumulation(alphas if nodes[number].lost else alphas[:-1])
-    return "" if limit is None else f"; {ACCUMULATE} {limit:.6g}"
+    return "" if limit is None else f"; {Remark.ACCUMULATE} {limit:.6g}"
 
 
 def accumulation(alphas: Sequence[float]) -> float | None:

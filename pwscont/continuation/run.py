@@ -20,13 +20,13 @@ from pwscont.basics.arrays import Array
 from pwscont.basics.budget import INTERRUPTED, Budget, Limits
 from pwscont.basics.outcome import (
     CROSSED,
-    FILL,
-    FILL_CURVES,
     GIVEN_UP,
     IN_VAIN,
     Guarantee,
     Kind,
+    Remark,
     SearchScope,
+    says,
 )
 from pwscont.basics.printing import counted
 from pwscont.basics.rounding import SAME_ALPHA
@@ -144,12 +144,12 @@ def _infinite(plan: Plan, discovery: Discovery, is_part: bool) -> tuple[Stretch,
         for node in nodes
         if node.lost > 0
         or node.kind == Kind.STOPPED
-        or (node.kind not in CROSSED and FILL in node.message)
+        or (node.kind not in CROSSED and says(node.message, Remark.FILL))
     ]
     if nodes and not (is_part or doubtful):
         return ()
     alphas = [*plan.interval, *(node.place.alpha for node in nodes)]
-    one_of_many = [node.place.x for node in nodes if node.message == FILL_CURVES]
+    one_of_many = [node.place.x for node in nodes if node.message == Remark.FILL_CURVES]
     system, metric = plan.reduced_system, plan.metric
     return joined(find_continua(system, metric, alphas, one_of_many, doubtful), alphas)
 

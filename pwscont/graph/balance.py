@@ -16,7 +16,7 @@ import numpy as np
 
 from pwscont.basics import outcome
 from pwscont.basics.errors import PwscontError
-from pwscont.basics.outcome import FailureReason, Guarantee, Kind
+from pwscont.basics.outcome import FailureReason, Guarantee, Kind, Remark, says
 from pwscont.basics.printing import apart, number
 from pwscont.basics.rounding import CONFIDENCE, EPS, GUARD
 from pwscont.graph import queries
@@ -58,7 +58,7 @@ def loose_ends(graph: ConnectedPieces) -> dict[SpecialPoint, int]:
 def is_on_purpose(graph: ConnectedPieces, point: SpecialPoint) -> bool:
     """Tell whether the system or the user ends branches at a point."""
     ends = point.kind == Kind.EVENT and len(graph.pieces_at(point.id)) == 1
-    return point.kind == Kind.END or ends or outcome.ON_BOUND in point.message
+    return point.kind == Kind.END or ends or says(point.message, Remark.ON_BOUND)
 
 
 #: Failures after which a branch is said to run to infinity.
@@ -67,7 +67,7 @@ TO_INFINITY = (FailureReason.UNBOUNDED, FailureReason.ENDLESS, FailureReason.FLA
 
 def leaves_upright(graph: ConnectedPieces, point: SpecialPoint) -> bool:
     """Tell whether a branch runs to infinity at an alpha with infinitely many solutions."""
-    runs = any(reason.value in point.message for reason in TO_INFINITY)
+    runs = says(point.message, *TO_INFINITY)
     return runs and queries.is_beside_infinite(graph, point.alpha)
 
 
@@ -264,17 +264,17 @@ def _doubts(graph: ConnectedPieces) -> Iterator[str]:
     """Yield what was found at special points and prevents a search from keeping a promise."""
     of_many = {point for point in graph.nodes if queries.is_beside_infinite(graph, point.alpha)}
     lost = [point for point in graph.nodes if point.kind == Kind.STOPPED or point.lost]
-    alone = [p for p in lost if not (outcome.FILL_CURVES in p.message and p in of_many)]
+    alone = [p for p in lost if not (says(p.message, Remark.FILL_CURVES) and p in of_many)]
     yield from _stops(graph, alone)
     yield from _left_out(graph)
     yield from _places(IN_PART, graph, graph.special_points(Kind.PARTIAL_CORNER))
     if known := [stretch.ends for stretch in graph.infinite if stretch[0] < stretch[1]]:
         yield f"infinitely many solutions for {graph.parameter} in {', '.join(known)}"
-    filled = [p for p in graph.nodes if outcome.FILL in p.message and p not in of_many]
+    filled = [p for p in graph.nodes if says(p.message, Remark.FILL) and p not in of_many]
     left = [p for p in filled if not all(piece.is_vertical for piece in graph.pieces_at(p.id))]
     yield from _places("solutions fill more than curves", graph, left)
     yield from _touches(graph)
-    twofold = [point for point in graph.nodes if outcome.TWOFOLD in point.message]
+    twofold = [point for point in graph.nodes if says(point.message, Remark.TWOFOLD)]
     yield from _places("two curves may be taken for one on the piece that ends", graph, twofold)
     begun = []
     for piece in graph.pieces:  # alpha rises and falls, by more than rounding and the ends' errors
@@ -298,7 +298,7 @@ def _left_out(graph: ConnectedPieces) -> Iterator[str]:
 
 def _touches(graph: ConnectedPieces) -> Iterator[str]:
     """Yield where only the curves that arrive are known to go on."""
-    touching = [point for point in graph.nodes if outcome.TOUCH in point.message]
+    touching = [point for point in graph.nodes if says(point.message, Remark.TOUCH)]
     yield from _places("curves touch, or more than two cross,", graph, touching)
 
 
@@ -313,7 +313,7 @@ def _stops(graph: ConnectedPieces, points: list[SpecialPoint]) -> Iterator[str]:
 
 def _what_happened(graph: ConnectedPieces, point: SpecialPoint) -> str:
     """Return the words for a stopped piece: the model ends there, seems to end, or does not."""
-    if FailureReason.NOT_FINITE.value in point.message:
+    if says(point.message, FailureReason.NOT_FINITE):
         return "the model ends"
     if leaves_upright(graph, point):
         return "infinitely many solutions"
@@ -328,7 +328,7 @@ def _what_happened(graph: ConnectedPieces, point: SpecialPoint) -> str:
 
 def _reason(point: SpecialPoint) -> str:
     """Return why a piece was stopped, without the advice, and where special points accumulate."""
-    known = [trouble.value for trouble in FailureReason if trouble.value in point.message]
+    known = [reason.value for reason in FailureReason if says(point.message, reason)]
     words = (known or point.message.split("; ")[-1:])[0]
     near = _accumulation(point)
     words = words.split(";")[0].split(": ")[0]
@@ -337,7 +337,7 @@ def _reason(point: SpecialPoint) -> str:
 
 def _accumulation(point: SpecialPoint) -> str:
     """Return the part of the message about special points that accumulate."""
-    _, what, limit = point.message.partition(outcome.ACCUMULATE)
+    _, what, limit = point.message.partition(Remark.ACCUMULATE)
     return f"{what}{limit.split(';')[0]}"
 
 

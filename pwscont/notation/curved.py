@@ -73,8 +73,6 @@ class SwitchedSystem(Notated, GivesFormula):
 
     def _outcome(self, z: Array, alpha: float, character: Character | None) -> Outcome:
         """Return an outcome, from the last call if equal; character None stands for true modes."""
-        if character is not None and z.dtype == object:  # columns have no digits to remember
-            return self._lifted.outcome(z, alpha, self._layout.modes(character.array))
         place, signs = z.tobytes(), bytes(character) if character is not None else b""
         last = self._last
         if last and last[0] == place and last[1] == alpha and signs in (b"", last[2]):

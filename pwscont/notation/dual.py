@@ -21,7 +21,7 @@ from typing import Any, final
 import numpy as np
 import scipy.sparse as sp
 
-from pwscont.extending import Array, Indices, Matrix, dense, numbers_in
+from pwscont.extending import Array, Indices, Matrix, dense
 from pwscont.notation.arithmetic import (
     KINKED,
     OF_TWO,
@@ -228,7 +228,7 @@ def is_traced(thing: Any) -> bool:
 
 
 def as_operand(thing: Any) -> Any:
-    """Return an array of floats or columns, or a Dual: also for a list or box with Duals."""
+    """Return an array of floats, or a Dual: also for a list or box with Duals."""
     if isinstance(thing, Dual) or (type(thing) is np.ndarray and thing.dtype == float):
         return thing  # nearly always
     if is_traced(thing):
@@ -238,8 +238,6 @@ def as_operand(thing: Any) -> Any:
         entries = array.ravel()
         some = next((entry for entry in entries if isinstance(entry, Dual)), None)
         if some is None:
-            if numbers_in(entries) is not None:
-                return array
             raise UntraceableError("an array of objects")
         if _are_all_numbers(entries):
             return _of_numbers(entries, some.rows.shape[1]).reshape(array.shape)

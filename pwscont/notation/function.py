@@ -26,8 +26,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from pwscont import InvalidSystemError
-from pwscont.extending import EPS, GUARD, Array, Indices, generic, numbers_in
-from pwscont.notation.arithmetic import UntraceableError
+from pwscont.extending import EPS, GUARD, Array, Indices, generic
 from pwscont.notation.array_functions import chosen, where
 from pwscont.notation.dual import Dual, as_operand, is_traced, joined, value_of
 from pwscont.notation.layout import ABS, RELU, Call, Layout, Operation
@@ -138,7 +137,7 @@ class UserFunction:
 
 
 def _refuse_kept(z: Any) -> None:
-    """Refuse values with derivatives, or columns, from a call with plain numbers."""
+    """Refuse values with derivatives from a call with plain numbers."""
     if type(z) is np.ndarray and z.dtype == float:
         raise InvalidSystemError(
             "the function keeps numbers of one call for the next, as a warm start does: a call "
@@ -272,9 +271,7 @@ def _differ(a: Any, b: Any, rounding: float) -> bool:
     """Tell whether arguments of two calls differ by more than rounding of usual arguments."""
     if is_traced(a) or is_traced(b):
         return False
-    one, other = numbers_in(value_of(a)), numbers_in(value_of(b))
-    if one is None or other is None:
-        return True  # not numbers at all
+    one, other = value_of(a), value_of(b)
     sizes = np.abs(one) + np.abs(other)
     with np.errstate(invalid="ignore"):
         least = ALIKE * (sizes + sizes.max(initial=0.0)) + rounding
@@ -334,8 +331,6 @@ class LiftedFunction:
             found = self.function.outcome(x[: self.size], alpha, self.layout, pick)
         if _is_finite(found):
             return found
-        if x.dtype == object:
-            raise UntraceableError("columns, at some points of which a call is not finite")
         rounding = EPS * np.abs(x.value).max() if isinstance(x, Dual) else 0.0
         picks = (self._beyond(pick, sign, rounding) for sign in (0.0, -1.0))
         at_zero, mirrored = (
@@ -382,7 +377,7 @@ def _parts(outcome: Outcome) -> tuple[Any, Any, Any]:
 def _is_finite(outcome: Outcome) -> bool:
     """Tell whether all numbers and derivatives are finite; arrays traced by JAX count as finite."""
     for part in _parts(outcome):
-        known: list[Any] = [numbers_in(part)] if type(part) is np.ndarray else []
+        known: list[Any] = [part] if type(part) is np.ndarray else []
         if type(part) is Dual:
             known = [part.value, part.rows.data if sp.issparse(part.rows) else part.rows]
         if not all(np.isfinite(numbers).all() for numbers in known):

@@ -18,7 +18,7 @@ from typing import final
 import numpy as np
 
 from pwscont.basics.arrays import Array, Matrix, Signs, are_finite, plus, smallest
-from pwscont.basics.outcome import FILL, Failure, FailureReason, Kind
+from pwscont.basics.outcome import Failure, FailureReason, Kind, Remark
 from pwscont.basics.rounding import CONFIDENCE, EPS, GUARD, HALF_DIGITS
 from pwscont.curve.crossing import may_cross
 from pwscont.curve.curve import Curve, State
@@ -307,7 +307,7 @@ def _message(found: TangentCone, tests: str, count: int) -> str:
         return f"{few}; {ways}, found by perturbation"
     rays = len(found.rays)
     if found.dimension > 1:
-        cone = f"{FILL} a cone of dimension {found.dimension}"
+        cone = f"{Remark.FILL} a cone of dimension {found.dimension}"
         return f"{tests} vanish; {cone}, of which the {rays} extreme rays are followed"
     along = ", at least one along an interface" if found.along_interface else ""
     return f"{tests} vanish; {rays} pieces meet{along}"

@@ -21,7 +21,7 @@ from typing import final
 import numpy as np
 
 from pwscont.basics.arrays import Array, Matrix, generic, product
-from pwscont.basics.outcome import TOUCH, Failure, FailureReason, Kind
+from pwscont.basics.outcome import Failure, FailureReason, Kind, Remark
 from pwscont.basics.rounding import CONFIDENCE, EPS, HALF_DIGITS
 from pwscont.curve import crossing
 from pwscont.curve.crossing import Crossing
@@ -112,7 +112,7 @@ class SmoothBranchPoints(TransitionDetector):
         after = -state.orientation if 0 <= index < OWN_SIGNS else state.orientation
         onward = Ray(curve, State(state.x, state.tangent, state.error, after, is_singular=True))
         rays = Ray(curve, state).reversed(), onward
-        return SpecialPointFound(Kind.DEGENERATE, state.x, TOUCH, rays)
+        return SpecialPointFound(Kind.DEGENERATE, state.x, Remark.TOUCH, rays)
 
 
 def branch_point(curve: Curve, found: Crossing, state: State) -> SpecialPointFound:

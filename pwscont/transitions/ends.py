@@ -24,7 +24,7 @@ import numpy as np
 
 from pwscont.basics.arrays import Array, Matrix, Signs, are_finite
 from pwscont.basics.character import Character
-from pwscont.basics.outcome import FILL, FILL_CURVES, Failure, FailureReason, Kind
+from pwscont.basics.outcome import Failure, FailureReason, Kind, Remark
 from pwscont.basics.rounding import CONFIDENCE, EPS, GUARD, HALF_DIGITS, SAME_ALPHA
 from pwscont.curve.crossing import loses_rank
 from pwscont.curve.curve import Curve, State
@@ -129,7 +129,7 @@ def _inside(curve: Curve, x: Array, error: Array) -> SpecialPointFound:
     held = regular_border(curve, x)
     if held is None:
         if is_one_of_many(curve.selection.system, curve.metric, x):
-            return SpecialPointFound(Kind.STOPPED, x, FILL_CURVES, ())
+            return SpecialPointFound(Kind.STOPPED, x, Remark.FILL_CURVES, ())
         stopped = SpecialPointFound(Kind.STOPPED, x, str(FailureReason.SINGULAR.value), ())
         return at_branch_point(curve, x) or stopped
     jacobian, row, factor = held
@@ -222,7 +222,7 @@ def at_end(curve: Curve, state: State) -> SpecialPointFound:
         is_level = not (is_straight or ray.curve.slope(ray.state))  # at the end
         bends_inwards = is_level and not smooth_folds.leads_outside(ray)
         inside += [ray] if turns(back, ray) or bends_inwards else []
-    wide = f"; {FILL} a cone of dimension {dimension}" if dimension > 1 else ""
+    wide = f"; {Remark.FILL} a cone of dimension {dimension}" if dimension > 1 else ""
     return SpecialPointFound(Kind.END, state.x, f"end of the interval{wide}", (back, *inside))
 
 
