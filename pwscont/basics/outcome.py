@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from enum import Enum, IntEnum, StrEnum
+from enum import IntEnum, StrEnum
 from typing import final
 
 
@@ -63,7 +63,7 @@ NOTHING_FOUND = "nothing found"
 
 
 @final
-class FailureReason(Enum):
+class FailureReason(StrEnum):
     """The reason of a failure; the value is the advice that a user reads."""
 
     NOT_CONVERGED = (
@@ -126,7 +126,7 @@ class FailureReason(Enum):
 
 def says(message: str, *what: Remark | FailureReason) -> bool:
     """Tell whether the message of a special point holds one of these remarks or reasons."""
-    return any(each.value in message for each in what)
+    return any(each in message for each in what)
 
 
 @final
@@ -144,7 +144,7 @@ class Failure:
     trouble: FailureReason | str  #: Advice to the user, or the words of a user's own stepper.
 
     def __str__(self) -> str:
-        return self.trouble.value if isinstance(self.trouble, FailureReason) else self.trouble
+        return str(self.trouble)
 
 
 @final

@@ -130,7 +130,7 @@ def _inside(curve: Curve, x: Array, error: Array) -> SpecialPointFound:
     if held is None:
         if is_one_of_many(curve.selection.system, curve.metric, x):
             return SpecialPointFound(Kind.STOPPED, x, Remark.FILL_CURVES, ())
-        stopped = SpecialPointFound(Kind.STOPPED, x, str(FailureReason.SINGULAR.value), ())
+        stopped = SpecialPointFound(Kind.STOPPED, x, FailureReason.SINGULAR.value, ())
         return at_branch_point(curve, x) or stopped
     jacobian, row, factor = held
     tangent = curve.metric.normalised(factor.solve(last_unit(len(x))))
