@@ -66,7 +66,7 @@ BUDGET = {
     "transitions": (13, 3413),
     "graph": (8, 2494),
     "search": (9, 2046),
-    "continuation": (9, 2862),
+    "continuation": (9, 2861),
     "kit": (4, 975),
     "proof": (8, 2079),
     "events": (4, 556),
