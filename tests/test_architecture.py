@@ -79,7 +79,7 @@ BUDGET = {
     "commands": (10, 1158),
 }
 #: Most files and classes that the README's arch meets; a change that needs more says why.
-MOST_FILES_MET, MOST_CLASSES_MET = 51, 54
+MOST_FILES_MET, MOST_CLASSES_MET = 51, 55
 
 
 def module_of(path):
