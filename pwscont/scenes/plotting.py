@@ -255,7 +255,8 @@ def plot(
     Raises
     ------
     InvalidInputError
-        If ``graph`` or ``ax`` is none, or there is no such quantity; the message lists similar names.
+        If ``graph`` or ``ax`` is none, or there is no such quantity: the message lists similar
+        names.
 
     Examples
     --------
