@@ -31,6 +31,7 @@ from pwscont.basics.arrays import (
     power_of_two,
 )
 from pwscont.basics.budget import check_budget
+from pwscont.basics.files import write_file
 from pwscont.basics.outcome import Failure, FailureReason, Guarantee, Kind, SearchScope
 from pwscont.basics.printing import apart, card, counted, named, number, short, with_article
 from pwscont.basics.quantities import Function, Quantities, as_written, spelled
@@ -225,6 +226,7 @@ __all__ = [
     "uninterrupted",
     "values_within",
     "with_article",
+    "write_file",
 ]
 
 

@@ -13,7 +13,7 @@ from paper_systems import CASES, ONE_NODE, contact_body
 from pwscont_coulomb import AffineLoad, CoulombLoad
 from reference_enumeration import solve_modes
 
-from pwscont import BranchGraph, Character, PseudoArclength, explore, trace
+from pwscont import LCP, BranchGraph, Character, PseudoArclength, draw_counts, explore, plot, trace
 from pwscont.basics.errors import GraphFileError, InvalidInputError, SystemNeededError
 from pwscont.basics.outcome import Kind
 from pwscont.graph.records import Piece, Place, SpecialPoint
@@ -469,3 +469,21 @@ def test_a_stretch_wider_than_the_errors_of_its_ends_is_judged():
 
 def test_where_every_stretch_is_blurred_the_balance_still_counts():
     assert not graph_with_a_thin_stretch(error=1.0).is_balanced()
+
+
+@pytest.mark.parametrize(
+    ("call", "named"),
+    [
+        (lambda graph, path: BranchGraph.load(path, LCP), "system must be a PiecewiseSystem"),
+        (lambda graph, path: BranchGraph.load(path, "arch"), "system must be a PiecewiseSystem"),
+        (lambda graph, path: graph.path(1, graph.solutions(0.5)[0]), "a must be a Solution"),
+        (lambda graph, path: plot(graph, ax="left"), "ax must be an Axes"),
+        (lambda graph, path: draw_counts(graph, 3), "ax must be an Axes"),
+        (lambda graph, path: draw_counts("graph", 3), "graph must be a BranchGraph"),
+    ],
+)
+def test_arguments_of_another_kind_are_refused_in_words(call, named, tmp_path):
+    graph, path = explore(LCP([[2.0]], q=[0.0], d=[-1.0]), (-1.0, 1.0)), tmp_path / "graph.json"
+    graph.save(path)
+    with pytest.raises(InvalidInputError, match=named):
+        call(graph, path)

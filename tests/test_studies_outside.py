@@ -307,6 +307,15 @@ def test_files_in_the_way_are_said(tmp_path):
     assert {file.name for file in tmp_path.iterdir()} == {"graphs", "study.csv"}
 
 
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="this system has no named pipes")
+def test_a_table_does_not_replace_a_device(tmp_path):
+    os.mkfifo(tmp_path / "pipe")
+    result = Study(known_graph, {"number": [0]}, ["max-count"]).run()
+    with pytest.raises(InvalidInputError, match="it is a device, not a file"):
+        result.write_csv(tmp_path / "pipe")
+    assert (tmp_path / "pipe").is_fifo()
+
+
 def test_texts_that_no_encoding_has_are_kept(tmp_path):
     study = Study(known_graph, {"number": ["\udcff.cir"]}, {"name": lambda graph: "\ud800"})
     result = study.run(store=tmp_path / "study.db")

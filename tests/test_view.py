@@ -1,6 +1,7 @@
 """Views in the browser: the records of a page, the files, and what is refused."""
 
 import json
+import os
 import re
 import sys
 from base64 import b64decode
@@ -418,3 +419,11 @@ def test_a_file_of_evolutions_and_its_scene_have_pages(tmp_path, capsys):
     (tmp_path / "other.npz").write_bytes(b"nothing")
     assert main(["view", str(tmp_path / "other.npz")]) != 0
     assert "other.npz" in capsys.readouterr().err
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="this system has no named pipes")
+def test_a_page_does_not_replace_a_device(tmp_path):
+    os.mkfifo(tmp_path / "pipe")
+    with pytest.raises(InvalidInputError, match="it is a device, not a file"):
+        View(fig7().run()).save(tmp_path / "pipe")
+    assert (tmp_path / "pipe").is_fifo()

@@ -19,7 +19,7 @@ from scipy.linalg import null_space
 
 from pwscont.basics.arrays import Array
 from pwscont.basics.character import Character
-from pwscont.basics.rounding import EPS, GUARD
+from pwscont.basics.rounding import EPS, GUARD, TINY
 from pwscont.enumeration.choices import SLACK, Choices, inequalities_of
 from pwscont.enumeration.options import Option, Problem
 
@@ -189,8 +189,6 @@ MAGNIFIED = (1.0, 2.0**16)
 UNBOUNDED = 3
 #: Least multiplier that is not zero; the sum of all multipliers is 1.
 LEAST_MULTIPLIER = 1e-6
-#: Least length by which a direction is divided.
-LEAST_LENGTH = float(np.finfo(float).tiny)
 
 
 @final
@@ -289,7 +287,7 @@ class Polyhedron:
 
     def _largest(self, way: Array) -> tuple[Array, Array] | None:
         """Return a point with the largest ``way @ w``, and the multipliers of the inequalities."""
-        point, way = np.zeros(len(way)), way / max(float(np.abs(way).max()), LEAST_LENGTH)
+        point, way = np.zeros(len(way)), way / max(float(np.abs(way).max()), TINY)
         multipliers = np.zeros(len(self.vector))
         for factor in MAGNIFIED:
             found = self._program(way, factor * self.moved(point).vector)

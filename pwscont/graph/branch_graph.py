@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, final
 
 import numpy as np
 
-from pwscont.basics.arguments import pandas_for
+from pwscont.basics.arguments import checked_kind, pandas_for
 from pwscont.basics.arrays import Array
 from pwscont.basics.outcome import NOTHING_FOUND, Guarantee
 from pwscont.basics.printing import apart, counted, number
@@ -161,6 +161,7 @@ class BranchGraph(ConnectedPieces):
             If the system has another number of unknowns or tests than the graph, or other
             solutions, or names and functions of ``record`` do not fit.
         """
+        checked_kind("system", system, PiecewiseSystem)
         contents, proof = storage.read(path)
         if system is not None:
             own = storage.adopted(path, contents, system)

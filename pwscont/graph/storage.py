@@ -8,11 +8,9 @@ reference are checked before a graph is made.
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from errno import EINVAL
 from functools import partial
 from io import BytesIO
 from math import inf, isfinite, isnan
@@ -24,6 +22,7 @@ import numpy as np
 from pwscont.basics.arrays import Array
 from pwscont.basics.character import Character
 from pwscont.basics.errors import GraphFileError, InvalidInputError, InvalidSystemError
+from pwscont.basics.files import write_file
 from pwscont.basics.outcome import Guarantee, SearchScope, kind_of
 from pwscont.basics.quantities import Kept, Quantities
 from pwscont.basics.rounding import SAME_ALPHA
@@ -39,23 +38,13 @@ from pwscont.system.system import PiecewiseSystem
 
 
 def write_archive(path: str | Path, header: Mapping[str, Any], arrays: Mapping[str, Any]) -> None:
-    """Write a header, as JSON, and arrays by name, or raise a GraphFileError.
-
-    The file appears whole or not at all, and nothing else is left behind.
-    """
+    """Write a header, as JSON, and arrays by name, or raise a GraphFileError."""
     content = BytesIO()
     named: dict[str, Any] = {"header": np.array(json.dumps(header)), **arrays}
     # not compressed: digits are random, and compressing them takes ten times as long as all else
     np.savez(content, **named)
     try:
-        if Path(path).exists() and not (Path(path).is_file() or Path(path).is_dir()):
-            raise OSError(EINVAL, "it is a device, not a file")  # a replaced device is lost
-        temporary = Path(path).with_name(Path(path).name + ".part")
-        try:
-            temporary.write_bytes(content.getbuffer())
-            os.replace(temporary, path)
-        finally:
-            temporary.unlink(missing_ok=True)
+        write_file(path, content.getbuffer())
     except (OSError, TypeError, ValueError) as error:  # the last two: no path of a file
         why = getattr(error, "strerror", None) or error
         raise GraphFileError(f"cannot write {path}: {why}") from error

@@ -15,6 +15,7 @@ import numpy as np
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
+from pwscont.basics.arguments import checked_kind
 from pwscont.basics.arrays import Array
 from pwscont.basics.errors import InvalidInputError, UnknownNameError
 from pwscont.basics.outcome import Guarantee, Kind, SearchScope
@@ -154,6 +155,8 @@ class ConnectedPieces:
 
         Empty where no way connects the solutions, as where a solution lies on no piece.
         """
+        for name, solution in (("a", a), ("b", b)):
+            checked_kind(name, solution, Solution, is_needed=True)
         import networkx as nx  # noqa: PLC0415  it takes longer to import than most paths to follow
 
         beside = nx.Graph()

@@ -13,7 +13,7 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 
 from pwscont import BranchGraph
-from pwscont.extending import Array
+from pwscont.extending import Array, checked_kind
 from pwscont.scenes.labels import LETTERS
 from pwscont.scenes.panels import ParameterPath
 from pwscont.scenes.styles import number_of, symbol
@@ -106,6 +106,8 @@ def draw_counts(graph: BranchGraph, ax: Axes) -> Axes:
     >>> draw_counts(graph, Figure().subplots()).get_ylabel()
     'number'
     """
+    checked_kind("graph", graph, BranchGraph, is_needed=True)
+    checked_kind("ax", ax, Axes, is_needed=True)
     stretches = [stretch for stretch in graph.multiplicity() if stretch[0] < stretch[1]]
     edges = [graph.interval[0], *(hi for _, hi, _ in stretches)]
     counts = [count if isfinite(count) else nan for _, _, count in stretches]

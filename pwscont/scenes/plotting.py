@@ -255,7 +255,8 @@ def plot(
     Raises
     ------
     InvalidInputError
-        If ``graph`` is none, or there is no such quantity; the message lists similar names.
+        If ``graph`` or ``ax`` is none, or there is no such quantity: the message lists similar
+        names.
 
     Examples
     --------
@@ -269,6 +270,7 @@ def plot(
     '$z$[1]'
     """
     checked_kind("graph", graph, BranchGraph, is_needed=True)
+    checked_kind("ax", ax, Axes)
     panel = Panel(what if y is None else y)
     across = None if isinstance(x, str) and is_parameter(graph, x) else x
     for quantity in (panel.component, *(() if across is None else (across,))):

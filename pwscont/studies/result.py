@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import csv
 import json
-import os
 from collections import Counter
 from collections.abc import Iterator
 from importlib import import_module
+from io import StringIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, final
 
@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pwscont import BranchGraph, InvalidInputError, MissingPackageError, UnknownNameError
-from pwscont.extending import card, named
+from pwscont.extending import card, named, write_file
 from pwscont.studies.case import StudyRow, graph_file
 from pwscont.studies.problem import FIXED, Grid, Setting
 from pwscont.studies.store import Store
@@ -233,22 +233,20 @@ class StudyResult:
         InvalidInputError
             If the file cannot be written.
         """
-        unfinished = Path(f"{path}.unfinished")
         try:
-            self._write_lines(unfinished)
-            os.replace(unfinished, path)
+            # undecodable bytes of file names, which the command line accepts, become escapes
+            write_file(path, self._lines().encode("utf-8", "backslashreplace"))
         except OSError as error:
-            if unfinished.is_file():
-                unfinished.unlink()
             raise InvalidInputError(f"cannot write {path}: {error.strerror or error}") from error
 
-    def _write_lines(self, path: Path) -> None:
-        # undecodable bytes of file names, which the command line accepts, are written as escapes
-        with path.open("w", encoding="utf-8", errors="backslashreplace", newline="") as file:
-            writer = csv.DictWriter(file, self._columns())
-            writer.writeheader()
-            for row in self:
-                writer.writerow({k: _text(value) for k, value in self._record(row).items()})
+    def _lines(self) -> str:
+        """Return a line for each case, and the names of the columns before."""
+        text = StringIO()
+        writer = csv.DictWriter(text, self._columns())
+        writer.writeheader()
+        for row in self:
+            writer.writerow({k: _text(value) for k, value in self._record(row).items()})
+        return text.getvalue()
 
     def _columns(self) -> list[str]:
         return [FIXED[0], *self.over, *self.measures, *FIXED[1:]]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping, Sequence
 from functools import cached_property
 from html import escape
@@ -12,7 +11,7 @@ from pathlib import Path
 from typing import Any, Protocol, final
 
 from pwscont import BranchGraph, InvalidInputError, MissingPackageError
-from pwscont.extending import Quantities, checked_kind, counted, named
+from pwscont.extending import Quantities, checked_kind, counted, named, write_file
 from pwscont.scenes.panels import BodyPicture, Panel, Shown, quantity_named
 from pwscont.view.body import body_records
 from pwscont.view.numbers import Numbers
@@ -142,12 +141,9 @@ class View:
         target, content = Path(path), self.html.encode("utf-8")
         if not target.name:
             raise InvalidInputError(f"cannot write {str(path)!r}: it names no file")
-        temporary = target.with_name(target.name + ".part")
         try:
-            temporary.write_bytes(content)
-            os.replace(temporary, target)
+            write_file(target, content)
         except OSError as error:
-            temporary.unlink(missing_ok=True)
             raise InvalidInputError(f"cannot write {path}: {error.strerror or error}") from error
         return target
 
