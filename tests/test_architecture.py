@@ -64,7 +64,7 @@ BUDGET = {
     "curve": (12, 3409),
     "enumeration": (11, 2496),
     "transitions": (13, 3413),
-    "graph": (8, 2487),
+    "graph": (8, 2479),
     "search": (9, 2046),
     "continuation": (9, 2861),
     "kit": (4, 975),

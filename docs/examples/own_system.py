@@ -35,12 +35,12 @@ from pwscont import (
     PiecewiseSystem,
     PseudoArclength,
     Scene,
+    StepSize,
     check_system,
     explore,
     plot,
     trace,
 )
-from pwscont.curve.stepper import StepSize
 
 
 class ArchOverPad(PiecewiseSystem):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from itertools import groupby, pairwise
 from numbers import Real
 from operator import itemgetter
@@ -57,17 +58,8 @@ def _refined(graph: ConnectedPieces, piece: Piece, alpha: float) -> Solution:
         x, error = solve_between(system, piece.character, points, alpha, interval)
         digits = significant(error, x, scale)
         x, error = shown_points(system, x), shown_points(system, error)
-    return Solution(
-        z=x[:-1],
-        alpha=alpha,
-        character=piece.character,
-        label=piece.label,
-        det_sign=piece.det_sign,
-        piece=piece.id,
-        error=error,
-        digits=digits,
-        quantities=graph.quantities,
-    )
+    found = Solution(x[:-1], alpha, piece.character, piece.label, piece.det_sign, piece.id)
+    return replace(found, error=error, digits=digits, quantities=graph.quantities)
 
 
 def stray_alpha(
