@@ -60,7 +60,7 @@ BUDGET = {
     "system": (9, 2078),
     "linear": (6, 1112),
     "notation": (13, 2921),
-    "curve": (13, 3415),
+    "curve": (13, 3419),
     "enumeration": (11, 2503),
     "transitions": (13, 3926),
     "graph": (8, 2482),

@@ -82,7 +82,8 @@ MANY = 32
 #: Sizes that differ by more than this factor are compared with Newton steps, and are too small if
 #: all steps are longer by the second factor.
 FAR_APART, FAR_BEYOND = 1e6, 1e3
-#: Unknowns that change by less than this part of their size over the interval do not move.
+#: Unknowns that change by less than this part of their size over the interval do not move, and no
+#: magnitude is less than this part of a solution: hardly half of the digits would be left.
 STILL = EPS**0.5
 #: Among many unknowns, an unknown smaller than this part of the largest, in units in which columns
 #: of the Jacobian are balanced, is not measured by its own size.
@@ -263,9 +264,11 @@ def _bend(
         def is_bent(power: int) -> bool:
             step = BASE**power
             once, twice, little = changes(step), changes(2.0 * step), changes(MERE * step)
-            bent = (np.abs(twice - 2.0 * once) > BENT * np.abs(twice)) & (little != 0.0)
+            bent = (np.abs(twice - grows * once) > BENT * np.abs(twice)) & (little != 0.0)
             return is_anywhere(bent.ravel()) or not np.isfinite(twice).all(axis=1).any()
 
+        once, twice = changes(BASE**-POWERS), changes(2.0 * BASE**-POWERS)
+        grows = np.where(once != 0.0, twice / once, 2.0)  # 4 for a product: no unit either
         power = _first(is_bent, -POWERS, POWERS)
         if power == POWERS and alpha == alphas[len(alphas) // 2]:  # z - tanh(z): straight far away
             power = next(filter(is_bent, range(POWERS, -POWERS, -STRIDE)), POWERS)
@@ -414,7 +417,8 @@ def magnitudes_of(system: PiecewiseSystem, metric: Metric, found: Sequence[Found
         slope = np.full(system.size, np.inf)
         if not factor.is_singular():
             slope = metric.width * np.abs(factor.solve(last_unit(len(x))))[:-1]
-        sizes = np.maximum(sizes, np.where(slope > STILL * own, own, 0.0))
+        tells = (slope > STILL * own) | (metric.scale[:-1] < STILL * own)
+        sizes = np.maximum(sizes, np.where(tells, own, 0.0))
         slopes = np.where(slope > STILL * own, np.minimum(slopes, slope), slopes)
     if system.size > MANY:
         sizes = _without_tails(np.maximum(sizes, _finite(slopes)), jacobian)
