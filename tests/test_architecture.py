@@ -64,7 +64,7 @@ BUDGET = {
     "enumeration": (11, 2503),
     "transitions": (13, 3926),
     "graph": (8, 2482),
-    "search": (9, 2048),
+    "search": (9, 2049),
     "continuation": (8, 2815),
     "kit": (4, 975),
     "proof": (8, 2079),

@@ -85,3 +85,47 @@ def test_products_alone_tell_no_unit(unit):
     for alpha in (0.1, 0.5, 0.7, 1.1):
         found = sorted(np.mean(s.z / system.unit) for s in graph.solutions(alpha))
         np.testing.assert_allclose(found, system.numbers(alpha), atol=1e-7)
+
+
+class Patches(PiecewiseSystem):
+    """Three patches in a row with an Allee effect, harvest above a threshold, and a predator.
+
+    Each equation gives the population of the next patch, so that the first population decides.
+    """
+
+    size, moves = 3, 0.1627
+    most, least = np.array([1.2039, 1.4774, 1.4178]), np.array([0.2903, 0.1866, 0.3973])
+    threshold, harvest = np.array([0.5758, 0.527, 0.3278]), np.array([0.2871, 0.4265, 0.1606])
+    unit = np.array([2.68e-4, 0.304, 1.05e-3])
+
+    def growth(self, i, x, alpha, is_high):
+        own = 0.5 * x * (1.0 - x / self.most[i]) * (x / self.least[i] - 1.0)
+        predator = alpha * x / (x * x + 0.2) if i == 0 else 0.0
+        return own - self.harvest[i] * is_high * (x - self.threshold[i]) - predator
+
+    def test_functions(self, z, alpha):
+        return z / self.unit - self.threshold
+
+    def residual(self, z, alpha, character):
+        x = z / self.unit
+        own = [self.growth(i, x[i], alpha, character.signs[i]) for i in range(3)]
+        return np.array(own) + self.moves * np.diff(x[[0, 0, 1, 2, 2]], 2)
+
+    def numbers(self, alpha):
+        def rest(x):
+            before, here = x, x
+            for i in range(3):
+                own = self.growth(i, here, alpha, here > self.threshold[i])
+                before, here = here, 2.0 * here - before - own / self.moves
+            return here - before
+
+        return zeros(rest, -1.0, 2.0)
+
+
+def test_populations_in_far_units():
+    """Starts alone missed one branch, "balanced"; a side path leads there from another."""
+    system = Patches()
+    graph = explore(system, (0.0, 0.3))
+    for alpha in (0.03, 0.07, 0.15, 0.2, 0.23):
+        found = sorted(s.z[0] / system.unit[0] for s in graph.solutions(alpha))
+        np.testing.assert_allclose(found, system.numbers(alpha), atol=1e-7)
