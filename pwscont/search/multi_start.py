@@ -50,7 +50,7 @@ SIDE_PATHS = 20
 STEPS_PER_START = 50
 #: Fewest unknowns for which side paths are followed in the place of half of the starts, and the
 #: number of steps along side paths of two or three unknowns.
-MANY_UNKNOWNS, FEW_STEPS = 4, 300
+MANY_UNKNOWNS, FEW_STEPS = 4, 150
 #: The golden section.
 GOLDEN = 0.5 * (5.0**0.5 - 1.0)
 
