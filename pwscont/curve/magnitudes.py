@@ -243,9 +243,11 @@ class _Probe:
             def is_bent(power: int) -> bool:
                 step = BASE**power
                 once, twice, little = changes(step), changes(2.0 * step), changes(MERE * step)
-                bent = (np.abs(twice - 2.0 * once) > BENT * np.abs(twice)) & (little != 0.0)
+                bent = (np.abs(twice - grows * once) > BENT * np.abs(twice)) & (little != 0.0)
                 return is_anywhere(bent.ravel()) or not np.isfinite(twice).all(axis=1).any()
 
+            once, twice = changes(BASE**-POWERS), changes(2.0 * BASE**-POWERS)
+            grows = np.where(once != 0.0, twice / once, 2.0)  # 4 for a product: no unit either
             power = _first(is_bent, -POWERS, POWERS)
             if power == POWERS and alpha == self.alphas[len(self.alphas) // 2]:
                 # z - tanh(z): straight far away
@@ -400,7 +402,9 @@ def magnitudes_of(system: PiecewiseSystem, metric: Metric, found: Sequence[Found
         slope = np.full(system.size, np.inf)
         if not factor.is_singular():
             slope = metric.width * np.abs(factor.solve(last_unit(len(x))))[:-1]
-        sizes = np.maximum(sizes, np.where(slope > HALF_DIGITS * own, own, 0.0))
+        # a magnitude far below a solution would leave hardly half of the digits
+        tells = (slope > HALF_DIGITS * own) | (metric.scale[:-1] < HALF_DIGITS * own)
+        sizes = np.maximum(sizes, np.where(tells, own, 0.0))
         slopes = np.where(slope > HALF_DIGITS * own, np.minimum(slopes, slope), slopes)
     if system.size > MANY:
         sizes = _without_tails(np.maximum(sizes, _finite(slopes)), jacobian)

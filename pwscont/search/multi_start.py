@@ -48,8 +48,9 @@ FEW_ON_LINE = 6
 SIDE_PATHS = 20
 #: Number of steps along side paths in the place of a start.
 STEPS_PER_START = 50
-#: Fewest unknowns for which side paths are followed.
-MANY_UNKNOWNS = 4
+#: Fewest unknowns for which side paths are followed in the place of half of the starts, and the
+#: number of steps along side paths of two or three unknowns.
+MANY_UNKNOWNS, FEW_STEPS = 4, 150
 
 
 @final
@@ -169,7 +170,7 @@ class Throughout(Search):
         starts, at_ends = affordable_starts(system, 1, 63), STARTS_AT_AN_END
         if shown_size(system) == 1:  # sign changes find nearly all
             starts, at_ends = FEW_ON_LINE**2, FEW_ON_LINE
-        steps = 0
+        steps = FEW_STEPS if shown_size(system) > 1 else 0
         if system.size >= MANY_UNKNOWNS:  # side paths find more than starts at the same cost
             starts, steps = max(starts // 2, 1), STEPS_PER_START * starts
         slices = int(min(max(starts**0.5, 3), 9))
