@@ -112,11 +112,26 @@ def test_units_of_a_complementarity_problem_do_not_hide_an_inequality(stiffness)
     assert len(boxes) + len(points) == 1
 
 
-def test_numbers_that_units_would_make_too_small_are_kept():
+STIFF = 1e156 * np.array([[1.0, 2.0], [2.0, 1.0]])
+
+
+@pytest.mark.parametrize(
+    ("game", "alpha"),
+    [
+        (LCP(STIFF, q=[-1e-170, -1e-170], d=[0, 0]), 0.0),
+        (Complementarity(lambda z, t: STIFF @ z - 1e-170 + 0.0 * t, n=2, linear=True), 0.0),
+        (Complementarity(lambda z, t: STIFF @ z - 1e-170 * t, n=2, linear=True), 1.0),
+    ],
+)
+def test_numbers_that_units_would_make_too_small_are_kept(game, alpha):
     """Divided by 1e156, a constant of 1e-170 would be zero, and three solutions would be one."""
-    game = LCP(1e156 * np.array([[1, 2], [2, 1]]), q=[-1e-170, -1e-170], d=[0, 0])
-    boxes, points, _ = proved_solutions(ExactCells(*game.exact_rows(0.0)), 0.0)
+    boxes, points, _ = proved_solutions(ExactCells(*game.exact_rows(alpha)), alpha)
     assert len(boxes) + len(points) == 3
+
+
+def test_numbers_that_units_would_make_infinite_are_kept():
+    soft = LCP([[1e-200]], q=[-1e200], d=[0])
+    assert soft.exact_rows(0.0)[1][0][1].equations.tolist() == [[1e-200, 0.0, -1e200]]
 
 
 @pytest.mark.parametrize("off", [5.0, -1e-6, np.nan, np.inf])
