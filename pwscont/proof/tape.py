@@ -31,6 +31,11 @@ from pwscont.system.system import PiecewiseSystem, SlicewiseLinearSystem
 
 #: Largest whole number that is taken as a power by repeated multiplication.
 LARGEST_POWER = 64
+#: Why a formula is refused.
+DECIDES = (
+    "the formula takes the plain number of something that depends on (z, alpha), or decides by it: "
+    "write decisions with the switches of sw, and np.array([...]) instead of entries put into zeros"
+)
 Rules = Mapping[str, Callable[..., Interval]]
 
 
@@ -172,8 +177,12 @@ class Traced(NDArrayOperatorsMixin):
 
     def __array_ufunc__(self, ufunc: np.ufunc, method: str, *args: Any, **options: Any) -> Any:
         """Write an operation down; for arrays, the operation of every entry."""
+        (place,) = options.pop("out", (None,))
         if method != "__call__" or options:
             self.tape.refuse(f"the formula calls {ufunc.__name__}.{method} with options")
+        if isinstance(place, np.ndarray):  # r -= alpha
+            place[...] = ufunc(*(as_array(each) for each in args))
+            return place
         if any(isinstance(each, np.ndarray) and each.ndim for each in args):
             return ufunc(*(as_array(each) for each in args))
         numbers = (each.item() if isinstance(each, np.ndarray) else each for each in args)
@@ -217,10 +226,7 @@ class Traced(NDArrayOperatorsMixin):
     __copy__ = __deepcopy__ = copy
 
     def _decide(self, *args: Any) -> Any:
-        return self.tape.refuse(
-            "the formula takes the plain number of, or a decision by, something that depends on "
-            "(z, alpha): write decisions with the switches of sw"
-        )
+        return self.tape.refuse(DECIDES)
 
     __hash__ = None  # type: ignore[assignment]
     __bool__ = __float__ = __int__ = __index__ = __complex__ = _decide
@@ -369,8 +375,10 @@ def traced(f: Callable[[Any, Any, Any], Any], size: int) -> Tape:
         if (tape.steps, tape.outputs) != (again.steps, again.outputs):
             raise TypeError("the formula is another one each time")
     except Exception as error:
+        found = DECIDES if "dtype('O')" in str(error) else error
+        why = each.refused[0] if each.refused else found
         raise InvalidInputError(
-            f"the formula cannot be traced, so that nothing can be proved: {error}"
+            f"the formula cannot be traced, so that nothing can be proved: {why}"
         ) from error
     if len(tape.outputs) != size:
         raise InvalidInputError(f"the formula returned {len(tape.outputs)} numbers, not {size}")
