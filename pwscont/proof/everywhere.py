@@ -17,9 +17,8 @@ from pwscont.curve.error_samples import Found
 from pwscont.curve.magnitudes import nonlinear_reach
 from pwscont.curve.metric import Metric, Range
 from pwscont.graph.proved import BoxProof
-from pwscont.proof.counts import counted_proof
+from pwscont.proof.boxes import MOST_BOXES, Domain, counted_proof, covered
 from pwscont.proof.interval import Interval
-from pwscont.proof.search import MOST_BOXES, Domain, covered
 from pwscont.proof.tape import check_tape, tape_of
 from pwscont.search.default_search import default_search
 from pwscont.search.pursuit import solution_from
