@@ -29,7 +29,6 @@ from pwscont.proof.interval import (
     ULP,
     Interval,
     are_regular,
-    chosen,
     inverses,
     solved,
     together,
@@ -196,7 +195,6 @@ NARROWED = 4
 LOOKED_AT = 30
 #: Parts of a stretch at which solutions are counted, in turn, until all are told apart.
 PLACES = (0.5, 0.381966, 0.61803, 0.26, 0.74)
-#: What is always assumed, of functions of numpy, and of classes.
 ASSUMED = (
     "assumed: a formula without state, the same for numbers and for the tape; arithmetic of "
     "IEEE 754 to nearest"
@@ -272,7 +270,7 @@ def enclosures(domain: Domain, boxes: Interval, alphas: list[float]) -> list[lis
     found, left, _ = covered(domain, boxes, accepts, np.inf, LOOKED_AT * len(boxes.lo))
     for _ in range(NARROWED):
         new = domain.enclosed(found)
-        found = chosen(np.isfinite(new.lo), new, found)
+        found = new.where(np.isfinite(new.lo), found)
     return [
         None if alpha in left.lo[:, -1] else _told_apart(domain, found[found.lo[:, -1] == alpha])
         for alpha in alphas
@@ -332,10 +330,10 @@ class _Passage:
         self._undecided = either.sum(axis=1)
         self._test = Interval(np.zeros_like(hulls.lo))  # of the switch that is undecided
         for k, each in enumerate(either.T):
-            self._test = chosen(each[:, np.newaxis], by[:, k] * domain.scale, self._test)
+            self._test = (by[:, k] * domain.scale).where(each[:, np.newaxis], self._test)
         hull, *modes = (with_slopes(domain.tape.slopes, hulls, rules)[1] for rules in MODES)
         is_many = (self._undecided > 1)[:, np.newaxis, np.newaxis]
-        modes = [chosen(is_many, hull, each) * domain.scale for each in modes]
+        modes = [hull.where(is_many, each) * domain.scale for each in modes]
         along = Interval(np.sum([_tangents(each.middle()) for each in modes], axis=0))
         #: The derivatives with one more row, along the curve.
         self._modes = [together(np.hstack, m, along) for m in modes]
@@ -347,7 +345,7 @@ class _Passage:
         is_one = (self._undecided == 1)[:, np.newaxis, np.newaxis]
         for k in range(WEIGHTS):
             weight = Interval(np.full(1, k / WEIGHTS), np.full(1, (k + 1) / WEIGHTS))
-            mixed = chosen(is_one, other + weight * (one - other), one)
+            mixed = (other + weight * (one - other)).where(is_one, one)
             passed &= are_regular(mixed, np.ones(one.lo.shape[-1]))
         return passed
 

@@ -102,12 +102,9 @@ class Tape:
     @cached_property
     def tests(self) -> Tape:
         """The tape of the tests of all switches, and of their derivatives by (z, alpha)."""
-        new = self._copy()
-        switches = (step for step in self.steps if step.name in SWITCHES)
-        tests = (
-            SWITCHES[step.name][0](*(Traced(new, place) for place in step.args))
-            for step in switches
-        )
+        new, switches = self._copy(), [step for step in self.steps if step.name in SWITCHES]
+        args = [[Traced(new, place) for place in step.args] for step in switches]
+        tests = [SWITCHES[step.name][0](*x) for step, x in zip(switches, args, strict=True)]
         return new._with_slopes([new.place_of(each) for each in tests])
 
     @cached_property
@@ -244,9 +241,9 @@ def as_array(thing: Any) -> Any:
 
 def _simpler(name: str, x: Any, y: Any) -> Any:
     """Return a sum, difference or product that is simpler than it looks, None for others."""
-    if not all(isinstance(each, Real | Traced) for each in (x, y)):
-        return None
     number, other = (x, y) if isinstance(x, Real) else (y, x)
+    if not (isinstance(number, Real | Traced) and isinstance(other, Traced)):
+        return None
     if not isinstance(number, Real):
         return x**2 if name == "multiply" and x.place == y.place else None
     if name == "multiply":
@@ -416,7 +413,10 @@ def _selected(system: PiecewiseSystem, z: Any, alpha: Any, sw: Any) -> Any:
 def check_tape(tape: Tape, system: Any, box: Interval) -> list[tuple[Array, Array]]:
     """Return H at points of a box, or refuse a tape that says something else at some point."""
     points = _points(box, COMPARED)
-    value = np.array([_value(system, x) for x in points])
+    try:
+        value = np.array([value_of(system, x) for x in points])
+    except Exception as error:
+        raise InvalidInputError(f"the formula fails in the box: {error}") from error
     differs = _differ(evaluated(tape, Interval(points)), Interval(value)).any(axis=1)
     if differs.any():
         raise InvalidInputError(
@@ -440,14 +440,6 @@ def _points(box: Interval, count: int, first: int = 0) -> Array:
     parts = [generic(len(box.lo), i) * 2.0 ** -(i % 10) for i in range(first, first + count)]
     points: Array = box.lo + (box.hi - box.lo) * (0.5 + 0.5 * np.array(parts))
     return points
-
-
-def _value(system: Any, x: Array) -> Array:
-    """Return H at a point, or refuse a system that fails there."""
-    try:
-        return value_of(system, x)
-    except Exception as error:
-        raise InvalidInputError(f"the formula fails at {x}: {error}") from error
 
 
 def _check_interface(tape: Tape, places: tuple[int, ...], box: Interval) -> None:
