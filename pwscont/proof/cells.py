@@ -88,12 +88,15 @@ class ExactCells:
 
     def left(self, interval: Range) -> Iterator[tuple[Choice, Interval, bool]]:
         """Yield the cells that may have solutions, their lines, and whether that is proved."""
+        is_regular = np.isfinite(self._others.width()).all()
         for some in self.portions(self.number):
             each = np.arange(some.start, some.stop)
             choices = np.array(np.unravel_index(each, [len(table) for table in self.sides])).T
             x, sides = self.lines(choices)
             ends, is_empty = ends_of(sides, interval)
-            holds: Signs = np.all(ends.lo > 0.0, axis=(1, 2)) & np.all(x.lo > -INF, axis=(1, 2))
+            holds: Signs = (
+                is_regular & np.all(ends.lo > 0.0, axis=(1, 2)) & np.all(x.lo > -INF, axis=(1, 2))
+            )
             for i in np.flatnonzero(~is_empty):
                 yield tuple(choices[i].tolist()), x[i], bool(holds[i])
 
