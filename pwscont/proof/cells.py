@@ -94,11 +94,9 @@ class ExactCells:
             choices = np.array(np.unravel_index(each, [len(table) for table in self.sides])).T
             x, sides = self.lines(choices)
             ends, is_empty = ends_of(sides, interval)
-            holds: Signs = (
-                is_regular & np.all(ends.lo > 0.0, axis=(1, 2)) & np.all(x.lo > -INF, axis=(1, 2))
-            )
+            holds: Signs = np.all(ends.lo > 0.0, axis=(1, 2)) & np.all(x.lo > -INF, axis=(1, 2))
             for i in np.flatnonzero(~is_empty):
-                yield tuple(choices[i].tolist()), x[i], bool(holds[i])
+                yield tuple(choices[i].tolist()), x[i], bool(holds[i] and is_regular)
 
     def of(self, choice: Any) -> tuple[Array, Array]:
         """Return the equations and the inequalities of a cell."""
