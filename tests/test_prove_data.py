@@ -40,6 +40,25 @@ def test_numbers_that_units_would_make_infinite_are_kept():
     assert soft.exact_rows(0.0)[1][0][1].equations.tolist() == [[1e-200, 0.0, -1e200]]
 
 
+@pytest.mark.parametrize(("lower", "upper"), [(0.0, 2e-20), (1e-58, 1e-22), (-1e-20, 1e-20)])
+def test_bounds_closer_than_rounding_of_one_are_two_bounds(lower, upper):
+    """z = lower, z = upper and the middle solve the problem of F = middle - z."""
+    middle = 0.5 * (lower + upper)
+    problem = Complementarity(
+        lambda z, t: middle - z + 0.0 * t, lower=lower, upper=upper, n=1, linear=True
+    )
+    found = enumerate_solutions(problem, 0.0)
+    assert len(found) == prove(found).count == 3
+
+
+def test_kinks_closer_than_rounding_of_one_are_two_kinks():
+    """The ramp from 0 to 1e-20 takes half of its height at z = 5e-21."""
+    ramp = Switched(1, lambda z, t, sw: sw.relu(z) - sw.relu(z - 1e-20) - 5e-21, linear=True)
+    found = enumerate_solutions(ramp, 0.0)
+    assert prove(found).holds
+    assert [s.z[0] for s in found] == pytest.approx([5e-21], rel=1e-9)
+
+
 SINGULAR = {
     "no unknown": (1, lambda z, t, sw: 0.0 * z - 1.5 - t, 0),
     "against each other": (2, lambda z, t, sw: np.array([z[0] + z[1] + 2 - t, z[0] + z[1] - 1]), 0),

@@ -105,7 +105,8 @@ def Switched(  # noqa: N802  used like a class
     given = Given(*texts, degree, unique, _pair(bounds), periods, checked_magnitudes(scale, size))
     function = UserFunction(f, size)
     if linear:
-        layout = _first_calls(function, list(_points(size, Given())))[1]
+        first, *others, zero = _points(size, Given())
+        layout = _first_calls(function, [first, zero, *others])[1]  # bounds close by differ at zero
         return _straight(function, size, given, layout)
     return _curved(function, size, given)
 
