@@ -5,7 +5,15 @@ import math
 import numpy as np
 import pytest
 
-from pwscont import LCP, Complementarity, Switched, enumerate_solutions, explore, prove
+from pwscont import (
+    LCP,
+    Complementarity,
+    InvalidInputError,
+    Switched,
+    enumerate_solutions,
+    explore,
+    prove,
+)
 from pwscont.proof.cells import ExactCells
 from pwscont.proof.prove import proved_solutions
 
@@ -57,6 +65,13 @@ def test_kinks_closer_than_rounding_of_one_are_two_kinks():
     found = enumerate_solutions(ramp, 0.0)
     assert prove(found).holds
     assert [s.z[0] for s in found] == pytest.approx([5e-21], rel=1e-9)
+
+
+def test_coefficients_that_are_differences_of_values_are_no_exact_data():
+    """1e20 + 1 rounds to 1e20: by differences, z + 1e20 = 0 would have no solution."""
+    plain = Switched(1, lambda z, t, sw: np.array([float(z[0])]) + 1e20, linear=True)
+    with pytest.raises(InvalidInputError, match="differences of values"):
+        prove(enumerate_solutions(plain, 0.0))
 
 
 SINGULAR = {

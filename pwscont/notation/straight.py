@@ -10,7 +10,14 @@ from typing import Any, final
 import numpy as np
 import scipy.sparse as sp
 
-from pwscont import BandedJacobian, Block, Character, InvalidSystemError, PiecewiseLinearSystem
+from pwscont import (
+    BandedJacobian,
+    Block,
+    Character,
+    InvalidInputError,
+    InvalidSystemError,
+    PiecewiseLinearSystem,
+)
 from pwscont.extending import Array, ExactData, ExactMode, Indices, Matrix, Signs
 from pwscont.notation.layout import Layout
 from pwscont.notation.notated import Given, Notated
@@ -200,6 +207,8 @@ class SwitchedLinearSystem(Notated, PiecewiseLinearSystem, ExactData):
 
     #: Makes the system anew with a switch for each call of sw, if several calls are one switch.
     again: Callable[[], SwitchedLinearSystem] | None = None
+    #: Whether the rows are the numbers of the formula, not differences of values.
+    is_traced = True
 
     def __init__(
         self, size: int, layout: Layout, rows: SystemRows, given: Given, own: dict[int, int]
@@ -285,7 +294,18 @@ class SwitchedLinearSystem(Notated, PiecewiseLinearSystem, ExactData):
         )
 
     def exact_rows(self, alpha: float) -> tuple[Array, list[list[ExactMode]]]:
-        """Return the rows that no switch chooses, and those of every mode of every switch."""
+        """Return the rows that no switch chooses, and those of every mode of every switch.
+
+        Raises
+        ------
+        InvalidInputError
+            If the formula takes plain numbers only, so that the rows are differences of values.
+        """
+        if not self.is_traced:
+            words = (
+                "the function takes plain numbers only, so that its coefficients are differences"
+            )
+            raise InvalidInputError(f"{words} of values, which are rounded: nothing can be proved")
         dense = [np.column_stack([A.toarray(), a]) for A, a in self._rows.modes]
         tests = np.column_stack([self._rows.tests[0].toarray(), self._rows.tests[1]])
         parts = []

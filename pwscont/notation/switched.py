@@ -135,9 +135,10 @@ def _pair(bounds: Any) -> tuple[Any, Any] | None:
 def _straight(
     function: UserFunction, size: int, given: Given, layout: Layout
 ) -> SwitchedLinearSystem:
-    matrix, rest = coefficients(function, size, layout)
+    matrix, rest, is_traced = coefficients(function, size, layout)
     own = unknowns_bounded(matrix[:size, :-1], size)
     system = SwitchedLinearSystem(size, layout, assembled(matrix, rest, size, layout), given, own)
+    system.is_traced = is_traced
     if len(layout.calls) < len(layout.numbers):
         apart = Layout([layout.calls[i] for i in layout.numbers], layout.forms)
         system.again = partial(_straight, function, size, given, apart)
