@@ -59,7 +59,7 @@ BUDGET = {
     "basics": (10, 1157),
     "system": (9, 2078),
     "linear": (6, 1112),
-    "notation": (13, 2956),
+    "notation": (13, 2970),
     "curve": (13, 3415),
     "enumeration": (11, 2505),
     "transitions": (13, 3926),

@@ -7,6 +7,7 @@ import pytest
 
 from pwscont import (
     LCP,
+    AbsNormal,
     Complementarity,
     InvalidInputError,
     Switched,
@@ -72,6 +73,13 @@ def test_coefficients_that_are_differences_of_values_are_no_exact_data():
     plain = Switched(1, lambda z, t, sw: np.array([float(z[0])]) + 1e20, linear=True)
     with pytest.raises(InvalidInputError, match="differences of values"):
         prove(enumerate_solutions(plain, 0.0))
+
+
+def test_products_of_coefficients_that_are_too_small_are_no_exact_data():
+    """|1e-200 x| 1e-200 = 1e-150 has the solutions 1e250 and -1e250."""
+    tiny = AbsNormal(Z=[[1e-200]], L=[[0]], J=[[0]], Y=[[1e-200]], c=[0], b=([0], [-1]))
+    with pytest.raises(InvalidInputError, match="too small for a double"):
+        prove(enumerate_solutions(tiny, 1e-150))
 
 
 SINGULAR = {

@@ -17,7 +17,7 @@ from pwscont.notation.dual import Dual, as_dual
 from pwscont.notation.function import Function, LiftedFunction, UserFunction
 from pwscont.notation.layout import Layout
 from pwscont.notation.notated import Given, Notated
-from pwscont.notation.straight import SwitchedLinearSystem, assembled
+from pwscont.notation.straight import ROUNDED, SwitchedLinearSystem, assembled
 from pwscont.notation.switches import common_form
 
 #: More unknowns do not fit into the memory of a computer.
@@ -138,7 +138,7 @@ def _straight(
     matrix, rest, is_traced = coefficients(function, size, layout)
     own = unknowns_bounded(matrix[:size, :-1], size)
     system = SwitchedLinearSystem(size, layout, assembled(matrix, rest, size, layout), given, own)
-    system.is_traced = is_traced
+    system.inexact = system.inexact if is_traced else ROUNDED
     if len(layout.calls) < len(layout.numbers):
         apart = Layout([layout.calls[i] for i in layout.numbers], layout.forms)
         system.again = partial(_straight, function, size, given, apart)
