@@ -67,7 +67,7 @@ BUDGET = {
     "search": (9, 2048),
     "continuation": (8, 2815),
     "kit": (4, 975),
-    "proof": (7, 2022),
+    "proof": (7, 2020),
     "scenes": (14, 2663),
     "view": (6, 938),
     "evolution": (14, 3039),

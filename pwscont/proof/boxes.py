@@ -144,10 +144,9 @@ def _looked_at(
     relative = boxes.width() / domain.scale
     widest, alpha = relative[:, :-1].max(axis=1), relative[:, -1]
     is_flat = (widest <= THIN) & (alpha > 0.0) & (alpha <= FINEST_ALPHA)
-    is_small = (np.maximum(widest, alpha) <= FINEST) | is_flat
+    is_small = ~is_accepted & ((np.maximum(widest, alpha) <= FINEST) | is_flat)
     wide = ~is_accepted & ~is_small
-    halves = _halved(boxes[wide], rows[wide], domain.scale)
-    return boxes[is_accepted], boxes[~is_accepted & is_small], halves
+    return boxes[is_accepted], boxes[is_small], _halved(boxes[wide], rows[wide], domain.scale)
 
 
 def contracted(boxes: Interval, rows: Interval, rest: Interval) -> tuple[Interval, Signs]:
@@ -221,8 +220,8 @@ def counted_proof(domain: Domain, found: Covered, *, is_whole: bool = False) -> 
     pairs = zip(ends[::2], ends[1::2], strict=True) if passed.all() or not is_whole else ()
     stretches = _counted(domain, found.accepted, [(lo, hi) for lo, hi in pairs if lo < hi])
     opened = list(zip(hulls.lo[~passed], hulls.hi[~passed], strict=True))
-    assumed = ASSUMED + OF_NUMPY * (not BY_CRIVAL)
-    assumed += OF_CLASSES * any(step.name == "select" for step in domain.tape.steps)
+    is_class = any(step.name == "select" for step in domain.tape.steps)
+    assumed = ASSUMED + OF_NUMPY * (not BY_CRIVAL) + OF_CLASSES * is_class
     return BoxProof(corners, interval, stretches, unsaid, opened, found.looked_at, assumed)
 
 

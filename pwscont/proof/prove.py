@@ -120,10 +120,9 @@ def certified_pieces(
     is_few = proof.cells.number <= MOST_CELLS
     cells = list(proof.left_cells()) if is_few and not undecided else None
     undecided += [f"special point {node}" for node in proof.inner if not proof.is_joined(node)]
-    if cells == []:
-        undecided += proof.doubtful_infinities()
     words = f"{counted(len(graph.pieces), 'piece')} and {counted(proof.transitions, 'transition')}"
     if cells == []:
+        undecided += proof.doubtful_infinities()
         words = f"complete, proved: {words}"
     else:
         others = "too many cells" if cells is None else f"{counted(len(cells), 'cell')} undecided"
