@@ -224,7 +224,7 @@ class SwitchedLinearSystem(Notated, PiecewiseLinearSystem, ExactData):
 
     #: Makes the system anew with a switch for each call of sw, if several calls are one switch.
     again: Callable[[], SwitchedLinearSystem] | None = None
-    #: Why the rows are not the numbers of the formula; empty if they are.
+    #: Why the rows are not the numbers of the formula; empty for rows that are.
     inexact = ""
 
     def __init__(
