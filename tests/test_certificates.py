@@ -6,11 +6,10 @@ from certificates import holds_a_zero, is_injective, verdicts
 from proof_families import Mixed, PiecewisePolynomial, accepted_in, domain_of, uneven_arches
 from sweeps import swept
 
-import pwscont.proof.counts
+import pwscont.proof.boxes
 import pwscont.proof.interval
-import pwscont.proof.search
+from pwscont.proof.boxes import Domain
 from pwscont.proof.interval import Interval
-from pwscont.proof.search import Domain
 from pwscont.proof.tape import with_slopes
 
 PLACES = (-0.83, -0.21, 0.35, 0.77)
@@ -20,7 +19,7 @@ def rechecked(domain, f, every=1):
     """Return the verdicts of accepted boxes, and of the solutions that are enclosed in them."""
     boxes = accepted_in(domain)
     pairs = zip(boxes.lo[::every], boxes.hi[::every], strict=True)
-    enclosed = pwscont.proof.counts.enclosures(domain, boxes, PLACES)
+    enclosed = pwscont.proof.boxes.enclosures(domain, boxes, PLACES)
     zeros = [(z, alpha) for alpha, some in zip(PLACES, enclosed, strict=True) for z in some or ()]
     found = verdicts(is_injective(f, pair) for pair in pairs)
     return found, verdicts(holds_a_zero(f, *zero) for zero in zeros)
@@ -63,7 +62,7 @@ def kink(z, t, sw):
 def test_an_enclosure_is_narrow():
     """z = |t|: to a few roundings."""
     domain = domain_of(kink, 1, (-3.0, 3.0), (-1.0, 1.0))
-    (((lo, hi),),) = pwscont.proof.counts.enclosures(domain, accepted_in(domain), [0.4])
+    (((lo, hi),),) = pwscont.proof.boxes.enclosures(domain, accepted_in(domain), [0.4])
     assert lo <= 0.4 <= hi
     assert hi - lo < 1e-14
 
@@ -79,7 +78,7 @@ def test_newton_may_leave_a_box_for_another_solution():
     domain = domain_of(stairs, 1, (-3.0, 3.0), (-1.0, 1.0))
     boxes = Interval(np.array([[-0.8, -1.0], [-1.7, -1.0]]), np.array([[0.8, 1.0], [-1.4, 1.0]]))
     assert domain.continues(boxes, domain.slopes(boxes)).all()
-    (found,) = pwscont.proof.counts.enclosures(domain, boxes, [1.0])
+    (found,) = pwscont.proof.boxes.enclosures(domain, boxes, [1.0])
     for (lo, hi), x in zip(sorted(found), (-1.6, 0.0), strict=True):
         assert lo[0] <= x + 0.103 + 1e-15
         assert hi[0] >= x + 0.103 - 1e-15
@@ -89,7 +88,7 @@ def distinct(f):
     """Return how many solutions two enclosures, of -0.05 to 0.08 and of 0.08 to 0.2, hold."""
     found = Interval(np.array([[-0.05, 0.5], [0.08, 0.5]]), np.array([[0.08, 0.5], [0.2, 0.5]]))
     domain = domain_of(f, 1, (-3.0, 3.0), (-1.0, 1.0))
-    some = pwscont.proof.counts._told_apart(domain, found)
+    some = pwscont.proof.boxes._told_apart(domain, found)
     return some and len(some)
 
 
@@ -109,7 +108,7 @@ FAULTS = {
 @pytest.mark.parametrize("name", FAULTS)
 def test_boxes_accepted_wrongly_are_caught(monkeypatch, name):
     """Counts do not always show these faults."""
-    monkeypatch.setattr(pwscont.proof.search, "are_regular", FAULTS[name])
+    monkeypatch.setattr(pwscont.proof.boxes, "are_regular", FAULTS[name])
     assert polynomial_verdicts(range(4))[0][1] > 0
 
 
@@ -154,5 +153,5 @@ def covers_zero(boxes):
 
 
 def test_enclosures_said_to_hold_one_solution_are_caught(monkeypatch):
-    monkeypatch.setattr(pwscont.proof.counts, "are_regular", FAULTS["each matrix regular"])
+    monkeypatch.setattr(pwscont.proof.boxes, "are_regular", FAULTS["each matrix regular"])
     assert distinct(lambda z, t, sw: z * (z - 0.15) + 0.0 * t) == 1

@@ -5,12 +5,11 @@ import pytest
 from proof_families import Mixed, PiecewisePolynomial, proved, uneven_arches
 from sweeps import swept
 
-import pwscont.proof.counts
+import pwscont.proof.boxes
 import pwscont.proof.interval
-import pwscont.proof.search
 from pwscont import Switched
+from pwscont.proof.boxes import MOST_BOXES
 from pwscont.proof.interval import Interval
-from pwscont.proof.search import MOST_BOXES
 
 pytestmark = pytest.mark.sweep(4)  # the others take too long for the README's command
 
@@ -84,7 +83,7 @@ def test_a_single_selection_at_kinks_is_caught(monkeypatch):
 def test_enclosures_that_are_not_told_apart_are_caught(monkeypatch):
     """Each enclosure counted for itself: the same solution counts several times."""
     each = lambda _, found: list(zip(found.lo[:, :-1], found.hi[:, :-1], strict=True))  # noqa: E731
-    monkeypatch.setattr(pwscont.proof.counts, "_told_apart", each)
+    monkeypatch.setattr(pwscont.proof.boxes, "_told_apart", each)
     with pytest.raises(AssertionError):
         test_counts_of_piecewise_polynomials(range(12))
 
@@ -105,7 +104,7 @@ def test_no_check_at_the_boundary_is_caught(monkeypatch):
     def inside(boxes, slopes):
         return Interval.is_within(boxes, slopes) | True
 
-    kept = pwscont.proof.search.Interval.is_within
+    kept = pwscont.proof.boxes.Interval.is_within
     monkeypatch.setattr(
         Interval, "is_within", lambda a, b: kept(a, b) | np.ones_like(a.lo, dtype=bool)
     )
@@ -243,7 +242,7 @@ def test_two_folds_that_are_too_close_are_no_fold(name):
 
 def test_second_derivatives_are_needed_to_call_a_fold_a_fold(monkeypatch):
     always = lambda self, way: np.ones(len(way.lo))  # noqa: E731
-    monkeypatch.setattr(pwscont.proof.counts._Passage, "_of_folds", always)
+    monkeypatch.setattr(pwscont.proof.boxes._Passage, "_of_folds", always)
     with pytest.raises(AssertionError):
         test_two_folds_that_are_too_close_are_no_fold("smooth")
 

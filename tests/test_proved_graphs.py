@@ -1,6 +1,5 @@
 """Graphs that a proof stands behind: classes, the default, files, and what is refused."""
 
-import copy
 import re
 import subprocess
 import sys
@@ -26,7 +25,6 @@ from pwscont import (
     trace,
 )
 from pwscont.curve.metric import Metric
-from pwscont.proof.tape import tape_of, traced
 
 pytestmark = pytest.mark.sweep(3)  # the others take too long for the README's command
 
@@ -239,110 +237,6 @@ def test_complementarity_is_traced():
     proof = explore(problem, (-0.5, 5.0), search=Everywhere(box=(-1.0, 5.0))).proof
     assert proof.holds
     assert [proof.count(t) for t in (0.0, 4.0)] == [3, 1]
-
-
-REFUSED = {
-    "a plain number": (lambda z, t, sw: z - float(t), "plain number"),
-    "complex numbers": (lambda z, t, sw: ((z + 1j) * (t + 1j)).imag, "no real number"),
-    "a function it does not know": (lambda z, t, sw: np.cbrt(z) - t, "cbrt"),
-}
-
-
-@pytest.mark.parametrize("name", REFUSED)
-def test_what_cannot_be_traced_is_refused_in_words(name):
-    f, words = REFUSED[name]
-    with pytest.raises(InvalidInputError, match=words):
-        traced(f, 1)
-
-
-def with_a_fallback(z, t, sw):
-    """A root at 3.95 that only plain numbers near that root show."""
-    try:
-        number = float(z[0])
-    except TypeError:
-        number = 0.0
-    return (z - t) * (z - 3.95 if number > 3.9 else 1.0)
-
-
-def with_a_comparison(z, t, sw):
-    try:
-        is_far = bool(z[0] > 3.9)
-    except Exception:
-        is_far = False
-    return (z - t) * (z - 3.95 if is_far else 1.0)
-
-
-def with_a_floor(z, t, sw):
-    try:
-        number = np.floor(z[0] - 0.9)
-    except Exception:
-        number = 0.0
-    return (z - t) * (z - 3.95 if number == 3.0 else 1.0)
-
-
-def with_an_attribute(z, t, sw):
-    number = 0.0 if not hasattr(z[0], "is_integer") else float(z[0])
-    return (z - t) * (z - 3.95 if number > 3.9 else 1.0)
-
-
-def with_another_function(z, t, sw):
-    try:
-        return np.cbrt(z) - t
-    except TypeError:
-        return z - t
-
-
-class Kept:
-    """A formula that keeps a number of its first call."""
-
-    last = None
-
-    def __call__(self, z, t, sw):
-        self.last = t if self.last is None else self.last
-        return z - self.last
-
-
-def with_noise(z, t, sw):
-    return z - t + 1e-12 * np.random.default_rng().random()
-
-
-SLY = [with_a_fallback, with_a_comparison, with_a_floor, with_an_attribute, with_another_function]
-
-
-@pytest.mark.parametrize("f", [*SLY, with_noise, Kept()])
-def test_a_formula_that_goes_on_without_numbers_or_changes_is_refused(f):
-    with pytest.raises(InvalidInputError, match="cannot be traced"):
-        traced(f, 1)
-
-
-def test_shapes_of_numbers_are_no_decision():
-    f = lambda z, t, sw: z[0] * np.ones(np.shape(z[0])) * np.size(t) - t + np.ndim(z[0])  # noqa: E731
-    assert traced(f, 1).steps == traced(lambda z, t, sw: z[0] - t, 1).steps
-
-
-def test_clips_without_jumps_are_told_by_their_bounds():
-    def names(f):
-        return {step.name for step in traced(f, 1).steps}
-
-    assert "where" not in names(lambda z, t, sw: sw.clip(z, 0.0, 2.0) - t)
-    assert "where" not in names(lambda z, t, sw: -sw.clip(-t, 0.0 - z, 2.0 - z))
-    assert "where" in names(lambda z, t, sw: sw.clip(z, 2.0 - t, 0.0 - t))
-    assert "where" in names(lambda z, t, sw: sw.clip(z, -t, t))
-
-
-def test_copies_of_numbers_are_the_same_numbers():
-    tape = traced(lambda z, t, sw: copy.deepcopy(z) * z - copy.copy(t), 1)
-    assert tape.steps == traced(lambda z, t, sw: z * z - t, 1).steps
-
-
-def test_a_class_that_writes_to_its_unknowns_is_refused():
-    class Writing(Arch):
-        def residual(self, z, alpha, character):
-            z -= 0.0 if character.signs[0] else 1e-3
-            return super().residual(z, alpha, character)
-
-    with pytest.raises(InvalidInputError, match="read-only"):
-        tape_of(Writing())
 
 
 def test_a_search_used_twice_proves_the_formula_as_it_is_now():

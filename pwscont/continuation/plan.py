@@ -235,9 +235,9 @@ def default_search_of(plan: Plan, around: Sequence[Array] = ()) -> Search:
     search = default_search(plan.reduced_system, plan.interval, list(around))
     if formula_of(plan.reduced_system) is None:
         return search
-    from pwscont.proof.everywhere import AlsoProved  # noqa: PLC0415  for formulas only
+    from pwscont.proof.everywhere import Everywhere  # noqa: PLC0415  for formulas only
 
-    return AlsoProved(search)
+    return Everywhere.after(search)
 
 
 def plan_in_words(

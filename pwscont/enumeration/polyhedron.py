@@ -148,6 +148,8 @@ def satisfies(chosen: Sequence[Option], y: Array, growth: float = GUARD) -> bool
 
     The factor ``growth`` says by how much rounding may have grown.
     """
+    if not chosen:
+        return True
     E = np.vstack([option.E for option in chosen])
     e = np.concatenate([option.e for option in chosen])
     terms = np.abs(E) @ np.abs(y) + np.abs(e)

@@ -39,8 +39,11 @@ BENT = EPS**0.5
 CHECKED = (1.0, 1e3)
 
 
-def coefficients(function: UserFunction, size: int, layout: Layout) -> tuple[Matrix, Array]:
-    """Return C, csr, shape (n + m + b, n + S + 1), and c, shape (n + m + b,)."""
+def coefficients(function: UserFunction, size: int, layout: Layout) -> tuple[Matrix, Array, bool]:
+    """Return C, csr, shape (n + m + b, n + S + 1), and c, shape (n + m + b,).
+
+    And whether C was traced: differences of values may have lost digits.
+    """
     zero = np.zeros(size + layout.count + 1)
     rest = _called(function, size, layout, zero)
     points = [reach * generic(len(zero), shift) for shift, reach in enumerate(CHECKED)]
@@ -49,13 +52,13 @@ def coefficients(function: UserFunction, size: int, layout: Layout) -> tuple[Mat
     if traced is not None and not any(
         _bent(layout, size, *each, traced, rest).any() for each in zip(points, values, strict=True)
     ):
-        return traced, rest
+        return traced, rest, True
     units = np.eye(len(zero))
     columns = [_called(function, size, layout, u) - rest for u in units]
     matrix = sp.csr_array(np.stack(columns, axis=1))
     for u, value in zip(points, values, strict=True):
         _check(layout, size, _bent(layout, size, u, value, matrix, rest))
-    return matrix, rest
+    return matrix, rest, False
 
 
 def _traced_coefficients(

@@ -108,7 +108,13 @@ class UserFunction:
 
     def outcome(self, z: Any, alpha: Any, layout: Layout, pick: Pick | None = None) -> Outcome:
         """Return the outcome with values of switches from ``pick``, default the true values."""
-        return self._called(z, alpha, _Replay(layout, pick or _true))
+        try:
+            return self._called(z, alpha, _Replay(layout, pick or _true))
+        except (TypeError, InvalidSystemError):
+            if type(alpha) is not float:
+                raise
+        with np.errstate(invalid="ignore"):  # powers of a numpy number are nan, not complex
+            return self._called(z, np.float64(alpha), _Replay(layout, pick or _true))
 
     def _called(self, z: Any, alpha: Any, switches: _Survey | _Replay) -> Outcome:
         value = self.f(z.copy(), alpha, Switches(switches.choose, switches.forms_of))

@@ -10,7 +10,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from pwscont import InvalidInputError
-from pwscont.extending import Array, Matrix, balanced, finite_array, generic
+from pwscont.extending import Array, Matrix, balanced, dense, finite_array, generic
 from pwscont.notation.dual import Dual, as_dual, as_operand, joined
 from pwscont.notation.notated import Notated
 from pwscont.notation.switched import Switched
@@ -99,14 +99,16 @@ def _factors_of(function: Any, below: Any, above: Any, size: int) -> Array | Non
         with np.errstate(all="ignore"):
             at = np.clip(np.zeros(size), below(alpha), above(alpha))
             u = Dual.variables(np.append(at, alpha), 0, size + 1)
-            rows = as_dual(function(u[:-1], u[-1]), size + 1).rows[:, :-1]
+            rows = as_dual(function(u[:-1], u[-1]), size + 1).rows
+            column, rest = dense(rows[:, [-1]])[:, 0], function(np.zeros(size), 0.0)
+            rows = sp.csr_array(rows[:, :-1])
     except Exception:  # F may be undefined there, or take plain numbers only
         return None
-    if rows.shape != (size, size):
+    if rows.shape != (size, size) or np.shape(rest) != (size,):
         return None
-    rows = sp.csr_array(rows)
     rows.data[~np.isfinite(rows.data)] = 0.0
-    factors = np.where(abs(rows).sum(axis=1) > 0.0, _factors(rows), 1.0)
+    scaled = _factors(rows, *(np.where(np.isfinite(x), x, 0.0) for x in (column, rest)))
+    factors = np.where(abs(rows).sum(axis=1) > 0.0, scaled, 1.0)
     return factors if np.abs(np.log2(factors)).max() > FAR_UNITS else None
 
 
@@ -159,7 +161,9 @@ def _factors(matrix: Any, *columns: Array) -> Array:
     factors = np.ldexp(1.0, np.frexp(sizes / rows)[1])
     parts = (sp.csr_array(part) for part in (matrix, *(x[:, np.newaxis] for x in columns)))
     given = abs(sp.hstack([*parts], "csr"))
-    kept = (sp.diags_array(factors) @ given >= np.finfo(float).tiny).sum(axis=1)
+    with np.errstate(over="ignore"):
+        sizes = sp.diags_array(factors) @ given
+    kept = (sizes >= np.finfo(float).tiny).sum(axis=1) - (sizes >= np.inf).sum(axis=1)
     return np.where(kept < (given > 0.0).sum(axis=1), 1.0, factors)
 
 

@@ -10,7 +10,14 @@ from typing import Any, final
 import numpy as np
 import scipy.sparse as sp
 
-from pwscont import BandedJacobian, Block, Character, InvalidSystemError, PiecewiseLinearSystem
+from pwscont import (
+    BandedJacobian,
+    Block,
+    Character,
+    InvalidInputError,
+    InvalidSystemError,
+    PiecewiseLinearSystem,
+)
 from pwscont.extending import Array, ExactData, ExactMode, Indices, Matrix, Signs
 from pwscont.notation.layout import Layout
 from pwscont.notation.notated import Given, Notated
@@ -109,6 +116,11 @@ def _bands(entries: Any, lower: int, upper: int) -> Array:
     return bands
 
 
+#: Why the rows of a formula may not be the numbers of the formula.
+SMALLER = "a product of coefficients of the function is too small for a double; choose other units"
+ROUNDED = (
+    "the function takes plain numbers only: its coefficients are rounded differences of values"
+)
 #: Number of cells whose matrices are kept: several cells take turns around a transition.
 KEPT = 4
 
@@ -129,6 +141,8 @@ class SystemRows:
     tests, branches : (csr array, ndarray)
     value : (csr array, ndarray)
         The value of each switch at solutions, shape (number of switches, size + 1).
+    is_lossy : bool
+        Whether a product of coefficients is too small for a double.
     """
 
     hidden: Indices
@@ -137,6 +151,7 @@ class SystemRows:
     tests: tuple[Matrix, Array]
     branches: tuple[Matrix, Array]
     value: tuple[Matrix, Array]
+    is_lossy: bool
 
 
 def assembled(matrix: Matrix, rest: Array, size: int, layout: Layout) -> SystemRows:
@@ -156,7 +171,7 @@ def assembled(matrix: Matrix, rest: Array, size: int, layout: Layout) -> SystemR
     factor = np.array([own[i, j] if j >= 0 else 0.0 for i, j in enumerate(absorbed)])
     unit = sp.eye_array(len(hidden), len(kept), k=size, format="csr")
     owner = np.concatenate([absorbed, hidden])
-    modes = []
+    modes, is_lossy = [], False
     for mode in range(layout.most_modes):
         place = layout.branches[:, mode]
         taken = place[absorbed] if count else np.zeros(size, dtype=np.intp)
@@ -164,9 +179,18 @@ def assembled(matrix: Matrix, rest: Array, size: int, layout: Layout) -> SystemR
         bottom = (unit - B[place[hidden]], -b[place[hidden]])
         whole = sp.vstack([top[0], bottom[0]], "csr")
         whole.eliminate_zeros()
+        is_lossy |= _underflows(factor, B[taken], b[taken]) if count else False
         modes.append((whole, np.append(top[1], bottom[1])))
     value = _values(F, f, unit, hidden, absorbed, factor, count)
-    return SystemRows(hidden, owner, modes, (T, t), (B, b), value)
+    return SystemRows(hidden, owner, modes, (T, t), (B, b), value, is_lossy)
+
+
+def _underflows(factor: Array, B: Matrix, b: Array) -> bool:
+    """Tell whether a product of numbers that are not zero is too small for a double."""
+    sizes = abs(sp.hstack([B, sp.csr_array(b[:, np.newaxis])], "csr"))
+    products = sp.diags_array(np.abs(factor)) @ sizes >= np.finfo(float).tiny
+    nonzero = sp.diags_array((factor != 0.0).astype(float)) @ sizes > 0.0
+    return bool(products.sum() < nonzero.sum())
 
 
 def _absorbed(matrix: Matrix, size: int, count: int) -> Indices:
@@ -200,12 +224,14 @@ class SwitchedLinearSystem(Notated, PiecewiseLinearSystem, ExactData):
 
     #: Makes the system anew with a switch for each call of sw, if several calls are one switch.
     again: Callable[[], SwitchedLinearSystem] | None = None
+    #: Why the rows are not the numbers of the formula; empty for rows that are.
+    inexact = ""
 
     def __init__(
         self, size: int, layout: Layout, rows: SystemRows, given: Given, own: dict[int, int]
     ) -> None:
         super().__init__(size, layout, rows.hidden, given, own)
-        self._rows = rows
+        self._rows, self.inexact = rows, SMALLER if rows.is_lossy else ""
         self._chosen = RowChoice(rows.modes)
         self._tests, self._test_values = stored(rows.tests[0]), rows.tests[1]
         self._switched = np.flatnonzero(rows.owner >= 0)
@@ -285,7 +311,15 @@ class SwitchedLinearSystem(Notated, PiecewiseLinearSystem, ExactData):
         )
 
     def exact_rows(self, alpha: float) -> tuple[Array, list[list[ExactMode]]]:
-        """Return the rows that no switch chooses, and those of every mode of every switch."""
+        """Return the rows that no switch chooses, and those of every mode of every switch.
+
+        Raises
+        ------
+        InvalidInputError
+            If the rows are differences of values, or a product of coefficients is too small.
+        """
+        if self.inexact:
+            raise InvalidInputError(f"{self.inexact}: nothing can be proved")
         dense = [np.column_stack([A.toarray(), a]) for A, a in self._rows.modes]
         tests = np.column_stack([self._rows.tests[0].toarray(), self._rows.tests[1]])
         parts = []

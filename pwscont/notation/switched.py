@@ -17,7 +17,7 @@ from pwscont.notation.dual import Dual, as_dual
 from pwscont.notation.function import Function, LiftedFunction, UserFunction
 from pwscont.notation.layout import Layout
 from pwscont.notation.notated import Given, Notated
-from pwscont.notation.straight import SwitchedLinearSystem, assembled
+from pwscont.notation.straight import ROUNDED, SwitchedLinearSystem, assembled
 from pwscont.notation.switches import common_form
 
 #: More unknowns do not fit into the memory of a computer.
@@ -105,7 +105,8 @@ def Switched(  # noqa: N802  used like a class
     given = Given(*texts, degree, unique, _pair(bounds), periods, checked_magnitudes(scale, size))
     function = UserFunction(f, size)
     if linear:
-        layout = _first_calls(function, list(_points(size, Given())))[1]
+        first, *others, zero = _points(size, Given())
+        layout = _first_calls(function, [first, zero, *others])[1]  # bounds close by differ at zero
         return _straight(function, size, given, layout)
     return _curved(function, size, given)
 
@@ -134,9 +135,10 @@ def _pair(bounds: Any) -> tuple[Any, Any] | None:
 def _straight(
     function: UserFunction, size: int, given: Given, layout: Layout
 ) -> SwitchedLinearSystem:
-    matrix, rest = coefficients(function, size, layout)
+    matrix, rest, is_traced = coefficients(function, size, layout)
     own = unknowns_bounded(matrix[:size, :-1], size)
     system = SwitchedLinearSystem(size, layout, assembled(matrix, rest, size, layout), given, own)
+    system.inexact = system.inexact if is_traced else ROUNDED
     if len(layout.calls) < len(layout.numbers):
         apart = Layout([layout.calls[i] for i in layout.numbers], layout.forms)
         system.again = partial(_straight, function, size, given, apart)

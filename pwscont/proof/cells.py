@@ -88,6 +88,7 @@ class ExactCells:
 
     def left(self, interval: Range) -> Iterator[tuple[Choice, Interval, bool]]:
         """Yield the cells that may have solutions, their lines, and whether that is proved."""
+        is_regular = np.isfinite(self._others.width()).all()
         for some in self.portions(self.number):
             each = np.arange(some.start, some.stop)
             choices = np.array(np.unravel_index(each, [len(table) for table in self.sides])).T
@@ -95,20 +96,22 @@ class ExactCells:
             ends, is_empty = ends_of(sides, interval)
             holds: Signs = np.all(ends.lo > 0.0, axis=(1, 2)) & np.all(x.lo > -INF, axis=(1, 2))
             for i in np.flatnonzero(~is_empty):
-                yield tuple(choices[i].tolist()), x[i], bool(holds[i])
+                yield tuple(choices[i].tolist()), x[i], bool(holds[i] and is_regular)
 
     def of(self, choice: Any) -> tuple[Array, Array]:
         """Return the equations and the inequalities of a cell."""
-        tables, picks = (self.equations, self.sides), np.array([choice])
-        equations, sides = (self.rows[_chosen(each, picks)[0]] for each in tables)
+        equations, sides = (self.rows[each[0]] for each in self._places(np.array([choice])))
         return np.concatenate([self.rows[: self._common], equations]), sides
+
+    def _places(self, choices: Indices) -> list[Indices]:
+        """Return the places (B, k) of the rows of B cells: of equations, and of inequalities."""
+        modes = [zip(each, choices.T, strict=True) for each in (self.equations, self.sides)]
+        return [np.concatenate([table[k] for table, k in each], axis=1) for each in modes]
 
     @np.errstate(all="ignore")
     def lines(self, choices: Indices) -> tuple[Interval, Interval]:
         """Return unknowns and inequalities of B cells as functions of alpha, (B, k, 2)."""
-        equations, rows = (
-            self._reduced[_chosen(tables, choices)] for tables in (self.equations, self.sides)
-        )
+        equations, rows = (self._reduced[each] for each in self._places(choices))
         x = solved(equations[..., :-2], equations[..., -2:])
         return x, rows[..., :-2] @ x + rows[..., -2:]
 
@@ -118,12 +121,6 @@ class ExactCells:
         some = line @ points
         others = self._others @ together(np.vstack, some, points)
         return together(np.vstack, others, some)[np.argsort(self._order[:-2])]
-
-
-def _chosen(tables: list[Indices], choices: Indices) -> Indices:
-    """Return the rows of cells, shape (B, k), from the rows of the modes of every part."""
-    pairs = zip(tables, choices.T, strict=True)
-    return np.concatenate([table[k] for table, k in pairs], axis=1)
 
 
 def value(row: Array, x: Sequence[Fraction]) -> Fraction:

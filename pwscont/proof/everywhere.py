@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from functools import partial
 from typing import Any, final
 
 import numpy as np
@@ -18,9 +17,8 @@ from pwscont.curve.error_samples import Found
 from pwscont.curve.magnitudes import nonlinear_reach
 from pwscont.curve.metric import Metric, Range
 from pwscont.graph.proved import BoxProof
-from pwscont.proof.counts import counted_proof
+from pwscont.proof.boxes import MOST_BOXES, Domain, counted_proof, covered
 from pwscont.proof.interval import Interval
-from pwscont.proof.search import MOST_BOXES, Domain, covered
 from pwscont.proof.tape import check_tape, tape_of
 from pwscont.search.default_search import default_search
 from pwscont.search.pursuit import solution_from
@@ -46,12 +44,11 @@ SECONDS = 5.0
 class Everywhere(Search):
     """All solutions of a formula in a box of the unknowns, proved by interval arithmetic.
 
-    For systems written as formulas with switches (:func:`pwscont.Switched`,
-    :func:`pwscont.Complementarity`), and for classes whose
-    methods do arithmetic only. Boxes of (z, alpha) are excluded, contracted, accepted where each
-    solution is proved to go on with alpha, or halved. Starts are the proved solutions between the
-    windows of alpha around folds; where something is not proved, the default search goes on.
-    ``graph.proof`` says what was proved, see :class:`~pwscont.graph.proved.BoxProof`.
+    For formulas with switches (:func:`pwscont.Switched`, :func:`pwscont.Complementarity`), and for
+    classes whose methods do arithmetic only. Boxes of (z, alpha) are excluded, contracted, accepted
+    where each solution is proved to go on with alpha, or halved. Starts are the proved solutions
+    between folds; where something is not proved, the default search goes on. ``graph.proof`` says
+    what was proved, see :class:`~pwscont.graph.proved.BoxProof`.
 
     Attributes
     ----------
@@ -65,8 +62,7 @@ class Everywhere(Search):
     Raises
     ------
     InvalidInputError
-        If the box or the seconds make no sense; in a run, if the system is no formula, or the
-        formula cannot be traced, with the reason.
+        If box or seconds make no sense; in a run, if no formula can be traced, with the reason.
 
     Examples
     --------
@@ -79,6 +75,7 @@ class Everywhere(Search):
 
     box: tuple[Any, Any] | None = None
     seconds: float = 10.0
+    _first: Search | None = field(default=None, init=False, repr=False)
     _last: dict[str, Any] = field(default_factory=dict, init=False, compare=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -88,19 +85,48 @@ class Everywhere(Search):
         if self.box is not None:
             object.__setattr__(self, "box", _checked_box(self.box))
 
+    @classmethod
+    def after(cls, search: Search) -> Everywhere:
+        """Return a search that looks for more after another search, if all is proved quickly.
+
+        If anything stays open, and in a run with limits, the answer is that of the other search.
+        """
+        new = cls(seconds=SECONDS)
+        object.__setattr__(new, "_first", search)
+        return new
+
     def starts(self, system: PiecewiseSystem, metric: Metric, interval: Range) -> Iterator[Found]:
-        """Yield the proved solutions, then what the default search finds if something is open."""
+        """Yield the proved solutions, and what the other search or the default search finds."""
         return self.starts_beside(system, metric, interval, KnownBranches())
 
     def starts_beside(
         self, system: PiecewiseSystem, metric: Metric, interval: Range, known: KnownBranches
     ) -> Iterator[Found]:
-        """Yield the proved solutions, then what the default search finds if something is open."""
-        proof = self.prove(system, metric, interval, known)
-        yield from _proved_starts(proof, system, metric)
-        if not proof.holds:
-            others = default_search(system, interval)
-            yield from starts_of(others, system, metric, interval, known)
+        """Yield the proved solutions, and what the other search or the default search finds."""
+        asked, rest = (system, metric, interval, known), self._first
+        if rest is not None:
+            known.are_all = lambda: self.prove_again(*asked) is not None
+            yield from starts_of(rest, *asked)
+        proof = self.prove_again(*asked)
+        for stretch in proof.stretches if proof else ():
+            for least, largest in stretch.solutions or ():
+                guess = completed(system, 0.5 * (least + largest), stretch.alpha)
+                if found := solution_from(system, metric, guess, stretch.alpha, ()):
+                    yield found
+        if proof and not proof.holds:
+            yield from starts_of(default_search(system, interval), *asked)
+
+    def prove_again(
+        self, system: PiecewiseSystem, metric: Metric, interval: Range, known: KnownBranches
+    ) -> BoxProof | None:
+        """Return the proof; after another search, the proof of everything, or nothing."""
+        if self._first is None:
+            return self.prove(system, metric, interval, known)
+        if shown_size(system) <= MANY_UNKNOWNS and not current_budget().is_limited:
+            with suppress(InvalidInputError):  # no formula that can be traced
+                self.prove(system, metric, interval, known, is_quick=True)
+                return self.proved(system, interval)
+        return None
 
     def prove(
         self,
@@ -125,8 +151,8 @@ class Everywhere(Search):
         box = Interval(*(np.append(*each) for each in zip(whole, interval, strict=True)))
         scale = np.append(metric.scale[:n], interval[1] - interval[0])
         key = [each.tobytes() for each in (box.lo, box.hi, scale)], tape.steps, tape.outputs
-        last = self.proved(system, interval)
-        if last is not None and self._last["key"] == key:
+        last: BoxProof | None = self._last.get("proof")
+        if last and self._is_last(system, interval) and self._last["key"] == key:
             return last
         values = check_tape(tape, system, box)
         most = MOST_BOXES * max(n - 2, 1) ** 2
@@ -138,16 +164,23 @@ class Everywhere(Search):
         self._last.update(asked=(formula_of(system) or system, interval), key=key, proof=proof)
         return proof
 
-    prove_again = prove
+    def _is_last(self, system: PiecewiseSystem, interval: Range) -> bool:
+        formula, of = self._last.get("asked", (None, None))
+        return formula is (formula_of(system) or system) and of == interval
 
     def proved(self, system: PiecewiseSystem, interval: Range) -> BoxProof | None:
         """Return the proof of the last run, if the run was of this formula and interval."""
-        formula, of = self._last.get("asked", (None, None))
-        is_last = formula is (formula_of(system) or system) and of == interval
-        return self._last["proof"] if is_last else None
+        proof: BoxProof | None = self._last.get("proof")
+        is_said = proof is not None and (proof.holds or self._first is None)
+        return proof if is_said and self._is_last(system, interval) else None
 
     def searched(self, system: PiecewiseSystem) -> SearchScope:
-        """Promise nothing here: what is proved, the graph says by its proof."""
+        """Promise nothing more: what is proved, the graph says by its proof."""
+        if self._first is not None:
+            scope = scope_of(self._first, system)
+            words = "; between the ends only if not all branches were proved before"
+            words *= shown_size(system) <= MANY_UNKNOWNS
+            return SearchScope(scope.what + words, scope.promise)
         box = "bounds, or 1000 times as far as H becomes nonlinear"
         box = box if self.box is None else f"{self.box}"
         what = f"all solutions proved in a box of the unknowns ({box})"
@@ -182,60 +215,3 @@ def _default_box(
     least, most = (np.where(far > reach, np.ceil(far / reach), 0.0) + 1.0) * reach
     lower = np.where(np.isfinite(lower), lower, -least)
     return lower, np.where(np.isfinite(upper), upper, most)
-
-
-def _proved_starts(proof: BoxProof, system: PiecewiseSystem, metric: Metric) -> Iterator[Found]:
-    """Yield the proved solutions as Newton leaves them."""
-    for stretch in proof.stretches:
-        for least, largest in stretch.solutions or ():
-            guess = completed(system, 0.5 * (least + largest), stretch.alpha)
-            if found := solution_from(system, metric, guess, stretch.alpha, ()):
-                yield found
-
-
-@final
-@dataclass(frozen=True, slots=True)
-class AlsoProved(Search):
-    """What another search finds, then the proved solutions, if all are proved quickly.
-
-    If anything stays open, and in a run with limits, the answer is that of the other search.
-    """
-
-    search: Search
-    _everywhere: Everywhere = field(default_factory=lambda: Everywhere(seconds=SECONDS), repr=False)
-
-    def starts(self, system: PiecewiseSystem, metric: Metric, interval: Range) -> Iterator[Found]:
-        """Yield what the search finds, then what is proved."""
-        return self.starts_beside(system, metric, interval, KnownBranches())
-
-    def starts_beside(
-        self, system: PiecewiseSystem, metric: Metric, interval: Range, known: KnownBranches
-    ) -> Iterator[Found]:
-        """Yield what the search finds, then what is proved."""
-        prove = partial(self.prove_again, system, metric, interval, known)
-        known.are_all = lambda: prove() is not None
-        yield from starts_of(self.search, system, metric, interval, known)
-        if proof := prove():
-            yield from _proved_starts(proof, system, metric)
-
-    def prove_again(
-        self, system: PiecewiseSystem, metric: Metric, interval: Range, known: KnownBranches
-    ) -> BoxProof | None:
-        """Return the proof of all solutions, or nothing where anything stays open."""
-        if shown_size(system) > MANY_UNKNOWNS or current_budget().is_limited:
-            return None
-        with suppress(InvalidInputError):  # no formula that can be traced
-            self._everywhere.prove(system, metric, interval, known, is_quick=True)
-            return self.proved(system, interval)
-        return None
-
-    def searched(self, system: PiecewiseSystem) -> SearchScope:
-        """Return the scope of the search."""
-        scope, words = scope_of(self.search, system), "; between the ends only if not all branches "
-        words = f"{words}were proved before" if shown_size(system) <= MANY_UNKNOWNS else ""
-        return SearchScope(scope.what + words, scope.promise)
-
-    def proved(self, system: PiecewiseSystem, interval: Range) -> BoxProof | None:
-        """Return what the last run proved if everything is proved, else nothing."""
-        proof = self._everywhere.proved(system, interval)
-        return proof if proof is not None and proof.holds else None

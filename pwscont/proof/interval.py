@@ -140,9 +140,10 @@ class Interval:
     #: What both intervals hold; empty where lo > hi. An end without a number is left.
     meet = _paired(np.fmax, np.fmin)
 
-    def where(self, keeps: Signs) -> Interval:
-        """Return intervals that say nothing where a condition does not hold."""
-        return chosen(keeps, self, Interval(np.nan))
+    def where(self, keeps: Signs, other: Interval | None = None) -> Interval:
+        """Return others, or intervals that say nothing, where a condition does not hold."""
+        lo, hi = (np.nan, np.nan) if other is None else (other.lo, other.hi)
+        return Interval(np.where(keeps, self.lo, lo), np.where(keeps, self.hi, hi))
 
     def excludes_zero(self) -> Signs:
         """Tell which intervals certainly do not hold zero."""
@@ -175,11 +176,6 @@ class Interval:
 
 def _interval(thing: Any) -> Interval:
     return thing if isinstance(thing, Interval) else Interval(thing)
-
-
-def chosen(condition: Signs, one: Interval, other: Interval) -> Interval:
-    """Return the intervals of ``one`` where a condition holds, those of ``other`` elsewhere."""
-    return Interval(np.where(condition, one.lo, other.lo), np.where(condition, one.hi, other.hi))
 
 
 def together(function: Callable[[list[Array]], Array], *parts: Interval) -> Interval:
@@ -294,7 +290,7 @@ RISING_COSH = _increasing("cosh", 1.0, INF, 0.0, INF)
 
 def branch(test: Interval, a: Interval, b: Interval, either: Interval | None = None) -> Interval:
     """Return the branch that a test's sign chooses; ``either``, or the hull, without a sign."""
-    return chosen(test.lo >= 0.0, a, chosen(test.hi < 0.0, b, either or a.hull(b)))
+    return a.where(test.lo >= 0.0, b.where(test.hi < 0.0, either or a.hull(b)))
 
 
 def _correctly_rounded(name: str) -> Map:

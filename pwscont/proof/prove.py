@@ -44,28 +44,16 @@ MOST_RATIONAL = 80
 class Certificate:
     """What :func:`pwscont.prove` has proved.
 
-    Attributes
-    ----------
-    holds : bool
-        Whether all that was given is proved: solutions and their number at one alpha, all pieces
-        and transitions of a graph, or that there is exactly one evolution.
-    statements : tuple of str
-        A sentence for what is proved, and a sentence for the data of the proof.
-    open : sequence
-        What is not decided: at one alpha, cells (for every part of the system, the number of a
-        mode); of a graph, pieces, special points and cells in words; of an evolution, what stands
-        in the way.
-    count : int or None
-        The proved number of solutions at one alpha; None where a cell is not decided.
-    is_complete : bool
-        Whether a graph is proved to have all solutions on its interval.
+    ``open`` is what is not decided: at one alpha, cells (for every part of the system, the number
+    of a mode); of a graph, pieces, special points and cells in words; of an evolution, what stands
+    in the way.
     """
 
-    holds: bool
-    statements: tuple[str, str]
+    holds: bool  #: Whether all that was given is proved: solutions, pieces, transitions, evolution.
+    statements: tuple[str, str]  #: What is proved, and of which data, a sentence each.
     open: Sequence[Any]
-    count: int | None = None
-    is_complete: bool = False
+    count: int | None = None  #: The proved number of solutions at one alpha; None if undecided.
+    is_complete: bool = False  #: Whether a graph is proved to have all solutions on its interval.
 
     def __repr__(self) -> str:
         return f"Certificate({self.statements[0]})"
@@ -132,10 +120,9 @@ def certified_pieces(
     is_few = proof.cells.number <= MOST_CELLS
     cells = list(proof.left_cells()) if is_few and not undecided else None
     undecided += [f"special point {node}" for node in proof.inner if not proof.is_joined(node)]
-    if cells == []:
-        undecided += proof.doubtful_infinities()
     words = f"{counted(len(graph.pieces), 'piece')} and {counted(proof.transitions, 'transition')}"
     if cells == []:
+        undecided += proof.doubtful_infinities()
         words = f"complete, proved: {words}"
     else:
         others = "too many cells" if cells is None else f"{counted(len(cells), 'cell')} undecided"
@@ -201,13 +188,12 @@ class _Pieces:
         sizes = np.abs(rows[:, :-1]) @ self._sizes + np.abs(rows[:, -1])
         off = np.abs(values) <= HOLDS * sizes[:, np.newaxis]
         room = values / (sizes + (sizes == 0.0))[:, np.newaxis]
-
-        pairs = zip(self.cells.equations, self.cells.sides, strict=True)
-        marks = [  # most room of those that hold
-            2.0 * off[own].all(axis=1) + room[sides].min(axis=1, initial=1.0)
-            for own, sides in pairs
-        ]
-        return np.array([np.argmax(each, axis=0) for each in marks]).T
+        return np.array(  # most room of those that hold
+            [
+                (2.0 * off[own].all(axis=1) + room[sides].min(axis=1, initial=1.0)).argmax(axis=0)
+                for own, sides in zip(self.cells.equations, self.cells.sides, strict=True)
+            ]
+        ).T
 
     @np.errstate(all="ignore")
     def left_pieces(self) -> list[int]:
@@ -330,17 +316,15 @@ MOST_NODES = 10
 def prove(given: Any, alpha: float | None = None) -> Certificate:
     """Prove how many solutions a system of linear pieces has at one alpha, or all of a graph.
 
-    For an evolution of ``QuasiStaticCoulomb``, prove that no other evolution exists.
-
-    Every cell gets a certificate: floating point with bounds of all rounding, or rational numbers
-    where the bounds decide nothing. The data of the system count as exact (docs/proofs).
+    Of an evolution of ``QuasiStaticCoulomb``, prove that no other evolution exists. Bounds of all
+    rounding decide, or else rational numbers; the data count as exact (docs/proofs).
 
     Parameters
     ----------
     given : BranchGraph, Solutions or EvolutionGraph
-        The answer to be proved: a graph, or what :func:`pwscont.enumerate_solutions` returned. The
-        system must be a :class:`~pwscont.extending.ExactData`: contact with Coulomb friction, and
-        formulas with ``linear=True`` such as :func:`pwscont.LCP`.
+        A graph, or what :func:`pwscont.enumerate_solutions` returned. The system must be a
+        :class:`~pwscont.extending.ExactData`: contact with Coulomb friction, and formulas with
+        ``linear=True`` such as :func:`pwscont.LCP`.
     alpha : float, optional
         The value at which solutions of a graph are counted. Without alpha every piece and
         transition of the graph is proved; if cells are few, also that nothing is missing.
@@ -348,13 +332,12 @@ def prove(given: Any, alpha: float | None = None) -> Certificate:
     Returns
     -------
     Certificate
-        With ``holds``, ``statements`` and ``open``, and ``count`` or ``is_complete``.
 
     Raises
     ------
     InvalidInputError
-        If ``given`` is something else, the system hands over no exact data, or
-        has too many cells, or a solution is listed at another alpha.
+        If ``given`` is something else, the system hands over no exact data or has too many cells,
+        or a solution is listed at another alpha.
 
     Examples
     --------
@@ -399,28 +382,29 @@ def prove(given: Any, alpha: float | None = None) -> Certificate:
 
 def certified_rates(evolution: Any) -> Certificate:
     """Return whether exactly one evolution with finitely many events is proved to exist."""
-    doubts = _doubts(evolution)
+    doubt = _doubt(evolution)
     words = "exactly one evolution with finitely many events, proved: rates are unique at every "
-    words = f"not proved: {'; '.join(doubts)}" if doubts else words + "state"
-    return Certificate(not doubts, (words, ASSUMED.format("A, N, T and F")), doubts)
+    words = f"not proved: {doubt}" if doubt else words + "state"
+    return Certificate(not doubt, (words, ASSUMED.format("A, N, T and F")), [doubt] * bool(doubt))
 
 
-def _doubts(evolution: Any) -> list[str]:
+def _doubt(evolution: Any) -> str:
     paths, losses = len(evolution.paths()), len(evolution.losses())
     if paths != 1 or losses or not evolution.is_complete:
-        return [f"{counted(paths, 'evolution')} found: {evolution.guarantee}"]
+        return f"{counted(paths, 'evolution')} found: {evolution.guarantee}"
     A, N, T, F = evolution.system.exact_rates()
     rubs = np.flatnonzero(F > 0.0)
     rows = np.vstack([N, T[rubs]])
     is_unit = (np.abs(rows).sum(axis=1) == 1.0) & ((rows != 0.0).sum(axis=1) == 1)
     if not is_unit.all() or (np.abs(rows).sum(axis=0) > 1.0).any():
-        return ["the rows of N and T are no unit vectors of unknowns of their own"]
+        return "the rows of N and T are no unit vectors of unknowns of their own"
     if len(rubs) > MOST_NODES:
-        return [f"{len(rubs)} nodes with friction are more than {MOST_NODES}"]
+        return f"{len(rubs)} nodes with friction are more than {MOST_NODES}"
     frictions = (np.array(signs) * F[rubs] for signs in product((-1.0, 1.0), repeat=len(rubs)))
-    if all(is_unique(A, N[rubs], T[rubs], friction) for friction in frictions):
-        return []
-    return ["rates may not be unique at some state: a form is not positive definite"]
+    unique = all(is_unique(A, N[rubs], T[rubs], friction) for friction in frictions)
+    return (
+        "" if unique else "rates may not be unique at some state: a form is not positive definite"
+    )
 
 
 def is_unique(A: Array, N: Array, T: Array, friction: Array) -> bool:

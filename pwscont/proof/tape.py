@@ -31,6 +31,11 @@ from pwscont.system.system import PiecewiseSystem, SlicewiseLinearSystem
 
 #: Largest whole number that is taken as a power by repeated multiplication.
 LARGEST_POWER = 64
+#: Why a formula is refused.
+DECIDES = (
+    "the formula takes the plain number of something that depends on (z, alpha), or decides by it: "
+    "write decisions with the switches of sw, and np.array([...]) instead of entries put into zeros"
+)
 Rules = Mapping[str, Callable[..., Interval]]
 
 
@@ -97,12 +102,9 @@ class Tape:
     @cached_property
     def tests(self) -> Tape:
         """The tape of the tests of all switches, and of their derivatives by (z, alpha)."""
-        new = self._copy()
-        switches = (step for step in self.steps if step.name in SWITCHES)
-        tests = (
-            SWITCHES[step.name][0](*(Traced(new, place) for place in step.args))
-            for step in switches
-        )
+        new, switches = self._copy(), [step for step in self.steps if step.name in SWITCHES]
+        args = [[Traced(new, place) for place in step.args] for step in switches]
+        tests = [SWITCHES[step.name][0](*x) for step, x in zip(switches, args, strict=True)]
         return new._with_slopes([new.place_of(each) for each in tests])
 
     @cached_property
@@ -172,8 +174,12 @@ class Traced(NDArrayOperatorsMixin):
 
     def __array_ufunc__(self, ufunc: np.ufunc, method: str, *args: Any, **options: Any) -> Any:
         """Write an operation down; for arrays, the operation of every entry."""
+        (place,) = options.pop("out", (None,))
         if method != "__call__" or options:
             self.tape.refuse(f"the formula calls {ufunc.__name__}.{method} with options")
+        if isinstance(place, np.ndarray):  # r -= alpha
+            place[...] = ufunc(*(as_array(each) for each in args))
+            return place
         if any(isinstance(each, np.ndarray) and each.ndim for each in args):
             return ufunc(*(as_array(each) for each in args))
         numbers = (each.item() if isinstance(each, np.ndarray) else each for each in args)
@@ -217,10 +223,7 @@ class Traced(NDArrayOperatorsMixin):
     __copy__ = __deepcopy__ = copy
 
     def _decide(self, *args: Any) -> Any:
-        return self.tape.refuse(
-            "the formula takes the plain number of, or a decision by, something that depends on "
-            "(z, alpha): write decisions with the switches of sw"
-        )
+        return self.tape.refuse(DECIDES)
 
     __hash__ = None  # type: ignore[assignment]
     __bool__ = __float__ = __int__ = __index__ = __complex__ = _decide
@@ -238,9 +241,9 @@ def as_array(thing: Any) -> Any:
 
 def _simpler(name: str, x: Any, y: Any) -> Any:
     """Return a sum, difference or product that is simpler than it looks, None for others."""
-    if not all(isinstance(each, Real | Traced) for each in (x, y)):
-        return None
     number, other = (x, y) if isinstance(x, Real) else (y, x)
+    if not (isinstance(number, Real | Traced) and isinstance(other, Traced)):
+        return None
     if not isinstance(number, Real):
         return x**2 if name == "multiply" and x.place == y.place else None
     if name == "multiply":
@@ -369,8 +372,10 @@ def traced(f: Callable[[Any, Any, Any], Any], size: int) -> Tape:
         if (tape.steps, tape.outputs) != (again.steps, again.outputs):
             raise TypeError("the formula is another one each time")
     except Exception as error:
+        found = DECIDES if "dtype('O')" in str(error) else error
+        why = each.refused[0] if each.refused else found
         raise InvalidInputError(
-            f"the formula cannot be traced, so that nothing can be proved: {error}"
+            f"the formula cannot be traced, so that nothing can be proved: {why}"
         ) from error
     if len(tape.outputs) != size:
         raise InvalidInputError(f"the formula returned {len(tape.outputs)} numbers, not {size}")
@@ -408,7 +413,10 @@ def _selected(system: PiecewiseSystem, z: Any, alpha: Any, sw: Any) -> Any:
 def check_tape(tape: Tape, system: Any, box: Interval) -> list[tuple[Array, Array]]:
     """Return H at points of a box, or refuse a tape that says something else at some point."""
     points = _points(box, COMPARED)
-    value = np.array([_value(system, x) for x in points])
+    try:
+        value = np.array([value_of(system, x) for x in points])
+    except Exception as error:
+        raise InvalidInputError(f"the formula fails in the box: {error}") from error
     differs = _differ(evaluated(tape, Interval(points)), Interval(value)).any(axis=1)
     if differs.any():
         raise InvalidInputError(
@@ -432,14 +440,6 @@ def _points(box: Interval, count: int, first: int = 0) -> Array:
     parts = [generic(len(box.lo), i) * 2.0 ** -(i % 10) for i in range(first, first + count)]
     points: Array = box.lo + (box.hi - box.lo) * (0.5 + 0.5 * np.array(parts))
     return points
-
-
-def _value(system: Any, x: Array) -> Array:
-    """Return H at a point, or refuse a system that fails there."""
-    try:
-        return value_of(system, x)
-    except Exception as error:
-        raise InvalidInputError(f"the formula fails at {x}: {error}") from error
 
 
 def _check_interface(tape: Tape, places: tuple[int, ...], box: Interval) -> None:

@@ -6,8 +6,8 @@ import numpy as np
 
 from pwscont import Everywhere, Switched
 from pwscont.curve.metric import Metric
+from pwscont.proof.boxes import MOST_BOXES, Domain, covered
 from pwscont.proof.interval import Interval
-from pwscont.proof.search import MOST_BOXES, Domain, covered
 from pwscont.proof.tape import traced
 
 

@@ -1,33 +1,192 @@
-"""What accepted and open boxes prove of the solutions of a formula in a box.
+"""Boxes of (z, alpha) that hold all solutions of a formula, and what they prove.
 
-The number of solutions is constant on every stretch of alpha between groups of open boxes. A group
-is *passed* if all solutions in its hull are proved to lie on one curve; the *turn* says how the
-number changes in the hull when alpha grows: it only grows (1), only falls (-1), stays (0), or is
-not known (not a number). The theorem stands on the page "Proofs".
+Boxes are excluded, contracted, accepted or halved, the widest first. Boxes are accepted where
+H(., alpha) is injective, so that solutions go on with alpha; at one alpha, where a solution is
+enclosed. The number of solutions is constant on every stretch of alpha between groups of open
+boxes. A group is *passed* if all solutions in its hull are proved to lie on one curve; the *turn*
+says how the number changes in the hull when alpha grows: it only grows (1), only falls (-1), stays
+(0), or is not known (not a number). The theorems stand on the page "Proofs" of the manual.
 """
 
 from __future__ import annotations
 
-from typing import final
+from collections.abc import Callable
+from dataclasses import dataclass
+from time import perf_counter
+from typing import NamedTuple, final
 
 import numpy as np
 from scipy.sparse.csgraph import connected_components
 
 from pwscont.basics.arrays import Array, Signs
+from pwscont.basics.budget import check_budget
 from pwscont.curve.metric import Range
 from pwscont.graph.proved import BoxProof, Corners, CountedStretch
 from pwscont.proof.interval import (
     BY_CRIVAL,
     FUNCTION_ULPS,
     MODES,
+    ULP,
     Interval,
     are_regular,
-    chosen,
+    inverses,
     solved,
     together,
 )
-from pwscont.proof.search import FINEST_ALPHA, Covered, Domain, covered
-from pwscont.proof.tape import evaluated, with_slopes
+from pwscont.proof.tape import Tape, evaluated, with_slopes
+
+#: No coordinate is halved below this part of its magnitude; the magnitude of alpha is the interval.
+FINEST = 2.0**-24
+#: A box is left open, too, if alpha is as narrow as this part of the interval, but not a number,
+#: and the unknowns are as narrow as this part of their magnitudes.
+FINEST_ALPHA, THIN = 2.0**-40, 2.0**-12
+#: Boxes that are worked on at once: their numbers fit into the cache of a processor.
+TOGETHER = 2048
+#: Most boxes in all for up to three unknowns; for n unknowns (n - 2)**2 times as many.
+MOST_BOXES = 300_000
+#: The widest coordinate, in magnitudes, is halved among the coordinates that change preconditioned
+#: rows by at least this part of the largest change by a coordinate.
+MATTERS = 0.5
+#: By what part of typical magnitudes derivatives are taken around a box: kinks lie on faces.
+BESIDE = 2.0**-44
+#: How much wider than a box, than a few roundings of the centre, and than the residual of the
+#: centre as unknowns, the neighbourhood is in which a solution is enclosed.
+WIDER, SLACK, ROOM = 1.25, 64.0 * ULP, 2.0
+
+
+class Covered(NamedTuple):
+    """Accepted and open boxes (k, n + 1) with all solutions, and how many boxes were looked at."""
+
+    accepted: Interval
+    open: Interval
+    looked_at: int
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class Domain:
+    """A formula in a box (n + 1,) of (z, alpha), with typical magnitudes (n + 1,)."""
+
+    tape: Tape
+    box: Interval
+    scale: Array
+
+    def slopes(self, boxes: Interval) -> Interval:
+        """Return the derivatives in boxes (B, n + 1) and a little around, shape (B, n, n + 1).
+
+        Not a number where the formula, or a derivative, may be without a value.
+        """
+        beside = Interval(-BESIDE * self.scale, BESIDE * self.scale)
+        value, slopes = with_slopes(self.tape.slopes, (boxes + beside).meet(self.box))
+        is_finite = np.isfinite(slopes.width()).all(axis=2) & np.isfinite(value.width())
+        return slopes.where(np.all(is_finite, axis=1, keepdims=True)[..., np.newaxis])
+
+    def continues(self, boxes: Interval, slopes: Interval) -> Signs:
+        """Tell in which boxes inside of the whole box all solutions go on with alpha, one each."""
+        is_inside = boxes[:, :-1].is_within(self.box[:-1]).all(axis=1)
+        return is_inside & are_regular(slopes[..., :-1], self.scale[:-1])
+
+    def enclosed(self, boxes: Interval) -> Interval:
+        """Return what holds the only zero in and around boxes at one alpha, and alpha.
+
+        Around the centre c of a neighbourhood of a box, all x with H'x + H(c) = 0 are enclosed,
+        whatever the derivatives there. If c + x lies inside, the neighbourhood has one zero. Where
+        that is not so, or the neighbourhood leaves the whole box, nothing is said.
+        """
+        centre, alpha = boxes.middle()[:, :-1], boxes[:, -1:]
+        value = evaluated(self.tape, together(np.hstack, Interval(centre), alpha))[..., np.newaxis]
+        inverse = inverses(self.slopes(boxes).middle()[..., :-1])
+        far = WIDER * (boxes[:, :-1] - centre).reach() + SLACK * np.abs(centre)
+        far += ROOM * (Interval(inverse) @ value).reach()[..., 0] + BESIDE * self.scale[:-1]
+        near = Interval(centre - far, centre + far)
+        slopes = self.slopes(together(np.hstack, near, alpha))
+        found = solved(slopes[..., :-1], value)[..., 0] + centre
+        is_proved = found.is_within(near) & near.is_within(self.box[:-1])
+        return together(np.hstack, found.where(np.all(is_proved, axis=1, keepdims=True)), alpha)
+
+
+Accepts = Callable[[Interval, Interval], Signs]
+
+
+def covered(
+    domain: Domain, boxes: Interval, accepts: Accepts, seconds: float, most: int
+) -> Covered:
+    """Return accepted and open boxes that hold all zeros in some boxes, in some ``seconds``.
+
+    ``accepts`` tells of boxes, and the derivatives in the boxes, which are accepted. About ``most``
+    boxes are looked at, at most.
+    """
+    accepted, small, number, end = [boxes[:0]], [boxes[:0]], 0, perf_counter() + seconds
+    while len(boxes.lo) and number < most and perf_counter() < end:
+        check_budget()
+        some, others = boxes[:TOGETHER], boxes[TOGETHER:]
+        number += len(some.lo)
+        found, too_small, halves = _looked_at(domain, some, accepts)
+        accepted.append(found)
+        small.append(too_small)
+        boxes = together(np.concatenate, others, *halves)
+    left = together(np.concatenate, *small, boxes)
+    return Covered(together(np.concatenate, *accepted), left, number)
+
+
+def _looked_at(
+    domain: Domain, boxes: Interval, accepts: Accepts
+) -> tuple[Interval, Interval, list[Interval]]:
+    """Return the boxes that are accepted, those too small to be halved, and halves of others."""
+    boxes = boxes[~evaluated(domain.tape, boxes).excludes_zero().any(axis=1)]
+    slopes = domain.slopes(boxes)
+    matrix = Interval(preconditioner(slopes.middle(), boxes.width()))
+    start = evaluated(domain.tape, Interval(boxes.middle()))[..., np.newaxis]
+    rows = matrix @ slopes
+    boxes, empty = contracted(boxes, rows, (matrix @ start)[..., 0])
+    boxes, rows, slopes = boxes[~empty], rows[~empty], slopes[~empty]
+    is_accepted = accepts(boxes, slopes)
+    relative = boxes.width() / domain.scale
+    widest, alpha = relative[:, :-1].max(axis=1), relative[:, -1]
+    is_flat = (widest <= THIN) & (alpha > 0.0) & (alpha <= FINEST_ALPHA)
+    is_small = ~is_accepted & ((np.maximum(widest, alpha) <= FINEST) | is_flat)
+    wide = ~is_accepted & ~is_small
+    return boxes[is_accepted], boxes[is_small], _halved(boxes[wide], rows[wide], domain.scale)
+
+
+def contracted(boxes: Interval, rows: Interval, rest: Interval) -> tuple[Interval, Signs]:
+    """Return boxes contracted by one step of interval Newton, and which boxes are empty.
+
+    Solutions x solve rows (x - middle) + rest = 0, every row for an unknown of its own.
+    """
+    middle, places = boxes.middle(), np.arange(boxes.lo.shape[1])
+    terms = rows * (boxes - middle)[:, np.newaxis]
+    empty = (rest + terms.total()).excludes_zero()
+    terms.lo[:, places, places] = terms.hi[:, places, places] = 0.0
+    found = boxes.meet(-(rest + terms.total()) / rows[:, places, places] + middle)
+    return found, np.any(empty | (found.lo > found.hi), axis=1)
+
+
+def preconditioner(middle: Array, width: Array) -> Array:
+    """Return finite matrices (B, n + 1, n) that project derivatives on what they determine.
+
+    ``middle`` (B, n, n + 1) is about the derivatives; with coordinates in units of ``width``, the
+    matrix times the derivatives is about I - t t', t the unit tangent. Any numbers will do.
+    """
+    rows = np.where(np.isfinite(middle), middle, 0.0) * width[:, np.newaxis]
+    square = inverses(rows @ rows.mT)
+    matrix: Array = rows.mT @ np.where(np.isfinite(square), square, 0.0)
+    return matrix
+
+
+def _halved(boxes: Interval, rows: Interval, scale: Array) -> list[Interval]:
+    """Return both halves of boxes, along the widest coordinate that matters."""
+    width = boxes.width()
+    effect = (rows.reach() * width[:, np.newaxis]).sum(axis=1)
+    effect = np.where(width > FINEST * scale, effect, 0.0)
+    relative = np.where(effect < MATTERS * effect.max(axis=1, keepdims=True), 0.0, width / scale)
+    split = np.arange(len(width)), relative.argmax(axis=1)
+    lower, upper = boxes.hi.copy(), boxes.lo.copy()
+    lower[split] = upper[split] = boxes.middle()[split]
+    return [Interval(boxes.lo, lower), Interval(upper, boxes.hi)]
+
+
+# -- what the boxes prove ----------------------------------------------------------------------
 
 #: How often a solution that is enclosed is enclosed anew, ever more narrowly.
 NARROWED = 4
@@ -35,7 +194,6 @@ NARROWED = 4
 LOOKED_AT = 30
 #: Parts of a stretch at which solutions are counted, in turn, until all are told apart.
 PLACES = (0.5, 0.381966, 0.61803, 0.26, 0.74)
-#: What is always assumed, of functions of numpy, and of classes.
 ASSUMED = (
     "assumed: a formula without state, the same for numbers and for the tape; arithmetic of "
     "IEEE 754 to nearest"
@@ -62,8 +220,8 @@ def counted_proof(domain: Domain, found: Covered, *, is_whole: bool = False) -> 
     pairs = zip(ends[::2], ends[1::2], strict=True) if passed.all() or not is_whole else ()
     stretches = _counted(domain, found.accepted, [(lo, hi) for lo, hi in pairs if lo < hi])
     opened = list(zip(hulls.lo[~passed], hulls.hi[~passed], strict=True))
-    assumed = ASSUMED + OF_NUMPY * (not BY_CRIVAL)
-    assumed += OF_CLASSES * any(step.name == "select" for step in domain.tape.steps)
+    is_class = any(step.name == "select" for step in domain.tape.steps)
+    assumed = ASSUMED + OF_NUMPY * (not BY_CRIVAL) + OF_CLASSES * is_class
     return BoxProof(corners, interval, stretches, unsaid, opened, found.looked_at, assumed)
 
 
@@ -111,7 +269,7 @@ def enclosures(domain: Domain, boxes: Interval, alphas: list[float]) -> list[lis
     found, left, _ = covered(domain, boxes, accepts, np.inf, LOOKED_AT * len(boxes.lo))
     for _ in range(NARROWED):
         new = domain.enclosed(found)
-        found = chosen(np.isfinite(new.lo), new, found)
+        found = new.where(np.isfinite(new.lo), found)
     return [
         None if alpha in left.lo[:, -1] else _told_apart(domain, found[found.lo[:, -1] == alpha])
         for alpha in alphas
@@ -171,10 +329,10 @@ class _Passage:
         self._undecided = either.sum(axis=1)
         self._test = Interval(np.zeros_like(hulls.lo))  # of the switch that is undecided
         for k, each in enumerate(either.T):
-            self._test = chosen(each[:, np.newaxis], by[:, k] * domain.scale, self._test)
+            self._test = (by[:, k] * domain.scale).where(each[:, np.newaxis], self._test)
         hull, *modes = (with_slopes(domain.tape.slopes, hulls, rules)[1] for rules in MODES)
         is_many = (self._undecided > 1)[:, np.newaxis, np.newaxis]
-        modes = [chosen(is_many, hull, each) * domain.scale for each in modes]
+        modes = [hull.where(is_many, each) * domain.scale for each in modes]
         along = Interval(np.sum([_tangents(each.middle()) for each in modes], axis=0))
         #: The derivatives with one more row, along the curve.
         self._modes = [together(np.hstack, m, along) for m in modes]
@@ -186,7 +344,7 @@ class _Passage:
         is_one = (self._undecided == 1)[:, np.newaxis, np.newaxis]
         for k in range(WEIGHTS):
             weight = Interval(np.full(1, k / WEIGHTS), np.full(1, (k + 1) / WEIGHTS))
-            mixed = chosen(is_one, other + weight * (one - other), one)
+            mixed = (other + weight * (one - other)).where(is_one, one)
             passed &= are_regular(mixed, np.ones(one.lo.shape[-1]))
         return passed
 

@@ -1,0 +1,99 @@
+"""Counts of linear pieces: data far apart, and systems without switches."""
+
+import math
+
+import numpy as np
+import pytest
+
+from pwscont import (
+    LCP,
+    AbsNormal,
+    Complementarity,
+    InvalidInputError,
+    Switched,
+    enumerate_solutions,
+    explore,
+    prove,
+)
+from pwscont.proof.cells import ExactCells
+from pwscont.proof.prove import proved_solutions
+
+
+@pytest.mark.parametrize("stiffness", [1.0, 2.0**60, 1e17, 1e200])
+def test_units_of_a_complementarity_problem_do_not_hide_an_inequality(stiffness):
+    """z - w rounds to -w: a cell with w = 0 and z < 0 has no solution all the same."""
+    spring = Complementarity(lambda z, t: stiffness * z + 1.0 + 0.0 * t, n=1, linear=True)
+    boxes, points, _ = proved_solutions(ExactCells(*spring.exact_rows(0.0)), 0.0)
+    assert len(boxes) + len(points) == 1
+
+
+STIFF = 1e156 * np.array([[1.0, 2.0], [2.0, 1.0]])
+
+
+@pytest.mark.parametrize(
+    ("game", "alpha"),
+    [
+        (LCP(STIFF, q=[-1e-170, -1e-170], d=[0, 0]), 0.0),
+        (Complementarity(lambda z, t: STIFF @ z - 1e-170 + 0.0 * t, n=2, linear=True), 0.0),
+        (Complementarity(lambda z, t: STIFF @ z - 1e-170 * t, n=2, linear=True), 1.0),
+    ],
+)
+def test_numbers_that_units_would_make_too_small_are_kept(game, alpha):
+    """Divided by 1e156, a constant of 1e-170 would be zero, and three solutions would be one."""
+    boxes, points, _ = proved_solutions(ExactCells(*game.exact_rows(alpha)), alpha)
+    assert len(boxes) + len(points) == 3
+
+
+def test_numbers_that_units_would_make_infinite_are_kept():
+    soft = LCP([[1e-200]], q=[-1e200], d=[0])
+    assert soft.exact_rows(0.0)[1][0][1].equations.tolist() == [[1e-200, 0.0, -1e200]]
+
+
+@pytest.mark.parametrize(("lower", "upper"), [(0.0, 2e-20), (1e-58, 1e-22), (-1e-20, 1e-20)])
+def test_bounds_closer_than_rounding_of_one_are_two_bounds(lower, upper):
+    """z = lower, z = upper and the middle solve the problem of F = middle - z."""
+    middle = 0.5 * (lower + upper)
+    problem = Complementarity(
+        lambda z, t: middle - z + 0.0 * t, lower=lower, upper=upper, n=1, linear=True
+    )
+    found = enumerate_solutions(problem, 0.0)
+    assert len(found) == prove(found).count == 3
+
+
+def test_kinks_closer_than_rounding_of_one_are_two_kinks():
+    """The ramp from 0 to 1e-20 takes half of its height at z = 5e-21."""
+    ramp = Switched(1, lambda z, t, sw: sw.relu(z) - sw.relu(z - 1e-20) - 5e-21, linear=True)
+    found = enumerate_solutions(ramp, 0.0)
+    assert prove(found).holds
+    assert [s.z[0] for s in found] == pytest.approx([5e-21], rel=1e-9)
+
+
+def test_coefficients_that_are_differences_of_values_are_no_exact_data():
+    """1e20 + 1 rounds to 1e20: by differences, z + 1e20 = 0 would have no solution."""
+    plain = Switched(1, lambda z, t, sw: np.array([float(z[0])]) + 1e20, linear=True)
+    with pytest.raises(InvalidInputError, match="differences of values"):
+        prove(enumerate_solutions(plain, 0.0))
+
+
+def test_products_of_coefficients_that_are_too_small_are_no_exact_data():
+    """|1e-200 x| 1e-200 = 1e-150 has the solutions 1e250 and -1e250."""
+    tiny = AbsNormal(Z=[[1e-200]], L=[[0]], J=[[0]], Y=[[1e-200]], c=[0], b=([0], [-1]))
+    with pytest.raises(InvalidInputError, match="too small for a double"):
+        prove(enumerate_solutions(tiny, 1e-150))
+
+
+SINGULAR = {
+    "no unknown": (1, lambda z, t, sw: 0.0 * z - 1.5 - t, 0),
+    "against each other": (2, lambda z, t, sw: np.array([z[0] + z[1] + 2 - t, z[0] + z[1] - 1]), 0),
+    "a line": (2, lambda z, t, sw: np.array([z[0] + z[1] - t, 2 * z[0] + 2 * z[1] - 2 * t]), None),
+}
+
+
+@pytest.mark.parametrize("name", SINGULAR)
+def test_equations_without_switches_that_are_singular_have_no_proved_solution(name):
+    n, f, count = SINGULAR[name]
+    system = Switched(n, f, linear=True)
+    assert prove(enumerate_solutions(system, 0.0)).count == count
+    graph = explore(system, (-1.0, 1.0))
+    assert graph.count(0.0) == (math.inf if count is None else count)
+    assert prove(graph).is_complete == (count is not None)
