@@ -115,9 +115,11 @@ class Selection:
 
     def residuals(self, points: Array) -> Array:
         """Return H_chi at points, shape (k, n + 1), each with 0 appended."""
-        values = np.zeros(points.shape)
-        for value, x in zip(values, points, strict=True):
-            value[:-1] = self._residual(x)
+        system, shape, values = self.system, (self.system.size,), np.zeros(points.shape)
+        states, alphas = points[:, :-1], points[:, -1].tolist()
+        for value, z, alpha in zip(values[:, :-1], states, alphas, strict=True):
+            found = system.residual(z, alpha, self.character)
+            value[:] = checked_array(system, "residual", found, shape)
         return values
 
     def _residual(self, x: Array) -> Array:
