@@ -42,6 +42,7 @@ class GeneRing:
         return zeros(round_trip, -4.0, 5.0)
 
 
+@pytest.mark.slow
 def test_genes_that_are_off_at_the_starts_are_not_measured_by_their_traces():
     """Genes that are off make 1e-12: measured by that, the genes took over 2,000 points."""
     ring = GeneRing()
@@ -122,6 +123,7 @@ class Patches(PiecewiseSystem):
         return zeros(rest, -1.0, 2.0)
 
 
+@pytest.mark.slow
 def test_populations_in_far_units():
     """Starts alone missed one branch, "balanced"; a side path leads there from another."""
     system = Patches()
