@@ -220,7 +220,7 @@ class Discovery:
             return
         if arrival.kind == Kind.END:
             self.leaving.append(arrival.rays[0].reversed())
-        if says(worded(arrival.said), FailureReason.ENDLESS):
+        if arrival.kind == Kind.STOPPED and says(worded(arrival.said), FailureReason.ENDLESS):
             self._endless.append(arrival.rays[0])
         end = place_of_arrival(arrival)
         reached = self._reach(points, arrival, end, left)
@@ -243,7 +243,7 @@ class Discovery:
         is_due = (len(self.edges) + 1) % EVERY == 0 and not self._budget.is_limited
         if is_due and self._repeats_itself(number, ray.curve.metric.scale):
             self._repeats = True
-            return Remark.REPEATS
+            return Remark.REPEATS.value
         return FailureReason.TWICE.value if self._is_in_vain(ray) else ""
 
     def _leave(self, left: KnownRay, why: str) -> None:
