@@ -18,18 +18,27 @@ import numpy as np
 from pwscont.basics.arrays import Array, Indices, finite_array
 from pwscont.basics.errors import InvalidInputError
 from pwscont.basics.printing import counted
-from pwscont.basics.rounding import EPS, GUARD
+from pwscont.basics.rounding import CONFIDENCE, EPS, GUARD
 from pwscont.enumeration.echelon import independent
 from pwscont.graph.branch_graph import BranchGraph
 from pwscont.graph.proved import are_matched, with_slack
+from pwscont.graph.queries import stray_alpha
 from pwscont.graph.records import Piece, Solution
 from pwscont.proof.cells import MOST_CELLS, Choice, ExactCells, Point, segment_of, value
 from pwscont.proof.interval import Interval, departure, together
 from pwscont.search.enumeration import Solutions
-from pwscont.system.abilities import ExactData, ExactMode, ExactRates, completed_point, shown_size
+from pwscont.system.abilities import (
+    ExactData,
+    ExactMode,
+    ExactRates,
+    completed_point,
+    shown_points,
+    shown_size,
+)
 
 ASSUMED = "assumed: arithmetic of IEEE 754 to nearest; {} count as the doubles that they are"
-#: An end of a cell is the end of a piece within this part of the typical magnitudes.
+#: An end of a cell is the end of a piece within the widths of enclosures, the errors that the graph
+#: states, and GUARD * EPS of typical magnitudes, but never beyond this part of the magnitudes.
 NEAR = 2.0**-20
 #: An equation holds, to tell modes apart, within this part of the sizes of the terms.
 HOLDS = 1e-7
@@ -163,23 +172,34 @@ class _Pieces:
         self.transitions = sum(len(some) > 1 for some in self.inner.values())
         self.rays: set[Point] = set()
         self._rational_ends = cache(self._ends_of)
-        system: Any = graph.system
-        full = [[completed_point(system, p.points[k]) for k in (0, -1)] for p in pieces]
+        self._system: Any = graph.system
+        full = [[completed_point(self._system, p.points[k]) for k in (0, -1)] for p in pieces]
         #: Both ends (z, alpha) of each piece, shape (k, 2, n + 1), and magnitudes.
         self._points = np.array(full).reshape(-1, 2, cells.size + 1)
         self._sizes = np.abs(self._points).max(axis=(0, 1), initial=0.0)
         self._sizes[:-1] = np.maximum(self._sizes[:-1], DUST * self._sizes[:-1].max(initial=0.0))
-        self._near = NEAR * np.append(self._sizes[:-1], np.ptp(graph.interval))
+        self._scale = np.append(self._sizes[:-1], np.ptp(graph.interval))
         self._choices = self._modes()
         #: The inequality that vanishes at the end of a piece, by piece and node.
         self._vanishing: dict[tuple[int, int], Array] = {}
 
     def _is_drawn(self, piece: Piece) -> bool:
-        """Tell whether a piece is straight, from special point to special point."""
-        ends = [self._graph.point(node).place.x for node in (piece.start, piece.end)]
-        points = piece.points  # of the unknowns that are shown
-        near = np.append(self._near[: points.shape[1] - 1], self._near[-1])
-        return len(points) == 2 and bool((np.abs(points - ends) <= near).all())
+        """Tell whether a piece is straight, from special point to special point, of its cell."""
+        ends = np.array([self._graph.point(node).place.x for node in (piece.start, piece.end)])
+        is_straight = len(piece.points) == 2 and self._is_end(piece, ends)
+        middle = 0.5 * sum(piece.interval)
+        return is_straight and stray_alpha(self._system, piece, middle, self._scale) is None
+
+    def _is_end(self, piece: Piece, ends: Array, width: Any = 0.0) -> bool:
+        """Tell whether a piece has these ends (2, n + 1) within the errors of its special points.
+
+        Only the unknowns that are shown are compared, for the others follow from these.
+        """
+        places = [self._graph.point(node).place for node in (piece.start, piece.end)]
+        scale = shown_points(self._system, self._scale)
+        errors = np.array([CONFIDENCE * place.error for place in places])
+        near = np.minimum(GUARD * EPS * scale + errors + width, NEAR * scale)
+        return bool((np.abs(ends - piece.points[[0, -1]]) <= near).all())
 
     def _modes(self) -> Indices:
         """Return the modes of each piece, as the middle of the piece shows them, shape (k, p)."""
@@ -216,17 +236,18 @@ class _Pieces:
         """
         lo, hi = self._graph.interval
         rows = together(np.vstack, sides, Interval(np.array([[1.0, -lo], [-1.0, hi]])))
-        roots, points = -rows[:, 1] / rows[:, 0], self._points[k]
-        far = np.abs(roots.middle() - points[:, -1:])
+        roots = -rows[:, 1] / rows[:, 0]
+        far = np.abs(roots.middle() - self._points[k][:, -1:])
         numbers = np.where(np.isnan(far), inf, far).argmin(axis=1)
         places = roots[numbers]
         values = rows @ together(np.vstack, places, Interval(np.ones(2)))
         values.lo[numbers, [0, 1]] = 1.0
-        found = together(np.vstack, self.cells.unknowns(line, places), places).middle().T
-        holds = (values.lo > 0.0).all() and numbers[0] != numbers[1]
-        if not (holds and (np.abs(found - points) <= self._near).all()):
-            return False
+        ends = together(np.vstack, self.cells.unknowns(line, places), places)
+        found, width = (shown_points(self._system, x.T) for x in (ends.middle(), ends.width()))
         piece, count = self._graph.pieces[k], len(sides.lo)
+        holds = (values.lo > 0.0).all() and numbers[0] != numbers[1]
+        if not (holds and self._is_end(piece, found, width)):
+            return False
         for number, node in zip(numbers, (piece.start, piece.end), strict=True):
             if node not in self.inner and number < count:
                 return False
@@ -263,10 +284,10 @@ class _Pieces:
         cell, piece = self.cells.of(self._choices[k]), self._graph.pieces[k]
         ends = segment_of(*cell, self._graph.interval) or ()
         for pair in (ends, ends[::-1]) if len(set(ends)) == 2 else ():
-            near = np.abs(np.array(pair, dtype=float) - self._points[k]) <= self._near
+            found = shown_points(self._system, np.array(pair, dtype=float))
             nodes = zip((piece.start, piece.end), pair, strict=True)
             outer = [x[-1] in self._graph.interval for node, x in nodes if node not in self.inner]
-            if near.all() and all(outer):
+            if self._is_end(piece, found) and all(outer):
                 return pair
         return ()
 
