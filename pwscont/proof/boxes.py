@@ -18,7 +18,7 @@ from typing import NamedTuple, final
 import numpy as np
 from scipy.sparse.csgraph import connected_components
 
-from pwscont.basics.arrays import Array, Signs
+from pwscont.basics.arrays import GOLDEN, Array, Signs
 from pwscont.basics.budget import check_budget
 from pwscont.curve.metric import Range
 from pwscont.graph.proved import BoxProof, Corners, CountedStretch
@@ -193,7 +193,7 @@ NARROWED = 4
 #: Most boxes that are looked at for a count, for every accepted box.
 LOOKED_AT = 30
 #: Parts of a stretch at which solutions are counted, in turn, until all are told apart.
-PLACES = (0.5, 0.381966, 0.61803, 0.26, 0.74)
+PLACES = (0.5, 1.0 - GOLDEN, GOLDEN, 0.26, 0.74)
 ASSUMED = (
     "assumed: a formula without state, the same for numbers and for the tape; arithmetic of "
     "IEEE 754 to nearest"

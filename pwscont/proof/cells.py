@@ -129,10 +129,18 @@ def value(row: Array, x: Sequence[Fraction]) -> Fraction:
     return sum((Fraction(a) * b for a, b in terms if a and b), Fraction(0))
 
 
+def as_doubles(points: Any) -> Array:
+    """Return rational numbers as doubles, not numbers where a double cannot hold all of them."""
+    try:
+        return np.array(points, dtype=float)
+    except OverflowError:
+        return np.full(np.shape(points), np.nan)
+
+
 def segment_of(equations: Array, sides: Array, interval: Range) -> tuple[Point, ...] | None:
     """Return both ends (z, alpha) of all solutions of a cell over an interval of alpha, exactly.
 
-    Of a ray without end, one end; () where solutions may be more, None where there are none.
+    () where the solutions may be more than a segment, None where there are none.
     """
     size = equations.shape[1] - 1
     echelon = Echelon(size)
@@ -157,6 +165,6 @@ def segment_of(equations: Array, sides: Array, interval: Range) -> tuple[Point, 
         elif start < 0:
             return None
     places = [largest(some) for largest, some in ((max, first), (min, last)) if some]
-    if len(places) == 2 and places[0] > places[1]:
-        return None
+    if len(places) < 2 or places[0] > places[1]:
+        return None if len(places) == 2 else ()
     return tuple(tuple(a + b * s for a, b in zip(base, along, strict=True)) for s in places)

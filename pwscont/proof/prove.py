@@ -24,7 +24,15 @@ from pwscont.graph.branch_graph import BranchGraph
 from pwscont.graph.proved import are_matched, with_slack
 from pwscont.graph.queries import stray_alpha
 from pwscont.graph.records import Piece, Solution
-from pwscont.proof.cells import MOST_CELLS, Choice, ExactCells, Point, segment_of, value
+from pwscont.proof.cells import (
+    MOST_CELLS,
+    Choice,
+    ExactCells,
+    Point,
+    as_doubles,
+    segment_of,
+    value,
+)
 from pwscont.proof.interval import Interval, departure, together
 from pwscont.search.enumeration import Solutions
 from pwscont.system.abilities import (
@@ -40,10 +48,10 @@ ASSUMED = "assumed: arithmetic of IEEE 754 to nearest; {} count as the doubles t
 #: An end of a cell is the end of a piece within the widths of enclosures, the errors that the graph
 #: states, and GUARD * EPS of typical magnitudes, but never beyond this part of the magnitudes.
 NEAR = 2.0**-20
-#: An equation holds, to tell modes apart, within this part of the sizes of the terms.
-HOLDS = 1e-7
 #: An unknown that is always smaller than this part of the largest unknown is rounding.
 DUST = 1e-6
+#: An equation holds, to tell modes apart, within this part of the sizes of the terms.
+HOLDS = 1e-7
 #: Most unknowns of a piece that is looked at in rational numbers.
 MOST_RATIONAL = 80
 
@@ -79,7 +87,7 @@ def certified_count(
         )
     boxes, points, undecided = proved_solutions(cells, alpha)
     centres = [each.middle()[:size] for each in boxes.values()]
-    centres += [np.array(point[:size], dtype=float) for point in points]
+    centres += [as_doubles(point[:size]) for point in points]
     count = None if undecided else len(centres)
     found = [with_slack(each, np.abs(each.z).max(initial=0.0), GUARD * EPS) for each in known]
     holds = count == number and are_matched([(x, x) for x in centres], found)
@@ -113,7 +121,7 @@ def proved_solutions(
             boxes[choice] = box
             continue
         ends = segment_of(*cells.of(choice), (alpha, alpha))
-        if ends is not None and len(ends) == 2 and ends[0] == ends[1]:
+        if ends and ends[0] == ends[1]:
             points.add(ends[0][:-1])
         elif ends is not None:
             undecided.append(choice)
@@ -136,9 +144,6 @@ def certified_pieces(
     else:
         others = "too many cells" if cells is None else f"{counted(len(cells), 'cell')} undecided"
         words += f", proved; of other solutions nothing is proved: {others}"
-    if proof.rays:
-        places = ", ".join(f"{float(x[-1]):.8g}" for x in sorted(proof.rays, key=lambda x: x[-1]))
-        words += f"; solutions without end at alpha = {places}"
     if undecided:
         more = f" and {len(undecided) - 3} more" if len(undecided) > 3 else ""
         words = f"not proved: {', '.join(undecided[:3])}{more} undecided"
@@ -155,7 +160,7 @@ class _Pieces:
     """The pieces of a graph beside the cells in which the pieces lie.
 
     ``inner`` are the pieces at every special point but those where one piece ends exactly at an end
-    of the interval; ``rays`` are the places where rays without end begin.
+    of the interval.
     """
 
     def __init__(self, graph: BranchGraph, cells: ExactCells) -> None:
@@ -170,7 +175,6 @@ class _Pieces:
             if len(some) != 1 or graph.point(node).alpha not in graph.interval
         }
         self.transitions = sum(len(some) > 1 for some in self.inner.values())
-        self.rays: set[Point] = set()
         self._rational_ends = cache(self._ends_of)
         self._system: Any = graph.system
         full = [[completed_point(self._system, p.points[k]) for k in (0, -1)] for p in pieces]
@@ -256,7 +260,7 @@ class _Pieces:
         return True
 
     def is_joined(self, node: int) -> bool:
-        """Tell whether proved pieces certainly end in one point, or one piece where rays begin.
+        """Tell whether several proved pieces certainly end in one point.
 
         At the end of the first of two pieces one more row vanishes. If the rows of the second piece
         and its vanishing row are sums of multiples of these rows, both pieces end there.
@@ -274,8 +278,7 @@ class _Pieces:
         ends = [self._rational_ends(k) for k in pieces]
         starts = [self._graph.pieces[k].start == node for k in pieces]
         places = {pair[not first] for pair, first in zip(ends, starts, strict=True) if pair}
-        is_end = len(pieces) > 1 or places <= self.rays
-        return is_end and all(ends) and len(places) == 1
+        return len(pieces) > 1 and all(ends) and len(places) == 1
 
     def _ends_of(self, k: int) -> tuple[Point, ...]:
         """Return both ends of a piece in rational numbers; nothing if not decided, or elsewhere."""
@@ -284,7 +287,7 @@ class _Pieces:
         cell, piece = self.cells.of(self._choices[k]), self._graph.pieces[k]
         ends = segment_of(*cell, self._graph.interval) or ()
         for pair in (ends, ends[::-1]) if len(set(ends)) == 2 else ():
-            found = shown_points(self._system, np.array(pair, dtype=float))
+            found = shown_points(self._system, as_doubles(pair))
             nodes = zip((piece.start, piece.end), pair, strict=True)
             outer = [x[-1] in self._graph.interval for node, x in nodes if node not in self.inner]
             if self._is_end(piece, found) and all(outer):
@@ -292,31 +295,23 @@ class _Pieces:
         return ()
 
     def left_cells(self) -> Iterator[Choice]:
-        """Yield the cells that may hold solutions that are on no piece, and on no ray."""
+        """Yield the cells that may hold solutions that are on no piece."""
         proved = set(map(tuple, self._choices.tolist()))
         for choice, *_ in self.cells.left(self._graph.interval):
             if choice not in proved and not self._is_on_pieces(choice):
                 yield choice
 
     def _is_on_pieces(self, choice: Choice) -> bool:
-        """Tell in rational numbers whether a cell is empty, or has solutions on pieces only.
-
-        Or on a ray from a piece, at an alpha where the graph has infinitely many solutions.
-        """
+        """Tell in rational numbers whether a cell is empty, or has solutions on one piece only."""
         ends = segment_of(*self.cells.of(choice), self._graph.interval)
-        if not ends:
-            return ends is None
-        is_on = any(all(self._holds(k, x) for x in ends) for k in range(len(self._choices)))
-        if len(ends) == 1 and is_on:
-            is_on = self._graph.count(float(ends[0][-1])) == inf
-            self.rays |= {ends[0]} if is_on else set()
-        return is_on
+        pieces = range(len(self._choices)) if ends else ()
+        return ends is None or any(all(self._holds(k, x) for x in ends) for k in pieces)
 
     def doubtful_infinities(self) -> list[str]:
-        """Return where the graph counts other than its vertical pieces and rays say."""
+        """Return where the graph counts other than its vertical pieces say."""
         graph, ranges = self._graph, (piece.interval for piece in self._graph.pieces)
-        places = [p.interval[0] for p in graph.verticals] + [float(x[-1]) for x in self.rays]
-        finite = (lo for lo, hi in ranges if lo == hi and graph.count(lo) < inf)
+        places = [lo for lo, hi in ranges if lo == hi]
+        finite = (lo for lo in places if graph.count(lo) < inf)
         return [f"a piece at alpha = {at:.8g}, where a number is counted" for at in finite] + [
             f"infinitely many solutions for alpha in ({lo:.8g}, {hi:.8g})"
             for lo, hi, _ in graph.infinite
