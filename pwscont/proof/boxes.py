@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from time import perf_counter
-from typing import NamedTuple, final
+from typing import final
 
 import numpy as np
 from scipy.sparse.csgraph import connected_components
@@ -52,14 +52,6 @@ BESIDE = 2.0**-44
 #: How much wider than a box, than a few roundings of the centre, and than the residual of the
 #: centre as unknowns, the neighbourhood is in which a solution is enclosed.
 WIDER, SLACK, ROOM = 1.25, 64.0 * ULP, 2.0
-
-
-class Covered(NamedTuple):
-    """Accepted and open boxes (k, n + 1) with all solutions, and how many boxes were looked at."""
-
-    accepted: Interval
-    open: Interval
-    looked_at: int
 
 
 @final
@@ -110,11 +102,11 @@ Accepts = Callable[[Interval, Interval], Signs]
 
 def covered(
     domain: Domain, boxes: Interval, accepts: Accepts, seconds: float, most: int
-) -> Covered:
-    """Return accepted and open boxes that hold all zeros in some boxes, in some ``seconds``.
+) -> tuple[Interval, Interval, int]:
+    """Return accepted and open boxes with all zeros in some boxes, and how many were looked at.
 
-    ``accepts`` tells of boxes, and the derivatives in the boxes, which are accepted. About ``most``
-    boxes are looked at, at most.
+    ``accepts`` tells of boxes, and the derivatives in the boxes, which are accepted. Boxes are left
+    open after some ``seconds``, and when about ``most`` boxes were looked at.
     """
     accepted, small, number, end = [boxes[:0]], [boxes[:0]], 0, perf_counter() + seconds
     while len(boxes.lo) and number < most and perf_counter() < end:
@@ -126,7 +118,7 @@ def covered(
         small.append(too_small)
         boxes = together(np.concatenate, others, *halves)
     left = together(np.concatenate, *small, boxes)
-    return Covered(together(np.concatenate, *accepted), left, number)
+    return together(np.concatenate, *accepted), left, number
 
 
 def _looked_at(
@@ -206,23 +198,26 @@ MOST_GROUPED, MOST_OF_A_WHOLE = 4000, 400
 WEIGHTS = 8
 
 
-def counted_proof(domain: Domain, found: Covered, *, is_whole: bool = False) -> BoxProof:
-    """Return what accepted and open boxes with all solutions prove.
+def counted_proof(
+    domain: Domain, found: tuple[Interval, Interval, int], *, is_whole: bool = False
+) -> BoxProof:
+    """Return what boxes that are :func:`covered` prove.
 
     ``is_whole``: a proof of a part is of no use, so that nothing is counted where a box is open.
     """
+    accepted, left, number = found
     box, alpha = domain.box[:-1], domain.box[-1]
     most = MOST_OF_A_WHOLE if is_whole else MOST_GROUPED
-    hulls, passed, turns = grouped(domain, found.open, most)
+    hulls, passed, turns = grouped(domain, left, most)
     unsaid = _united(hulls[:, -1], turns, FINEST_ALPHA * float(domain.scale[-1]))
     interval, corners = (float(alpha.lo), float(alpha.hi)), (box.lo, box.hi)
     ends = [interval[0], *(end for lo, hi, _ in unsaid for end in (lo, hi)), interval[1]]
     pairs = zip(ends[::2], ends[1::2], strict=True) if passed.all() or not is_whole else ()
-    stretches = _counted(domain, found.accepted, [(lo, hi) for lo, hi in pairs if lo < hi])
+    stretches = _counted(domain, accepted, [(lo, hi) for lo, hi in pairs if lo < hi])
     opened = list(zip(hulls.lo[~passed], hulls.hi[~passed], strict=True))
     is_class = any(step.name == "select" for step in domain.tape.steps)
     assumed = ASSUMED + OF_NUMPY * (not BY_CRIVAL) + OF_CLASSES * is_class
-    return BoxProof(corners, interval, stretches, unsaid, opened, found.looked_at, assumed)
+    return BoxProof(corners, interval, stretches, unsaid, opened, number, assumed)
 
 
 def _united(ranges: Interval, turns: Array, apart: float) -> list[tuple[float, float, float]]:
