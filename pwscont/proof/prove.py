@@ -62,8 +62,7 @@ class Certificate:
     """What :func:`pwscont.prove` has proved.
 
     ``open`` is what is not decided: at one alpha, cells (for every part of the system, the number
-    of a mode); of a graph, pieces, special points and cells in words; of an evolution, what stands
-    in the way.
+    of a mode); else words.
     """
 
     holds: bool  #: Whether all that was given is proved: solutions, pieces, transitions, evolution.
@@ -106,8 +105,8 @@ def proved_solutions(
 ) -> tuple[dict[Choice, Interval], set[Point], list[Choice]]:
     """Return enclosures of solutions by cells, all other solutions, and cells that are undecided.
 
-    A cell off all its inequalities has one solution in floating point. Rational numbers decide all
-    other cells that may have solutions, and cells whose solution may be that of another cell.
+    Rational numbers decide cells that are not certainly off their inequalities, and cells whose
+    solution may be that of another cell.
     """
     at = Interval(np.array([alpha]))
     found = [
@@ -159,8 +158,7 @@ def certified_pieces(
 class _Pieces:
     """The pieces of a graph beside the cells in which the pieces lie.
 
-    ``inner`` are the pieces at every special point but those where one piece ends exactly at an end
-    of the interval.
+    ``inner`` are the pieces at special points, except a single piece at an end of the interval.
     """
 
     def __init__(self, graph: BranchGraph, cells: ExactCells) -> None:
@@ -176,8 +174,9 @@ class _Pieces:
         }
         self.transitions = sum(len(some) > 1 for some in self.inner.values())
         self._rational_ends = cache(self._ends_of)
-        self._system: Any = graph.system
-        full = [[completed_point(self._system, p.points[k]) for k in (0, -1)] for p in pieces]
+        system: Any = graph.system
+        self._system = system
+        full = [[completed_point(system, p.points[k]) for k in (0, -1)] for p in pieces]
         #: Both ends (z, alpha) of each piece, shape (k, 2, n + 1), and magnitudes.
         self._points = np.array(full).reshape(-1, 2, cells.size + 1)
         self._sizes = np.abs(self._points).max(axis=(0, 1), initial=0.0)
@@ -221,7 +220,7 @@ class _Pieces:
 
     @np.errstate(all="ignore")
     def left_pieces(self) -> list[int]:
-        """Return the pieces that are not proved, and note inequalities that vanish at ends."""
+        """Return the pieces that are not proved, or repeat the cell of an earlier piece."""
         first = set(np.unique(self._choices, axis=0, return_index=True)[1].tolist())
         left = []
         for some in self.cells.portions(len(self._choices)):
@@ -229,14 +228,13 @@ class _Pieces:
             for i, k in enumerate(range(some.start, some.stop)):
                 is_drawn = k in first and self._is_drawn(self._graph.pieces[k])
                 if not (is_drawn and (self._is_range(k, x[i], sides[i]) or self._rational_ends(k))):
-                    left.append(k)  # a cell has one piece: a second piece repeats the first
+                    left.append(k)
         return left
 
     def _is_range(self, k: int, line: Interval, sides: Interval) -> bool:
         """Tell whether a piece is all of its cell, and note the inequalities that end the piece.
 
-        At either end one inequality vanishes, the ends of the interval included, and all others
-        hold.
+        At either end one inequality vanishes, also of alpha, and all others hold.
         """
         lo, hi = self._graph.interval
         rows = together(np.vstack, sides, Interval(np.array([[1.0, -lo], [-1.0, hi]])))
@@ -433,8 +431,8 @@ def is_unique(A: Array, N: Array, T: Array, friction: Array) -> bool:
 def is_positive_definite(form: Interval) -> bool:
     """Tell whether the symmetric parts of all matrices K between two are positive definite.
 
-    With any numbers R, best the inverse of a Cholesky factor, they are if R (K + K') R' is, whose
-    eigenvalues differ from 2 by less than 2 if the rows of R (K + K') R' - 2 I do (Gershgorin).
+    With any R they are if R (K + K') R' is, and so if the rows of R (K + K') R' / 2 - I have
+    absolute sums below 1 (Gershgorin).
     """
     both = form + form.arranged(np.transpose)
     try:
