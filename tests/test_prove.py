@@ -19,6 +19,7 @@ from pwscont import (
     BranchGraph,
     InvalidInputError,
     Switched,
+    SystemNeededError,
     enumerate_solutions,
     explore,
     prove,
@@ -454,6 +455,13 @@ def test_transitions_that_only_look_alike_are_not_joined(monkeypatch):
     assert not certified_pieces(graph, (common, wrong)).holds
 
 
+def test_a_graph_that_was_read_without_its_system_is_refused(tmp_path):
+    explore(GAME, (-1.0, 2.0)).save(tmp_path / "game")
+    with pytest.raises(SystemNeededError, match="without its system"):
+        prove(BranchGraph.load(tmp_path / "game"))
+    assert prove(BranchGraph.load(tmp_path / "game", system=GAME)).is_complete
+
+
 def test_what_prove_refuses():
     curved = Switched(1, lambda z, t, sw: z**2 - t)
     with pytest.raises(InvalidInputError, match="no exact data"):
@@ -462,6 +470,8 @@ def test_what_prove_refuses():
         prove(explore(example3().system, (0.0, 5.0)))
     with pytest.raises(InvalidInputError, match="prove takes"):
         prove([1, 2])
+    with pytest.raises(InvalidInputError, match="but the solutions are at 0"):
+        prove(enumerate_solutions(GAME, 0.0), 0.5)
     wide = LCP(np.eye(20), np.ones(20), np.ones(20))
     with pytest.raises(InvalidInputError, match="too many"):
         prove(enumerate_solutions(wide, 0.0))

@@ -21,17 +21,7 @@ from pwscont.basics.arrays import GOLDEN, Array, Signs
 from pwscont.basics.budget import check_budget
 from pwscont.curve.metric import Range
 from pwscont.graph.proved import BoxProof, Corners, CountedStretch
-from pwscont.proof.interval import (
-    BY_CRIVAL,
-    FUNCTION_ULPS,
-    MODES,
-    ULP,
-    Interval,
-    are_regular,
-    inverses,
-    solved,
-    together,
-)
+from pwscont.proof.interval import ASSUMED, MODES, Interval, are_regular, inverses, solved, together
 from pwscont.proof.tape import Tape, evaluated, with_slopes
 
 #: No coordinate is halved below this part of its magnitude; the magnitude of alpha is the interval.
@@ -48,7 +38,7 @@ MATTERS = 0.5
 BESIDE = 2.0**-44
 #: How much wider than a box, than a few roundings of the centre, and than the residual of the
 #: centre as unknowns, the neighbourhood is in which a solution is enclosed.
-WIDER, SLACK, ROOM = 1.25, 64.0 * ULP, 2.0
+WIDER, SLACK, ROOM = 1.25, 2.0**-46, 2.0
 
 
 @final
@@ -181,11 +171,6 @@ NARROWED = 4
 LOOKED_AT = 30
 #: Parts of a stretch at which solutions are counted, in turn, until all are told apart.
 PLACES = (0.5, 1.0 - GOLDEN, GOLDEN, 0.26, 0.74)
-ASSUMED = (
-    "assumed: a formula without state, the same for numbers and for the tape; arithmetic of "
-    "IEEE 754 to nearest"
-)
-OF_NUMPY = f"; elementary functions of numpy within {FUNCTION_ULPS:g} units in the last place"
 OF_CLASSES = "; selections of a class that agree where tests vanish"
 #: Most open boxes that are put together.
 MOST_GROUPED = 4000
@@ -204,7 +189,7 @@ def counted_proof(domain: Domain, accepted: Interval, left: Interval, number: in
     stretches = _counted(domain, accepted, pairs)
     opened = list(zip(hulls.lo[~passed], hulls.hi[~passed], strict=True))
     is_class = any(step.name == "select" for step in domain.tape.steps)
-    assumed = ASSUMED + OF_NUMPY * (not BY_CRIVAL) + OF_CLASSES * is_class
+    assumed = ASSUMED + OF_CLASSES * is_class
     return BoxProof(corners, interval, stretches, unsaid, opened, number, assumed)
 
 

@@ -128,6 +128,11 @@ def value(row: Array, x: Sequence[Fraction]) -> Fraction:
     return sum((Fraction(a) * b for a, b in terms if a and b), Fraction(0))
 
 
+def holds(equations: Array, sides: Array, x: Point) -> bool:
+    """Tell whether a point is a solution of a cell."""
+    return all(value(row, x) >= 0 for row in sides) and not any(value(row, x) for row in equations)
+
+
 def as_doubles(points: Any) -> Array:
     """Return rational numbers as doubles, not numbers where a double cannot hold all of them."""
     try:

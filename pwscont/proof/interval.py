@@ -309,6 +309,11 @@ BY_NUMPY: dict[str, Map] = {
 #: The same functions by crival, if the package is installed.
 BY_CRIVAL = {name: _correctly_rounded(name) for name in BY_NUMPY} if ival else {}
 ELEMENTARY = BY_CRIVAL or BY_NUMPY
+OF_NUMPY = f"; elementary functions of numpy within {FUNCTION_ULPS:g} units in the last place"
+ASSUMED = (
+    "assumed: a formula without state, the same for numbers and for the tape; arithmetic of "
+    "IEEE 754 to nearest" + OF_NUMPY * (not BY_CRIVAL)
+)
 #: Intervals of results from intervals of arguments; a power takes its exponent last. "slope" and
 #: "jump" are the derivatives of switches: of continuous ones, and of ``where``, across whose kinks
 #: nothing is known, for f may jump.

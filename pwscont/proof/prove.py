@@ -16,7 +16,7 @@ from typing import Any, final
 import numpy as np
 
 from pwscont.basics.arrays import Array, Indices, finite_array
-from pwscont.basics.errors import InvalidInputError
+from pwscont.basics.errors import InvalidInputError, SystemNeededError
 from pwscont.basics.printing import counted
 from pwscont.basics.rounding import CONFIDENCE, EPS, GUARD
 from pwscont.enumeration.echelon import independent
@@ -24,25 +24,10 @@ from pwscont.graph.branch_graph import BranchGraph
 from pwscont.graph.proved import are_matched, with_slack
 from pwscont.graph.queries import stray_alpha
 from pwscont.graph.records import Piece, Solution
-from pwscont.proof.cells import (
-    MOST_CELLS,
-    Choice,
-    ExactCells,
-    Point,
-    as_doubles,
-    segment_of,
-    value,
-)
+from pwscont.proof.cells import MOST_CELLS, Choice, ExactCells, Point, as_doubles, holds, segment_of
 from pwscont.proof.interval import Interval, departure, together
 from pwscont.search.enumeration import Solutions
-from pwscont.system.abilities import (
-    ExactData,
-    ExactMode,
-    ExactRates,
-    completed_point,
-    shown_points,
-    shown_size,
-)
+from pwscont.system.abilities import ExactData, ExactMode, ExactRates, completed_point, shown_points
 
 ASSUMED = "assumed: arithmetic of IEEE 754 to nearest; {} count as the doubles that they are"
 #: An end of a cell is the end of a piece within the widths of enclosures, the errors that the graph
@@ -79,14 +64,14 @@ def certified_count(
     system: Any, alpha: float, known: Sequence[Solution], number: float
 ) -> Certificate:
     """Return what is proved of all solutions at alpha, and of the known ones, ``number`` in all."""
-    cells, size = ExactCells(*system.exact_rows(alpha)), shown_size(system)
+    cells = ExactCells(*system.exact_rows(alpha))
     if cells.number > MOST_CELLS:
         raise InvalidInputError(
             f"{cells.number} cells are too many: at most {MOST_CELLS} are proved"
         )
     boxes, points, undecided = proved_solutions(cells, alpha)
-    centres = [each.middle()[:size] for each in boxes.values()]
-    centres += [as_doubles(point[:size]) for point in points]
+    whole = [*(each.middle() for each in boxes.values()), *map(as_doubles, points)]
+    centres = [shown_points(system, z) for z in whole]
     count = None if undecided else len(centres)
     found = [with_slack(each, np.abs(each.z).max(initial=0.0), GUARD * EPS) for each in known]
     holds = count == number and are_matched([(x, x) for x in centres], found)
@@ -302,8 +287,8 @@ class _Pieces:
     def _is_on_pieces(self, choice: Choice) -> bool:
         """Tell in rational numbers whether a cell is empty, or has solutions on one piece only."""
         ends = segment_of(*self.cells.of(choice), self._graph.interval)
-        pieces = range(len(self._choices)) if ends else ()
-        return ends is None or any(all(self._holds(k, x) for x in ends) for k in pieces)
+        cells = map(self.cells.of, self._choices if ends else ())
+        return ends is None or any(all(holds(*each, x) for x in ends) for each in cells)
 
     def doubtful_infinities(self) -> list[str]:
         """Return where the graph counts other than its vertical pieces say."""
@@ -315,12 +300,6 @@ class _Pieces:
             for lo, hi, _ in graph.infinite
             if not any(graph.same(lo, at) and graph.same(hi, at) for at in places)
         ]
-
-    def _holds(self, k: int, x: Point) -> bool:
-        """Tell whether a solution of the common rows is a solution of the cell of a piece."""
-        equations, sides = self.cells.of(self._choices[k])
-        on_line = not any(value(row, x) for row in equations)
-        return on_line and all(value(row, x) >= 0 for row in sides)
 
 
 #: Most nodes with friction, whose signs are all tried.
@@ -352,6 +331,8 @@ def prove(given: Any, alpha: float | None = None) -> Certificate:
     InvalidInputError
         If ``given`` is something else, the system hands over no exact data or has too many cells,
         or a solution is listed at another alpha.
+    SystemNeededError
+        If the graph was read from a file without its system.
 
     Examples
     --------
@@ -362,7 +343,9 @@ def prove(given: Any, alpha: float | None = None) -> Certificate:
     >>> prove(explore(LCP([[1, 2], [2, 1]], q=[-1, -1], d=[1, 0]), (-1.0, 2.0))).statements[0]
     'complete, proved: 3 pieces and 2 transitions'
     """
-    system: Any = getattr(given, "system", None)
+    system: Any = getattr(given, "system", False)
+    if system is None:
+        raise SystemNeededError("the graph was read without its system; load it with system=...")
     if isinstance(system, ExactRates):
         return certified_rates(given)
     is_graph = isinstance(given, BranchGraph)
@@ -381,6 +364,8 @@ def prove(given: Any, alpha: float | None = None) -> Certificate:
             raise InvalidInputError(
                 f"a solution at alpha = {strange[0]} is listed among those at alpha = {given.alpha}"
             )
+        if alpha not in (None, given.alpha):
+            raise InvalidInputError(f"alpha = {alpha}, but the solutions are at {given.alpha}")
         return certified_count(system, given.alpha, given, len(given))
     if alpha is not None:
         alpha = float(finite_array("alpha", alpha, ()))
