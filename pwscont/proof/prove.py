@@ -121,7 +121,8 @@ def certified_pieces(
     is_few = proof.cells.number <= MOST_CELLS
     cells = list(proof.left_cells()) if is_few and not undecided else None
     undecided += [f"special point {node}" for node in proof.inner if not proof.is_joined(node)]
-    words = f"{counted(len(graph.pieces), 'piece')} and {counted(proof.transitions, 'transition')}"
+    transitions = sum(len(pieces) > 1 for pieces in proof.inner.values())
+    words = f"{counted(len(graph.pieces), 'piece')} and {counted(transitions, 'transition')}"
     if cells == []:
         undecided += proof.doubtful_infinities()
         words = f"complete, proved: {words}"
@@ -148,16 +149,11 @@ class _Pieces:
 
     def __init__(self, graph: BranchGraph, cells: ExactCells) -> None:
         self._graph, self.cells, pieces = graph, cells, graph.pieces
-        met = {
-            node.id: [k for k, p in enumerate(pieces) for end in (p.start, p.end) if end == node.id]
-            for node in graph.nodes
-        }
-        self.inner = {
-            node: some
-            for node, some in met.items()
-            if len(some) != 1 or graph.point(node).alpha not in graph.interval
-        }
-        self.transitions = sum(len(some) > 1 for some in self.inner.values())
+        self.inner = dict[int, list[int]]()
+        for node in graph.nodes:
+            met = [k for k, p in enumerate(pieces) for end in (p.start, p.end) if end == node.id]
+            if len(met) != 1 or node.alpha not in graph.interval:
+                self.inner[node.id] = met
         self._rational_ends = cache(self._ends_of)
         system: Any = graph.system
         self._system = system
