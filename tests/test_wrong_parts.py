@@ -24,9 +24,11 @@ from pwscont import (
     trace,
 )
 from pwscont.extending import (
+    Corrector,
     Failure,
     FailureReason,
     Guarantee,
+    Predictor,
     Ray,
     Reading,
     SearchScope,
@@ -237,6 +239,28 @@ def test_parts_of_steppers():
         PseudoArclength(Tangent(), StepSize())
     with pytest.raises(InvalidInputError, match="step_size of NaturalParameter must be a StepSize"):
         NaturalParameter(0.1)
+
+
+class Wordless(Predictor, Corrector):
+    """Returns something else than a predictor and a corrector must."""
+
+    def __init__(self, result):
+        self.result = result
+
+    def predict(self, curve, previous, state, length):
+        return self.result
+
+    def correct(self, curve, predicted, tangent):
+        return self.result
+
+
+@pytest.mark.parametrize("result", [None, 1.0, "x", (), (np.zeros(2), np.zeros(3))])
+def test_what_predictors_and_correctors_must_return(result):
+    part = Wordless(result)
+    with pytest.raises(InvalidInputError, match=r"Wordless.predict\(\) must return a point and a"):
+        explore(Bent(), (0.0, 1.0), stepper=PseudoArclength(part))
+    with pytest.raises(InvalidInputError, match=r"Wordless.correct\(\) must return a Corrected or"):
+        explore(Bent(), (0.0, 1.0), stepper=PseudoArclength(Tangent(), part))
 
 
 class Repeating(Stepper):
