@@ -31,6 +31,7 @@ from pwscont.extending import (
     Predictor,
     Ray,
     Reading,
+    Reducible,
     SearchScope,
     SpecialPointFound,
     locate_sign_change,
@@ -295,3 +296,32 @@ def test_a_detector_whose_special_point_is_no_number_is_refused(away):
 
     with pytest.raises(InvalidInputError, match=r"at 2 finite numbers \(z, alpha\)"):
         trace(Bent(), ([0.0], 0.0), (-1.0, 1.0), detectors=[Level()])
+
+
+def test_what_a_detector_says_of_a_step_must_be_a_failure():
+    class Doubtful(TransitionDetector):
+        def read(self, curve, state):
+            return Reading(np.ones(1), np.zeros(1))
+
+        def locate(self, segment, index, bracket):
+            raise NotImplementedError
+
+        def arrive(self, curve, state, index):
+            raise NotImplementedError
+
+        def needs_shorter_step(self, segment, start, end):
+            return "too long"
+
+    with pytest.raises(InvalidInputError, match="needs_shorter_step must return a Failure or None"):
+        trace(Bent(), ([0.0], 0.0), (-1.0, 1.0), detectors=[Doubtful()])
+
+
+def test_what_a_reduction_must_be():
+    class Reduced(Straight, Reducible):
+        def reduction(self, lo, hi):
+            return lo, hi
+
+    with pytest.raises(
+        InvalidInputError, match=r"Reduced.reduction\(\) returns must be a Reduction"
+    ):
+        explore(Reduced(), (0.0, 1.0))
