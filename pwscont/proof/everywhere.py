@@ -179,8 +179,7 @@ class Everywhere(Search):
             words = "; between the ends only if not all branches were proved before"
             words *= shown_size(system) <= MANY_UNKNOWNS
             return SearchScope(scope.what + words, scope.promise)
-        box = "bounds, or 1000 times as far as H becomes nonlinear"
-        box = box if self.box is None else f"{self.box}"
+        box = self.box or "bounds, or 1000 times as far as H becomes nonlinear"
         what = f"all solutions proved in a box of the unknowns ({box})"
         what += f", if within {self.seconds:g} s; where something is open, the default search"
         return SearchScope(what, Guarantee.NOTHING)
