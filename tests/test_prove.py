@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import random_bodies
 import reference_enumeration
-from pwscont_coulomb import AffineLoad, CoulombLoad
+from pwscont_coulomb import AffineLoad, ContactBody, CoulombLoad
 from pwscont_coulomb.scenes import example3, fig7
 from rational import integer_family, number_of_solutions
 from sweeps import swept
@@ -441,6 +441,17 @@ def test_a_system_without_a_switch_is_proved():
     graph = explore(line, (-1.0, 1.0))
     assert prove(graph).is_complete
     assert prove(graph, 0.5).count == 1
+
+
+def test_a_graph_of_a_body_with_other_friction_is_not_proved():
+    """The fold moves by 1e-13."""
+    body = ContactBody([[2.0, -1.0], [-1.0, 2.0]], [[1.0, 0.0]], [[0.0, 1.0]])
+    load = AffineLoad([1.0, 3.0], [0.0, -8.0])
+    graph, other = explore(CoulombLoad(body, load, 4.0), (-1.0, 1.0)), 4.0 + 1e-12
+    moved = CoulombLoad(body, load, other)
+    assert prove(graph).is_complete
+    wrong = BranchGraph(graph.nodes, graph.pieces, graph.interval, system=moved)
+    assert not prove(wrong).holds
 
 
 def test_transitions_that_only_look_alike_are_not_joined(monkeypatch):

@@ -30,8 +30,8 @@ from pwscont.search.enumeration import Solutions
 from pwscont.system.abilities import ExactData, ExactMode, ExactRates, completed_point, shown_points
 
 ASSUMED = "assumed: arithmetic of IEEE 754 to nearest; {} count as the doubles that they are"
-#: An end of a cell is the end of a piece within the widths of enclosures, the errors that the graph
-#: states, and GUARD * EPS of typical magnitudes, but never beyond this part of the magnitudes.
+#: An end of a cell is the end of a piece within the errors that the graph states, the widths of
+#: enclosures (alpha of few unknowns without) and GUARD * EPS of magnitudes, and never beyond this.
 NEAR = 2.0**-20
 #: An unknown that is always smaller than this part of the largest unknown is rounding.
 DUST = 1e-6
@@ -227,6 +227,7 @@ class _Pieces:
         values.lo[numbers, [0, 1]] = 1.0
         ends = together(np.vstack, self.cells.unknowns(line, places), places)
         found, width = (shown_points(self._system, x.T) for x in (ends.middle(), ends.width()))
+        width[:, -1] *= self.cells.size > MOST_RATIONAL  # else rational numbers decide
         piece, count = self._graph.pieces[k], len(sides.lo)
         holds = (values.lo > 0.0).all() and numbers[0] != numbers[1]
         if not (holds and self._is_end(piece, found, width)):
