@@ -68,7 +68,7 @@ BUDGET = {
     "search": (9, 2047),
     "continuation": (9, 2864),
     "kit": (4, 975),
-    "proof": (7, 1980),
+    "proof": (7, 1994),
     "events": (4, 556),
     "scenes": (14, 2667),
     "view": (6, 934),

@@ -25,7 +25,7 @@ from pwscont import (
     prove,
     trace,
 )
-from pwscont.extending import ExactMode
+from pwscont.extending import ExactMode, Kind
 from pwscont.graph.records import Place
 from pwscont.proof.cells import ExactCells, ends_of, segment_of
 from pwscont.proof.interval import Interval
@@ -418,13 +418,17 @@ RAYS = {
 
 
 @pytest.mark.parametrize("name", RAYS)
-def test_rays_without_end_stay_undecided(name):
-    proof = prove(explore(RAYS[name], (-1.0, 1.0)))
-    assert not proof.holds
-    assert proof.open[0].startswith("special point")
+def test_rays_without_end_are_proved_where_the_graph_has_infinitely_many_solutions(name):
+    graph = explore(RAYS[name], (-1.0, 1.0))
+    words = "complete, proved: 1 piece and 0 transitions; solutions without end at alpha = 0"
+    assert prove(graph).statements[0] == words
+    nodes = [replace(node, kind=Kind.TRANSITION) for node in graph.nodes]
+    finite = BranchGraph(nodes, graph.pieces, graph.interval, system=graph.system)
+    assert finite.count(0.0) != math.inf
+    assert prove(finite).open[0].startswith("special point")
 
 
-def test_a_piece_that_ends_where_no_other_begins_is_not_proved():
+def test_a_piece_that_ends_where_no_ray_begins_is_not_proved():
     graph = explore(CORNERS["vertical pieces"][0], (-1.5, 1.5))
     for piece in graph.pieces:
         part = BranchGraph(graph.nodes, [piece], graph.interval, system=graph.system)
@@ -433,7 +437,7 @@ def test_a_piece_that_ends_where_no_other_begins_is_not_proved():
 
 def test_an_area_of_solutions_stays_undecided():
     area = LCP(np.zeros((2, 2)), q=[0.0, 0.0], d=[1.0, 1.0])
-    assert "cell (1, 1)" in prove(explore(area, (-1.0, 1.0))).open
+    assert prove(explore(area, (-1.0, 1.0))).open == ["cell (1, 1)"]
 
 
 def test_a_system_without_a_switch_is_proved():

@@ -144,7 +144,7 @@ def as_doubles(points: Any) -> Array:
 def segment_of(equations: Array, sides: Array, interval: Range) -> tuple[Point, ...] | None:
     """Return both ends (z, alpha) of all solutions of a cell over an interval of alpha, exactly.
 
-    () where the solutions may be more than a segment, None where there are none.
+    Of a ray without end, one end; () where solutions may be more, None where there are none.
     """
     size = equations.shape[1] - 1
     echelon = Echelon(size)
@@ -169,6 +169,6 @@ def segment_of(equations: Array, sides: Array, interval: Range) -> tuple[Point, 
         elif start < 0:
             return None
     places = [largest(some) for largest, some in ((max, first), (min, last)) if some]
-    if len(places) < 2 or places[0] > places[1]:
-        return None if len(places) == 2 else ()
+    if len(places) == 2 and places[0] > places[1]:
+        return None
     return tuple(tuple(a + b * s for a, b in zip(base, along, strict=True)) for s in places)

@@ -105,7 +105,7 @@ def proved_solutions(
             boxes[choice] = box
             continue
         ends = segment_of(*cells.of(choice), (alpha, alpha))
-        if ends and ends[0] == ends[1]:
+        if ends and len(ends) == 2 and ends[0] == ends[1]:
             points.add(ends[0][:-1])
         elif ends is not None:
             undecided.append(choice)
@@ -129,6 +129,9 @@ def certified_pieces(
     else:
         others = "too many cells" if cells is None else f"{counted(len(cells), 'cell')} undecided"
         words += f", proved; of other solutions nothing is proved: {others}"
+    if proof.rays:
+        places = ", ".join(f"{float(x[-1]):.8g}" for x in sorted(proof.rays, key=lambda x: x[-1]))
+        words += f"; solutions without end at alpha = {places}"
     if undecided:
         more = f" and {len(undecided) - 3} more" if len(undecided) > 3 else ""
         words = f"not proved: {', '.join(undecided[:3])}{more} undecided"
@@ -144,7 +147,8 @@ def certified_pieces(
 class _Pieces:
     """The pieces of a graph beside the cells in which the pieces lie.
 
-    ``inner`` are the pieces at special points, except a single piece at an end of the interval.
+    ``inner`` are the pieces at special points, except a single piece at an end of the interval;
+    ``rays`` are the places where rays without end begin.
     """
 
     def __init__(self, graph: BranchGraph, cells: ExactCells) -> None:
@@ -154,6 +158,7 @@ class _Pieces:
             met = [k for k, p in enumerate(pieces) for end in (p.start, p.end) if end == node.id]
             if len(met) != 1 or node.alpha not in graph.interval:
                 self.inner[node.id] = met
+        self.rays: set[Point] = set()
         self._rational_ends = cache(self._ends_of)
         system: Any = graph.system
         self._system = system
@@ -240,7 +245,7 @@ class _Pieces:
         return True
 
     def is_joined(self, node: int) -> bool:
-        """Tell whether several proved pieces certainly end in one point.
+        """Tell whether proved pieces certainly end in one point, or one piece where rays begin.
 
         At the end of the first of two pieces one more row vanishes. If the rows of the second piece
         and its vanishing row are sums of multiples of these rows, both pieces end there.
@@ -258,7 +263,7 @@ class _Pieces:
         ends = [self._rational_ends(k) for k in pieces]
         starts = [self._graph.pieces[k].start == node for k in pieces]
         places = {pair[not first] for pair, first in zip(ends, starts, strict=True) if pair}
-        return len(pieces) > 1 and all(ends) and len(places) == 1
+        return (len(pieces) > 1 or places <= self.rays) and all(ends) and len(places) == 1
 
     def _ends_of(self, k: int) -> tuple[Point, ...]:
         """Return both ends of a piece in rational numbers; nothing if not decided, or elsewhere."""
@@ -282,16 +287,24 @@ class _Pieces:
                 yield choice
 
     def _is_on_pieces(self, choice: Choice) -> bool:
-        """Tell in rational numbers whether a cell is empty, or has solutions on one piece only."""
+        """Tell in rational numbers whether a cell is empty, or has solutions on one piece only.
+
+        Or on a ray from a piece, at an alpha where the graph has infinitely many solutions.
+        """
         ends = segment_of(*self.cells.of(choice), self._graph.interval)
         cells = map(self.cells.of, self._choices if ends else ())
-        return ends is None or any(all(holds(*each, x) for x in ends) for each in cells)
+        is_on = ends is None or any(all(holds(*each, x) for x in ends) for each in cells)
+        if ends and len(ends) == 1 and is_on:
+            is_on = self._graph.count(float(ends[0][-1])) == inf
+            self.rays |= {ends[0]} if is_on else set()
+        return is_on
 
     def doubtful_infinities(self) -> list[str]:
-        """Return where the graph counts other than its vertical pieces say."""
+        """Return where the graph counts other than its vertical pieces and rays say."""
         graph, ranges = self._graph, (piece.interval for piece in self._graph.pieces)
         places = [lo for lo, hi in ranges if lo == hi]
-        finite = (lo for lo in places if graph.count(lo) < inf)
+        finite = [lo for lo in places if graph.count(lo) < inf]
+        places += [float(x[-1]) for x in self.rays]
         return [f"a piece at alpha = {at:.8g}, where a number is counted" for at in finite] + [
             f"infinitely many solutions for alpha in ({lo:.8g}, {hi:.8g})"
             for lo, hi, _ in graph.infinite
