@@ -16,7 +16,7 @@ import numpy as np
 
 from pwscont.basics.arrays import Array, power_of_two
 from pwscont.basics.errors import InvalidSystemError
-from pwscont.basics.rounding import EPS
+from pwscont.basics.rounding import EPS, HALF_DIGITS
 
 #: Step of differences of second order, in typical magnitudes: truncation (h^2) balances
 #: cancellation (EPS / h).
@@ -28,9 +28,9 @@ FINE_STEP = EPS**0.2
 REFINEMENT, FINEST_PART = 1.0 / 16.0, 1.0 / 16.0**3
 #: Largest change that is rounding, as a part of the value.
 ROUNDED = 4.0 * EPS
-#: Length of the chords of affine functions, in typical magnitudes, a power of two: longer than the
-#: solutions of systems whose magnitudes are not known. Chords are longer next to larger constants,
-#: up to the largest constant: the values must not overflow.
+#: Length of a long chord of an affine function, in typical magnitudes, a power of two: longer than
+#: the solutions of systems whose magnitudes are not known. Chords are longer next to larger
+#: constants, up to the largest constant: the values must not overflow.
 LONG_CHORD, LARGEST_CONSTANT = 2.0**100, 1e100
 #: Multiple of a step -> weight of the value, of fourth order: on two sides, and on a single side.
 CENTRAL = {-2.0: 1.0 / 12.0, -1.0: -2.0 / 3.0, 1.0: 2.0 / 3.0, 2.0: -1.0 / 12.0}
@@ -176,17 +176,26 @@ def _value(function: Callable[[T], Array], x: T) -> Array:
 def _chords(function: Function, x: Array, scale: Array, *far: float) -> list[Array]:
     """Return the slopes of an affine ``function`` as one entry of ``x`` at a time is moved.
 
-    An affine function has the same slope along a chord of any length, and the longer the chord,
-    the less of the slope is lost next to constants: solutions may be far larger than 1. ``far``:
-    the other value of alpha, if alpha is moved, too.
+    Unknowns move by typical magnitudes, and alpha to the value ``far``, if given. Slopes that are
+    small next to the value at ``x`` are read along a longer chord of the unknown: an affine
+    function has the same slope there, and solutions may be far larger than 1.
     """
     origin, slopes = _value(function, x), []
-    larger = np.clip(np.nan_to_num(np.abs(origin)).max(initial=1.0), 1.0, LARGEST_CONSTANT)
-    ends = LONG_CHORD * power_of_two(scale) * power_of_two(larger)
-    for j, end in enumerate([*ends, *far]):
-        value = _value(_of(function, x, j), end)
-        change = _change(origin, value)
-        # rounding of the values is no slope: a singular matrix stays singular
-        change[np.abs(change) <= ROUNDED * np.maximum(np.abs(origin), np.abs(value))] = 0.0
-        slopes.append(change / (end - x[j]))
+    sizes = np.nan_to_num(np.abs(origin))
+    longer = LONG_CHORD * power_of_two(np.clip(sizes.max(initial=1.0), 1.0, LARGEST_CONSTANT))
+    for j, end in enumerate([*power_of_two(scale), *far]):
+        slope = _chord(function, x, j, end, origin)
+        small = np.abs(slope * (end - x[j])) < HALF_DIGITS * sizes
+        if j < len(scale) and small.any():
+            slope = np.where(small, _chord(function, x, j, longer * end, origin), slope)
+        slopes.append(slope)
     return slopes
+
+
+def _chord(function: Function, x: Array, j: int, end: float, origin: Array) -> Array:
+    """Return the slope from ``x``, where the value is ``origin``, as x_j moves to ``end``."""
+    value = _value(_of(function, x, j), end)
+    change = _change(origin, value)
+    # rounding of the values is no slope: a singular matrix stays singular
+    change[np.abs(change) <= ROUNDED * np.maximum(np.abs(origin), np.abs(value))] = 0.0
+    return np.asarray(change / (end - x[j]))
