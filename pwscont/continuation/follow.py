@@ -311,6 +311,8 @@ class PieceFollower:
         """Return the piece that an event on the last step ends, with the ways on allowed there."""
         if end := self._ended_by_user(step, event.position):
             return end
+        if self._gauge:
+            self._gauge.end(len(self._points))
         arrival, events = event.arrive(self._curve), self._events
         arrival = events.ended(arrival) if events else arrival
         arrival = arrival.adding(f"; {Remark.TWOFOLD}") if self._flips else arrival

@@ -78,6 +78,8 @@ LITTLE, FAR_BELOW, LEVEL = 0.001, 53, 0.99 * PART
 PERIOD = 2.0 * np.pi
 #: Where in the interval H is asked: at both ends, and where no function vanishes by design.
 PLACES = (0.0, 0.381966, 1.0)
+#: A row that changes by less than this part of itself says that the interval is short.
+SHORT = 1e-4
 #: Most unknowns whose sizes are told by more than a single Newton step.
 MANY = 32
 #: Sizes that differ by more than this factor are compared with Newton steps, and are too small if
@@ -121,6 +123,7 @@ def rough_magnitudes(system: PiecewiseSystem, interval: Range, z: Array) -> Arra
     probe = _Probe(system, alphas, z)
     probe.leave_out_jumps()  # as of (2 + alpha)^z at z = 0, alpha = -2
     terms, others = _finite(np.ptp(probe.here, axis=0)), _finite(np.abs(probe.here).max(axis=0))
+    terms = np.where((terms > 0.0) & (terms < SHORT * others), others, terms)
     for j in np.flatnonzero(z).tolist():  # at a solution terms cancel
         others = reduce(np.maximum, probe.changes(j, abs(float(z[j]))), others)
     most_of = box.period / PERIOD  # a periodic unknown has this size, whatever H is
