@@ -65,7 +65,7 @@ BUDGET = {
     "enumeration": (11, 2498),
     "transitions": (13, 3413),
     "graph": (8, 2479),
-    "search": (9, 2047),
+    "search": (9, 2053),
     "continuation": (9, 2863),
     "kit": (4, 975),
     "proof": (7, 2020),

@@ -1,5 +1,7 @@
 """Intervals of alpha far from zero or very short, and paths that begin small."""
 
+from itertools import product
+
 import numpy as np
 import pytest
 
@@ -70,8 +72,12 @@ def test_a_short_interval_does_not_make_unknowns_tiny(unit, width):
     def flows(i, p):
         roots = np.roots([loss[i], -hump[i], 0.0, p - lift[i]])
         real = roots[abs(roots.imag) < 1e-9].real
-        return np.count_nonzero(real > 0.0) + (p > lift[i])
+        return [*real[real > 0.0], *[0.0] * (p > lift[i])]
 
     for p in (0.4, 1.58):
-        graph = explore(Switched(2, pumps), (p, p + width))
-        assert graph.count(p + 0.5 * width) == flows(0, p) * flows(1, p)
+        interval, states = (p, p + width), list(product(flows(0, p), flows(1, p)))
+        assert explore(Switched(2, pumps), interval).count(p + 0.5 * width) == len(states)
+        for state in states:
+            near = unit * (np.array(state) + 1e-3)
+            [found] = trace(Switched(2, pumps), (near, p), interval).solutions(p)
+            np.testing.assert_allclose(found.z / unit, state, atol=1e-6)

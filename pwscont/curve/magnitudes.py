@@ -123,9 +123,9 @@ def rough_magnitudes(system: PiecewiseSystem, interval: Range, z: Array) -> Arra
     probe = _Probe(system, alphas, z)
     probe.leave_out_jumps()  # as of (2 + alpha)^z at z = 0, alpha = -2
     terms, others = _finite(np.ptp(probe.here, axis=0)), _finite(np.abs(probe.here).max(axis=0))
-    terms = np.where((terms > 0.0) & (terms < SHORT * others), others, terms)
     for j in np.flatnonzero(z).tolist():  # at a solution terms cancel
         others = reduce(np.maximum, probe.changes(j, abs(float(z[j]))), others)
+    terms = np.where((terms > 0.0) & (terms < SHORT * others), others, terms)
     most_of = box.period / PERIOD  # a periodic unknown has this size, whatever H is
     sizes = np.where(np.isfinite(most_of), most_of, 0.0)
     most, may_bend = np.zeros((system.size, system.size)), True
