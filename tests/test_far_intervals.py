@@ -72,7 +72,7 @@ def test_a_short_interval_does_not_make_unknowns_tiny(unit, width):
     def flows(i, p):
         roots = np.roots([loss[i], -hump[i], 0.0, p - lift[i]])
         real = roots[abs(roots.imag) < 1e-9].real
-        return [*real[real > 0.0], *[0.0] * (p > lift[i])]
+        return [*real[real > 0.0], *([0.0] if p > lift[i] else [])]
 
     for p in (0.4, 1.58):
         interval, states = (p, p + width), list(product(flows(0, p), flows(1, p)))
