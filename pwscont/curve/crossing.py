@@ -25,7 +25,7 @@ from pwscont.basics.outcome import Failure, FailureReason
 from pwscont.basics.rounding import CONFIDENCE, CONVERGED, EPS, GUARD, HALF_DIGITS
 from pwscont.curve.curve import ERROR_OF_DIFFERENCES, Curve, State
 from pwscont.linear.factor import Factor
-from pwscont.linear.factorise import augmented, columns_scaled, largest_in_rows, rows_divided
+from pwscont.linear.factorise import augmented, columns_scaled, largest_in_scaled_rows, rows_divided
 
 #: Most Newton iterations to a branch point.
 MOST_ITERATIONS_TO_CROSSING = 12
@@ -41,6 +41,9 @@ MEETS = EPS**0.75
 FULL_RANK = EPS ** (1.0 / 3.0)
 #: Inverses of scaled derivatives that are larger than this may belong to a branch point near by.
 CLOSE_TO_CROSSING = FULL_RANK**-0.5
+#: Distance from which Newton's method does not come back to a branch point that lies next to the
+#: first iterate, in the metric, whose unit is the length of the interval.
+LOST = 1.0
 #: Displacement of z, in typical magnitudes, that shows how large the equations are.
 ASIDE = 0.05
 #: Component of a direction, as a part of the length, below which the component is the error of
@@ -77,9 +80,13 @@ class _Null:
         return self.left / np.linalg.norm(self.left), np.linalg.qr(self.right)[0].T
 
 
-def crossing(curve: Curve, x: Array) -> Crossing | Failure:
-    """Return the branch point near ``x``, by Newton's method on the extended system."""
+def crossing(curve: Curve, x: Array, within: float = np.inf) -> Crossing | Failure:
+    """Return the branch point near ``x``, by Newton's method on the extended system.
+
+    ``within``: the distance from ``x``, in the metric, at which Newton's method is given up.
+    """
     equations, borders, last = _equations(curve, x), _generic(len(x) - 1), np.inf
+    first = x
     for iteration in range(-FIRST_BORDERS, MOST_ITERATIONS_TO_CROSSING):
         null = _null(curve, x, equations, *borders)
         if null is None:
@@ -107,7 +114,8 @@ def crossing(curve: Curve, x: Array) -> Crossing | Failure:
             mu = abs(float(null.particular[-1] + null.g @ eta))
             error = np.array([dx, _error_of_differences(curve)])
             return Crossing(x, error, directions, mu <= MEETS * (1.0 + null.size))
-        if iteration >= FAR_OFF and size > LINEAR * last:
+        is_lost = not curve.metric.norm(x - first) <= within
+        if is_lost or (iteration >= FAR_OFF and size > LINEAR * last):
             break
         last = size
     return Failure(FailureReason.NOT_CONVERGED)
@@ -118,7 +126,7 @@ def crossing_near(curve: Curve, x: Array, near: float = HALF_DIGITS) -> Crossing
 
     ``near``: default the distance, in the metric, of a point that was located before.
     """
-    found = crossing(curve, x)
+    found = crossing(curve, x, LOST)
     if isinstance(found, Failure) or curve.metric.norm(found.x - x) > near:
         return None
     return found
@@ -191,8 +199,8 @@ def _aside(curve: Curve, x: Array) -> Array:
 
 
 def _sizes_of_rows(curve: Curve, x: Array) -> Array:
-    """Return the largest entry in each row of J at a point, with unknowns scaled to about 1."""
-    return largest_in_rows(columns_scaled(curve.selection.jacobian(x), curve.metric.scale))
+    """Return about the largest entry in each row of J at a point, unknowns scaled to about 1."""
+    return largest_in_scaled_rows(curve.selection.jacobian(x), curve.metric.scale)
 
 
 def _bordered(curve: Curve, x: Array, rows: Array, b: Array, C: Array) -> tuple[Matrix, Factor]:
@@ -220,7 +228,7 @@ def _second(curve: Curve, x: Array, left: Array, v: Array) -> Array:
     scale = curve.metric.scale
 
     def product(y: Array) -> Array:
-        row: Array = left @ columns_scaled(curve.selection.jacobian(y), scale)
+        row: Array = (left @ curve.selection.jacobian(y)) * scale
         return row
 
     differences = curve.selection.system.differences(float(x[-1]))
