@@ -253,3 +253,17 @@ def test_an_area_with_a_corner_at_an_end_of_the_interval(hi):
     graph = explore(Switched(1, equation, linear=True), (-2.0, hi))
     assert [graph.count(alpha) for alpha in (-2.0, -1.0, 0.5, hi)] == [math.inf] * 4
     assert "infinitely many solutions" in graph.guarantee
+
+
+@pytest.mark.slow
+def test_a_search_ends_soon_where_solutions_fill_an_area():
+    calls = []
+
+    def dead_zones(z, t, sw):  # a square of solutions until t = 0, then its corner moves
+        calls.append(t)
+        return z - sw.clip(z, -1.0, 1.0) - np.array([1.0, 2.0]) * sw.relu(t)
+
+    graph = explore(Switched(2, dead_zones), (-1.0, 1.0))
+    assert [graph.count(t) for t in (-0.7, 0.1, 0.8)] == [math.inf, 1, 1]
+    assert "infinitely many solutions for alpha in [-1, 0]" in graph.guarantee
+    assert len(calls) <= 12_000

@@ -311,6 +311,8 @@ class PieceFollower:
         """Return the piece that an event on the last step ends, with the ways on allowed there."""
         if end := self._ended_by_user(step, event.position):
             return end
+        if self._gauge:
+            self._gauge.end(len(self._points))
         # before the arrival, while the system still keeps the factorisation at the end
         points = self._points_to(step, event.position, event.state)
         arrival, events = event.arrive(self._curve), self._events

@@ -56,7 +56,7 @@ from pwscont.basics.arrays import (
     smallest,
 )
 from pwscont.basics.outcome import Failure, FailureReason
-from pwscont.basics.rounding import CONVERGED
+from pwscont.basics.rounding import CONVERGED, EPS, GUARD
 from pwscont.curve.crossing import FULL_RANK, loses_rank
 from pwscont.curve.curve import State
 from pwscont.curve.stepper import SHORTEST_CHORD, CurvedSegment, StepSize
@@ -122,7 +122,8 @@ def farthest_off(
         return worst  # may be nan
     if worst > INVISIBLE and len(off) == count:
         roughness = np.abs(rough.dot(off))
-        if largest(roughness) > ROUGH_PART * largest(np.abs(off)) + INVISIBLE:
+        rounding = INVISIBLE + segment.curve.metric.slack(segment.end.x, 0.0)
+        if largest(roughness) > ROUGH_PART * largest(np.abs(off)) + rounding:
             odd = float(u[int(roughness.argmax()) // off.shape[1]])
             for place in (odd, 0.0, 1.0):
                 closer = _close_in(segment, factor, (place, 1.0 / count), allowed)
@@ -229,7 +230,7 @@ def _alphas_turn(segment: CurvedSegment, alphas: Array) -> bool:
     steps[1:] -= alphas
     steps[0] -= start.alpha
     leaving, arriving = float(start.tangent[-1]), float(end.tangent[-1])
-    least = CONVERGED * segment.curve.metric.width
+    least = CONVERGED * segment.curve.metric.width + GUARD * EPS * abs(end.alpha)
     if leaving * arriving > 0.0:  # nearly always
         return (largest(steps) if leaving < 0.0 else -smallest(steps)) > least
     signs = np.sign(steps[np.abs(steps) > least])

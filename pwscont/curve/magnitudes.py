@@ -78,6 +78,8 @@ LITTLE, FAR_BELOW, LEVEL = 0.001, 53, 0.99 * PART
 PERIOD = 2.0 * np.pi
 #: Where in the interval H is asked: at both ends, and where no function vanishes by design.
 PLACES = (0.0, 0.381966, 1.0)
+#: A row that changes by less than this part of itself says that the interval is short.
+SHORT = 1e-4
 #: Most unknowns whose sizes are told by more than a single Newton step.
 MANY = 32
 #: Sizes that differ by more than this factor are compared with Newton steps, and are too small if
@@ -123,6 +125,7 @@ def rough_magnitudes(system: PiecewiseSystem, interval: Range, z: Array) -> Arra
     terms, others = _finite(np.ptp(probe.here, axis=0)), _finite(np.abs(probe.here).max(axis=0))
     for j in np.flatnonzero(z).tolist():  # at a solution terms cancel
         others = reduce(np.maximum, probe.changes(j, abs(float(z[j]))), others)
+    terms = np.where((terms > 0.0) & (terms < SHORT * others), others, terms)
     most_of = box.period / PERIOD  # a periodic unknown has this size, whatever H is
     sizes = np.where(np.isfinite(most_of), most_of, 0.0)
     most, may_bend = np.zeros((system.size, system.size)), True

@@ -233,6 +233,11 @@ class Gauge:
         """Take the next step for the first step of another path."""
         self._begun = None
 
+    def end(self, steps: int) -> None:
+        """Judge a path that has not run off: its piece of that many steps has an end."""
+        if steps >= FIRST_LOOK:
+            self._judge(TOO_SMALL, math.inf)
+
     def see(self, x: Array, y: Array) -> None:
         """Add a step from x to y, each of shape (n + 1,); may raise a MisjudgedError."""
         self._first = x if self._first is None else self._first

@@ -46,6 +46,8 @@ MOST_ROUNDS = 4
 FEW_ON_LINE = 6
 #: Number of alphas between the ends at which side paths are followed.
 SIDE_PATHS = 20
+#: Number of slices with infinitely many solutions from which on no other round begins.
+MOST_FILLED = 4
 #: Number of steps along side paths in the place of a start.
 STEPS_PER_START = 50
 #: Fewest unknowns for which side paths are followed in the place of half of the starts, and the
@@ -212,6 +214,8 @@ class Throughout(Search):
                     return
             if count == before and (turn or known.extremes()):
                 return
+            if pursuit.filled >= MOST_FILLED and known.extremes():
+                break
         known.leave_off()  # the last round found more, as of branches that repeat themselves
 
     def _between(self, pursuit: Pursuit, interval: Range, turn: int) -> Iterator[Found]:

@@ -124,6 +124,7 @@ class Pursuit:
         self._roots: tuple[float, dict[bytes, Array]] = math.nan, {}  # by places beside the roots
         self.reach = nonlinear_reach(system, metric)  # grows with the reach of known branches
         self._farthest = RUN_AWAY * float((self.reach / metric.scale[:-1]).max())
+        self.filled = 0  # number of slices at which one of infinitely many solutions was found
 
     def at(self, alpha: float, guesses: Iterable[Array]) -> Iterator[Found]:
         """Yield the new solutions to which starts at an alpha lead, one of infinitely many."""
@@ -147,6 +148,7 @@ class Pursuit:
                 is_many = is_one_of_many(self._system, self._metric, found[0])
                 if is_many and underflows(self._system, self._metric, found[0]):
                     break
+                self.filled += is_many
                 yield found
                 if is_many:
                     return

@@ -153,6 +153,7 @@ def refuse_bent_tests(
     if arrays.is_everywhere(excess <= 0.0):
         return
     refuse_infinite(system, "test_jacobian", gradients)
+    excess -= GUARD * EPS * arrays.product(abs(gradients), np.abs(x))  # far from the origin
     if (excess > 0.0).any():
         raise _bent(system, "test_functions", dx)
 
