@@ -17,11 +17,12 @@ from typing import final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Matrix, Signs, are_finite, plus, smallest
+from pwscont.basics.arrays import Array, Matrix, Signs, are_finite, is_anywhere, smallest
 from pwscont.basics.outcome import Failure, FailureReason, Kind, Remark
-from pwscont.basics.rounding import CONFIDENCE, EPS, GUARD, HALF_DIGITS
+from pwscont.basics.rounding import EPS, GUARD, HALF_DIGITS
 from pwscont.curve.crossing import may_cross
 from pwscont.curve.curve import Curve, State
+from pwscont.curve.error_samples import zero_up_to
 from pwscont.curve.looks import INSIDE
 from pwscont.curve.newton import Border
 from pwscont.curve.stepper import CurvedSegment, Segment
@@ -39,7 +40,6 @@ from pwscont.transitions.rays import (
     check_continuity,
     inward_ray,
     opposite,
-    rounding_of_tests,
     same_piece,
     turns,
 )
@@ -71,7 +71,7 @@ def touching(curve: Curve, state: State, test: int) -> SpecialPointFound | None:
         return None
     turn = slope + float(selection.test_gradient(further.x, index).dot(further.tangent))
     lowest = DISTANCE_TO_CURVATURE * slope / turn if turn > 0.0 else np.inf
-    rounding = rounding_of_tests(row[np.newaxis], state.x, state.error, curve.metric.scale)[0]
+    rounding = zero_up_to(row[np.newaxis], np.abs(state.x) + curve.metric.scale, state.error)[0]
     if not (lowest <= DISTANCE_TO_CURVATURE and 0.5 * slope * lowest <= rounding):
         return None  # a zero farther from the lowest point than that is a crossing
     found = [beside(curve, state, part * lowest) for part in PARABOLA_PLACES]
@@ -126,9 +126,9 @@ class BoundingTests(TransitionDetector):
         if not are_finite(slopes):  # as of a root of zero: the values alone tell
             slopes[~np.isfinite(slopes)] = 0.0
         scale = curve.metric.scale
-        above = plus(np.abs(values), -NEXT_TO_ZERO, _terms(rows, state.x, scale))
-        if not smallest(above) > 0.0:  # seldom
-            near = np.flatnonzero(above <= 0.0)
+        below = np.abs(values) <= zero_up_to(rows, np.abs(state.x) + scale, part=NEXT_TO_ZERO)
+        if is_anywhere(below):  # seldom
+            near = np.flatnonzero(below)
             stays = _stay_zero(curve, state, rows[near], values[near], slopes[near])
             values[near[stays]], slopes[near[stays]] = 1.0, 0.0
         return Reading(values, slopes)
@@ -145,20 +145,20 @@ class BoundingTests(TransitionDetector):
             return None
         if smallest(start.values) < 0.0:  # seldom
             x, rows = segment.start.x, selection.unsigned_gradients(segment.start.x)
-            error = CONFIDENCE * (abs(rows) @ segment.start.size)
-            is_clear = start.values < -NEXT_TO_ZERO * _terms(rows, x, scale) - error
-            if (is_clear & (end.values < start.values)).any():
+            least = zero_up_to(rows, np.abs(x) + scale, segment.start.error, NEXT_TO_ZERO)
+            if ((start.values < -least) & (end.values < start.values)).any():
                 return Failure(FailureReason.OUTSIDE_OF_CELL)
         parts = THIRDS if segment.length > LONG_STEP else (INSIDE,)
         places = (segment.near(part * segment.length) for part in parts)
         for x in filter(segment.curve.metric.admits, places):
             values = selection.tests(x)
             if smallest(values) < 0.0:  # seldom
-                terms = _terms(selection.unsigned_gradients(x), x, scale)
-                sizes = np.maximum(np.abs(start.values), np.abs(end.values))
+                rows = selection.unsigned_gradients(x)
+                sizes = NEXT_TO_ZERO * np.maximum(np.abs(start.values), np.abs(end.values))
                 positive = (end.values > 0.0) & ((start.values > 0.0) | (start.slopes > 0.0))
                 stays_zero = (start.slopes == 0.0) & (end.slopes == 0.0)
-                deep = values < -NEXT_TO_ZERO * np.maximum(terms, sizes)
+                rounding = zero_up_to(rows, np.abs(x) + scale, part=NEXT_TO_ZERO)
+                deep = values < -np.maximum(rounding, sizes)
                 if (deep & positive & ~stays_zero).any():
                     return Failure(FailureReason.THIN_CELL)
         return None
@@ -195,14 +195,6 @@ class BoundingTests(TransitionDetector):
         return crossed(x, back, forth) if forth else met
 
 
-def _terms(rows: Matrix, x: Array, scale: Array) -> Array:
-    """Return the size of the terms of tests with these gradients, shape (l,); zero if infinite."""
-    terms: Array = abs(rows).dot(np.abs(x) + scale)
-    if not are_finite(terms):
-        terms[~np.isfinite(terms)] = 0.0
-    return terms
-
-
 def crossed(x: Array, back: Ray, forth: Ray) -> SpecialPointFound:
     """Return the special point at which a curve leaves one cell for another."""
     before, after = back.curve.selection, forth.curve.selection
@@ -222,13 +214,13 @@ def _stay_zero(
     differences err, and next to a branch point the error of the tangent is magnified.
     """
     selection, scale = curve.selection, curve.metric.scale
-    rounding = rounding_of_tests(gradients, state.x, state.error, scale)
-    flat = np.maximum(rounding, GUARD * EPS * (abs(gradients) @ np.abs(state.tangent)))
+    rounding = zero_up_to(gradients, np.abs(state.x) + scale, state.error)
+    flat = np.maximum(rounding, zero_up_to(gradients, np.abs(state.tangent), part=GUARD * EPS))
     stay: Signs = (np.abs(values) <= rounding) & (np.abs(slopes) <= flat)
     if selection.adjacent_cells:
         is_exact = selection.system.knows_derivatives
         level = HALF_DIGITS if is_exact else HALF_DIGITS**0.5  # in the metric
-        stay |= np.abs(slopes) <= level * (abs(gradients) @ scale)
+        stay |= np.abs(slopes) <= zero_up_to(gradients, scale, part=level)
     return stay
 
 
@@ -288,7 +280,7 @@ def _as_uncertain_as(back: Ray, corner: Corner) -> Ray:
     """Return the ray with an error that covers where along the ray each test vanishes."""
     state, gradients = back.state, corner.gradients
     slopes, values = np.abs(gradients @ state.tangent), np.abs(corner.tests[corner.which])
-    steep = slopes > SLANT * (abs(gradients) @ np.abs(state.tangent))
+    steep = slopes > zero_up_to(gradients, np.abs(state.tangent), part=SLANT)
     if not steep.any():
         return back
     apart = float((values[steep] / slopes[steep]).max())

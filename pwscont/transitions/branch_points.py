@@ -26,6 +26,7 @@ from pwscont.basics.rounding import CONFIDENCE, EPS, HALF_DIGITS
 from pwscont.curve import crossing
 from pwscont.curve.crossing import Crossing
 from pwscont.curve.curve import ERROR_OF_DIFFERENCES, Curve, State
+from pwscont.curve.error_samples import zero_up_to
 from pwscont.curve.looks import hidden_in
 from pwscont.curve.stepper import CurvedSegment, Segment
 from pwscont.linear.factorise import bordered
@@ -169,11 +170,10 @@ def path_through(curve: Curve, corner: Corner) -> SpecialPointFound | None:
     x = found.x  # more digits: where the curve meets the interface, the Jacobian loses rank
     tests, rows = replace(corner, x=x).vanishing(here)
     values = corner.system.some_tests(x[:-1], float(x[-1]), tests)
-    sizes = abs(rows) @ scale
-    if not len(tests) or (np.abs(values) > HALF_DIGITS * sizes).any():
+    if not len(tests) or (np.abs(values) > zero_up_to(rows, scale, part=HALF_DIGITS)).any():
         return None
     tangent = _least_along(found, rows)
-    if (np.abs(product(rows, tangent)) > NEARBY * sizes).any():
+    if (np.abs(product(rows, tangent)) > zero_up_to(rows, scale, part=NEARBY)).any():
         return None
     cells = tuple(cell for cell in corner.all_cells() if is_solid(corner, cell))
     path = Curve(Selection(corner.system, here.character, cells), corner.metric)
@@ -252,7 +252,7 @@ def _across(own: Curve, state: State) -> tuple[Array, Array] | None:
     other = _least_along(found, metric.covector(state.tangent))
     gradients = own.selection.test_gradients(x)
     sizes = abs(gradients) @ metric.scale
-    vanish = np.abs(own.selection.tests(x)) <= HALF_DIGITS * sizes
+    vanish = np.abs(own.selection.tests(x)) <= zero_up_to(gradients, metric.scale, part=HALF_DIGITS)
     rates = (product(gradients, other) / np.where(sizes > 0.0, sizes, 1.0))[vanish]
     return (other, rates) if (np.abs(rates) > NEARBY).any() else None
 
