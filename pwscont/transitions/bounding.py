@@ -239,41 +239,46 @@ def across(curve: Curve, state: State, test: int) -> Ray | None:
 
 def at_corner(corner: Corner, curve: Curve, back: Ray | None = None) -> SpecialPointFound:
     """Return the special point at which several interfaces meet, or the curve is tangent to one."""
-    here, system = curve.selection, corner.system
-    x, error, zero = corner.x, corner.error, corner.zero
-    if len(zero) == 1:
-        (test,) = zero
-        new = Selection(system, beyond(here, x, test))
-        if test not in new.bounding:  # rounding names a cell that is not bounded by the test
-            zero = zero | frozenset(new.bounding.tolist())
-    around = replace(corner, zero=zero)
+    here, system, x = curve.selection, corner.system, corner.x
+    around = replace(corner, zero=corner.zero | _named_as_well(corner, here))
     if not np.isfinite(abs(around.gradients) @ np.ones(len(x))).all():  # as of a root of zero
         why = str(Failure(FailureReason.NOT_FINITE))
         return SpecialPointFound(Kind.STOPPED, x, why, () if back is None else (back,))
     found = tangent_cone(around, back)
     for ray in found.rays:
-        check_continuity(curve, ray.curve.selection, ray, x, error)
+        check_continuity(curve, ray.curve.selection, ray, x, corner.error)
     others = tuple(ray for ray in found.rays if back is None or not same_piece(ray, back))
     rays = others if back is None else (back, *others)
-    if back is None and not found.rays and found.exact:
+    if not rays and found.exact:
         return SpecialPointFound(Kind.ISOLATED, x, "no piece leaves from this solution", ())
-    lost = back is not None and len(others) == len(found.rays)
-    is_doubtful = lost or len(rays) < 2 or found.along_interface
-    if not here.is_straight and (is_doubtful or found.dimension > 1):
-        point = path_from(corner) if back is None else path_through(curve, corner)
-        if point:
-            return point
-    tests = ", ".join(map(system.test_name, sorted(zero)))
-    if lost or (len(rays) < 2 and not found.along_interface):
-        why = NO_WAY_ON.format(tests, here.label) if found.exact else NO_WAY_FOUND.format(len(zero))
+    is_back_found = back is None or len(others) < len(found.rays)
+    goes_on = is_back_found and (len(rays) > 1 or found.along_interface)
+    is_plain = goes_on and found.dimension == 1 and not found.along_interface
+    may_lie_on_path = not (is_plain or here.is_straight)
+    if may_lie_on_path and (point := path_through(curve, corner) if back else path_from(corner)):
+        return point
+    tests, count = ", ".join(map(system.test_name, sorted(around.zero))), len(around.zero)
+    if not goes_on:
+        why = NO_WAY_ON.format(tests, here.label) if found.exact else NO_WAY_FOUND.format(count)
         return SpecialPointFound(Kind.STOPPED, x, why, rays[:1])
-    is_path = len(rays) == 2 and found.dimension == 1 and opposite(*rays)
-    if back is None and is_path and rays[0].interface_cells:
-        message = f"start on the boundary of {rays[0].curve.selection.label}"
-        return SpecialPointFound(Kind.START, x, message, rays)
     if back is not None:
         rays = (_as_uncertain_as(back, around), *others)
-    return SpecialPointFound(found.kind, x, _message(found, tests, len(zero)), rays)
+    elif rays[0].interface_cells and len(rays) == 2 and found.dimension == 1 and opposite(*rays):
+        message = f"start on the boundary of {rays[0].curve.selection.label}"
+        return SpecialPointFound(Kind.START, x, message, rays)
+    return SpecialPointFound(found.kind, x, _message(found, tests, count), rays)
+
+
+def _named_as_well(corner: Corner, here: Selection) -> frozenset[int]:
+    """Return the tests of a cell that rounding names beyond an interface, where others vanish, too.
+
+    Beyond the only test that vanishes lies a cell that this test bounds, except next to a corner.
+    """
+    if len(corner.zero) != 1:
+        return frozenset()
+    (test,) = corner.zero
+    new = Selection(corner.system, beyond(here, corner.x, test))
+    return frozenset() if test in new.bounding else frozenset(new.bounding.tolist())
 
 
 def _as_uncertain_as(back: Ray, corner: Corner) -> Ray:
