@@ -16,14 +16,12 @@ from pwscont.basics.arrays import (
     Array,
     Matrix,
     are_finite,
-    is_anywhere,
     is_everywhere,
     largest,
     product,
-    smallest,
 )
 from pwscont.basics.rounding import CONFIDENCE, EPS
-from pwscont.curve.metric import SHORTEST, Metric
+from pwscont.curve.metric import Metric
 from pwscont.linear.factor import Factor
 from pwscont.linear.factorise import columns_scaled, largest_in_rows
 from pwscont.system.box import Box
@@ -52,18 +50,13 @@ def magnitude(x: Array, error: Array) -> Array:
 def _root_of_squares(error: Array) -> Array:
     """Return the root of the sum of squares of each column; ``hypot`` of many takes far longer.
 
-    Magnitudes are far from where squares overflow, see :class:`~pwscont.curve.metric.Metric`.
+    Squares neither overflow nor vanish: typical magnitudes, and their rounding, are far from there
+    (:class:`~pwscont.curve.metric.Metric`).
     """
-    spread: Array
     if error.size <= MOST_BY_HYPOT:
-        spread = np.abs(np.hypot.reduce(error, axis=0))
-        return spread
-    spread = np.sqrt(np.ones(len(error)).dot(np.square(error)))  # a sum takes twice as long
-    if len(spread) and smallest(spread) < SHORTEST:  # most numbers are zero
-        lost = spread < SHORTEST
-        if len(error) and is_anywhere(np.logical_and(error, lost)):
-            spread[lost] = np.hypot.reduce(error[:, lost], axis=0)
-    return spread
+        return np.asarray(np.abs(np.hypot.reduce(error, axis=0)))
+    squares = np.ones(len(error)).dot(np.square(error))  # a sum takes twice as long
+    return np.asarray(np.sqrt(squares))
 
 
 def zero_up_to(

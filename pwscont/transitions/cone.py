@@ -88,11 +88,9 @@ class TangentCone:
 
     @property
     def kind(self) -> Kind:
-        """The kind of special point that the corner is."""
+        """The kind of special point that a corner with rays is."""
         if not self.exact:
             return Kind.PARTIAL_CORNER
-        if not self.rays:
-            return Kind.ISOLATED
         if self.dimension > 1 or self.along_interface:
             return Kind.DEGENERATE
         if len(self.rays) > 2:
