@@ -61,7 +61,7 @@ def test_two_states_at_one_place_tell_no_more_than_the_tangent():
     """Next to points where many curves meet, steps may be as short as rounding."""
     here = wave(0.4)
     x, direction = Hermite().predict(CURVE, wave(0.4), here, 0.1)
-    np.testing.assert_array_equal(x, here.x + 0.1 * here.tangent)
+    np.testing.assert_allclose(x, here.x + 0.1 * here.tangent, rtol=1e-15)
     np.testing.assert_array_equal(direction, here.tangent)
 
 

@@ -85,6 +85,7 @@ def test_solves_and_signs(seed):
         matrix, dense = ContactMatrix(algebra, mode, friction), general.state_matrix(mode, friction)
         x = rng.normal(size=len(dense))
         error = 1e-14 * np.linalg.cond(dense)
+        np.testing.assert_array_equal(matrix.toarray(), dense)
         np.testing.assert_allclose(matrix.solve(dense @ x), x, atol=error)
         np.testing.assert_allclose(matrix.solve_transposed(x @ dense), x, atol=error)
         assert matrix.sign == np.linalg.slogdet(dense)[0]

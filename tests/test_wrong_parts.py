@@ -24,11 +24,14 @@ from pwscont import (
     trace,
 )
 from pwscont.extending import (
+    Corrector,
     Failure,
     FailureReason,
     Guarantee,
+    Predictor,
     Ray,
     Reading,
+    Reducible,
     SearchScope,
     SpecialPointFound,
     locate_sign_change,
@@ -239,6 +242,28 @@ def test_parts_of_steppers():
         NaturalParameter(0.1)
 
 
+class Wordless(Predictor, Corrector):
+    """Returns something else than a predictor and a corrector must."""
+
+    def __init__(self, result):
+        self.result = result
+
+    def predict(self, curve, previous, state, length):
+        return self.result
+
+    def correct(self, curve, predicted, tangent):
+        return self.result
+
+
+@pytest.mark.parametrize("result", [None, 1.0, "x", (), (np.zeros(2), np.zeros(3))])
+def test_what_predictors_and_correctors_must_return(result):
+    part = Wordless(result)
+    with pytest.raises(InvalidInputError, match=r"Wordless.predict\(\) must return a point and a"):
+        explore(Bent(), (0.0, 1.0), stepper=PseudoArclength(part))
+    with pytest.raises(InvalidInputError, match=r"Wordless.correct\(\) must return a Corrected or"):
+        explore(Bent(), (0.0, 1.0), stepper=PseudoArclength(Tangent(), part))
+
+
 class Repeating(Stepper):
     """A stepper that returns its first step again and again."""
 
@@ -271,3 +296,32 @@ def test_a_detector_whose_special_point_is_no_number_is_refused(away):
 
     with pytest.raises(InvalidInputError, match=r"at 2 finite numbers \(z, alpha\)"):
         trace(Bent(), ([0.0], 0.0), (-1.0, 1.0), detectors=[Level()])
+
+
+def test_what_a_detector_says_of_a_step_must_be_a_failure():
+    class Doubtful(TransitionDetector):
+        def read(self, curve, state):
+            return Reading(np.ones(1), np.zeros(1))
+
+        def locate(self, segment, index, bracket):
+            raise NotImplementedError
+
+        def arrive(self, curve, state, index):
+            raise NotImplementedError
+
+        def needs_shorter_step(self, segment, start, end):
+            return "too long"
+
+    with pytest.raises(InvalidInputError, match="needs_shorter_step must return a Failure or None"):
+        trace(Bent(), ([0.0], 0.0), (-1.0, 1.0), detectors=[Doubtful()])
+
+
+def test_what_a_reduction_must_be():
+    class Reduced(Straight, Reducible):
+        def reduction(self, lo, hi):
+            return lo, hi
+
+    with pytest.raises(
+        InvalidInputError, match=r"Reduced.reduction\(\) returns must be a Reduction"
+    ):
+        explore(Reduced(), (0.0, 1.0))

@@ -235,6 +235,10 @@ def test_a_graph_without_its_functions_says_how_to_give_them(tmp_path):
             {"cells": lambda self: None},
             r"Mine.cells\(\) must yield a Character for each cell, got None",
         ),
+        (
+            {"cells": lambda self: "-+"},
+            r"Mine.cells\(\) must yield a Character for each cell, got '-'",
+        ),
         ({"label": lambda self, c: None}, "Mine.label must return a text, got None"),
         (
             {"residual": lambda self, z, a, c: z + np.nan},

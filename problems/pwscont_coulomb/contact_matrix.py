@@ -94,6 +94,23 @@ class ContactMatrix(Factor):
         unit[index] = 1.0
         return self._product(unit, a.A[index] if index < a.n else np.zeros(a.n))
 
+    def toarray(self) -> Array:
+        """Return the matrix as a dense array."""
+        a, touching, sticking = self.algebra, self.touches, self.sticks
+        n, p = a.n, a.p
+        normal, tangential = np.arange(n)[a.normal], np.arange(n)[a.tangential]
+        forces = n + np.arange(p), n + p + np.arange(p)
+        dense = np.zeros((n + 2 * p, n + 2 * p))
+        dense[:n, :n] = a.A
+        dense[normal, forces[0]] = dense[tangential, forces[1]] = -1.0
+        dense[forces[0], normal] = np.where(touching, a.r, 0.0)
+        dense[forces[0], forces[0]] = np.where(touching, 0.0, 1.0)
+        dense[forces[1], tangential] = np.where(sticking, a.r, 0.0)
+        dense[forces[1], forces[1]] = np.where(sticking, 0.0, 1.0)
+        slip = np.where(sticking, 0.0, self.slip)
+        dense[forces[1], forces[0]], dense[forces[1], normal] = -slip, slip * a.r
+        return dense
+
     def magnitudes(self, z: Array) -> Array:
         """Return the product of the magnitudes of the entries with z >= 0."""
         u, normal, tangential = self._parts(z)
@@ -212,10 +229,8 @@ class ContactJacobian(StructuredJacobian):
         return _Magnitudes(self)
 
     def toarray(self) -> Array:
-        """Return the matrix as a dense array, column by column."""
-        size = len(self.column)
-        columns = [self.matrix.dot(unit) for unit in np.eye(size)]
-        return np.column_stack([*columns, self.column])
+        """Return the matrix as a dense array."""
+        return np.column_stack([self.matrix.toarray(), self.column])
 
     def bordered(self, row: Array, scale: Array) -> Factor:
         """Factorise [J; row] by the elimination of :class:`ContactAlgebra`."""
@@ -234,11 +249,15 @@ class ContactJacobian(StructuredJacobian):
         last = index == len(self.column)
         return self.column.copy() if last else self.matrix.column_at(index)
 
+    def largest_in_scaled_rows(self, columns: Array) -> Array:
+        """Return about the largest magnitude in each row, with columns multiplied."""
+        largest = self.matrix.largest_in_rows(columns[:-1])
+        return np.maximum(largest, np.abs(self.column) * columns[-1])
+
     def _split(self, scale: Array) -> tuple[Array, Interior]:
         """Return the divisors of the rows, and the block for z; kept for the last scale."""
         if self._interior is None or self._interior[0] is not scale:
-            largest = self.matrix.largest_in_rows(scale[:-1])
-            rows = power_of_two(np.maximum(largest, np.abs(self.column) * scale[-1]))
+            rows = power_of_two(self.largest_in_scaled_rows(scale))
             core = ScaledFactor(self.matrix, 1.0 / rows, 1.0 / scale[:-1])
             interior = Interior(core, self.column * scale[-1] / rows)
             self._interior = scale, rows, interior

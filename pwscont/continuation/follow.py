@@ -311,12 +311,14 @@ class PieceFollower:
         """Return the piece that an event on the last step ends, with the ways on allowed there."""
         if end := self._ended_by_user(step, event.position):
             return end
+        # before the arrival, while the system still keeps the factorisation at the end
+        points = self._points_to(step, event.position, event.state)
         arrival, events = event.arrive(self._curve), self._events
         arrival = events.ended(arrival) if events else arrival
         arrival = arrival.adding(f"; {Remark.TWOFOLD}") if self._flips else arrival
         final = ended_by_system(arrival)
         arrival = arrival if final is arrival else final.leading(final.rays[:1])
-        return self._points_to(step, event.position, event.state), arrival
+        return points, arrival
 
     def _ended_by_user(self, step: Segment, length: float) -> Followed | None:
         """Return the piece up to the event of a user that ends the branch on a stretch, if any."""

@@ -166,6 +166,7 @@ class Plan:
         # a reduced system has neither a box nor the states that detectors expect
         free = not (plan.box.is_bounded or plan.box.is_periodic or any(watched))
         reduction = fitted.reduction(*interval) if isinstance(fitted, Reducible) and free else None
+        checked_kind(f"what {type(system).__name__}.reduction() returns", reduction, Reduction)
         return replace(plan, reduction=reduction) if reduction else plan
 
     @cached_property

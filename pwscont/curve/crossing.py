@@ -63,7 +63,7 @@ from pwscont.linear.factorise import (
     augmented,
     bordered,
     columns_scaled,
-    largest_in_rows,
+    largest_in_scaled_rows,
     rows_divided,
 )
 
@@ -81,6 +81,9 @@ MEETS = EPS**0.75
 FULL_RANK = EPS ** (1.0 / 3.0)
 #: Inverses of scaled derivatives that are larger than this may belong to a branch point near by.
 CLOSE_TO_CROSSING = FULL_RANK**-0.5
+#: Distance from which Newton's method does not come back to a branch point that lies next to the
+#: first iterate, in the metric, whose unit is the length of the interval.
+LOST = 1.0
 #: Displacement of z, in typical magnitudes, that shows how large the equations are.
 ASIDE = 0.05
 #: Component of a direction, as a part of the length, below which the component is the error of
@@ -117,9 +120,9 @@ class _Null:
         return self.left / np.linalg.norm(self.left), np.linalg.qr(self.right)[0].T
 
 
-def crossing(curve: Curve, x: Array) -> Crossing | Failure:
-    """Return the branch point near ``x``, by Newton's method on the extended system."""
-    equations, borders, last = _equations(curve, x), _generic(len(x) - 1), np.inf
+def crossing(curve: Curve, x: Array, within: float = np.inf) -> Crossing | Failure:
+    """Return the branch point within a distance of ``x``, by Newton on the extended system."""
+    equations, borders, last, first = _equations(curve, x), _generic(len(x) - 1), np.inf, x
     for iteration in range(-FIRST_BORDERS, MOST_ITERATIONS_TO_CROSSING):
         null = _null(curve, x, equations, *borders)
         if null is None:
@@ -147,7 +150,8 @@ def crossing(curve: Curve, x: Array) -> Crossing | Failure:
             mu = abs(float(null.particular[-1] + null.g @ eta))
             error = np.array([dx, _error_of_differences(curve)])
             return Crossing(x, error, directions, mu <= MEETS * (1.0 + null.size))
-        if iteration >= FAR_OFF and size > LINEAR * last:
+        is_lost = not curve.metric.norm(x - first) <= within
+        if is_lost or (iteration >= FAR_OFF and size > LINEAR * last):
             break
         last = size
     return Failure(FailureReason.NOT_CONVERGED)
@@ -158,7 +162,7 @@ def crossing_near(curve: Curve, x: Array, near: float = HALF_DIGITS) -> Crossing
 
     ``near``: default the distance, in the metric, of a point that was located before.
     """
-    found = crossing(curve, x)
+    found = crossing(curve, x, LOST)
     if isinstance(found, Failure) or curve.metric.norm(found.x - x) > near:
         return None
     return found
@@ -168,8 +172,7 @@ def _error_of_differences(curve: Curve) -> Array:
     """Return how far derivatives by differences move a branch point, as a sample of the error."""
     if curve.selection.system.knows_derivatives:
         return np.zeros(len(curve.metric.scale))
-    error: Array = GUARD * ERROR_OF_DIFFERENCES * curve.metric.scale
-    return error
+    return np.asarray(GUARD * ERROR_OF_DIFFERENCES * curve.metric.scale)
 
 
 def may_cross(curve: Curve, state: State, index: int) -> bool:
@@ -228,8 +231,8 @@ def _aside(curve: Curve, x: Array) -> Array:
 
 
 def _sizes_of_rows(curve: Curve, x: Array) -> Array:
-    """Return the largest entry in each row of J at a point, with unknowns scaled to about 1."""
-    return largest_in_rows(columns_scaled(curve.selection.jacobian(x), curve.metric.scale))
+    """Return about the largest entry in each row of J at a point, unknowns scaled to about 1."""
+    return largest_in_scaled_rows(curve.selection.jacobian(x), curve.metric.scale)
 
 
 def _bordered(curve: Curve, x: Array, rows: Array, b: Array, C: Array) -> tuple[Matrix, Factor]:
@@ -254,12 +257,9 @@ def _null(curve: Curve, x: Array, rows: Array, b: Array, C: Array) -> _Null | No
 
 def _second(curve: Curve, x: Array, left: Array, v: Array) -> Array:
     """Return w^T H''[v, .], shape (n + 1,), by differences of the Jacobian along v."""
-    scale = curve.metric.scale
-
-    def row(y: Array) -> Array:
-        return np.asarray(left @ columns_scaled(curve.selection.jacobian(y), scale))
-
-    return curve.selection.system.differences(float(x[-1])).along(row, x, scale * v)
+    scale, jacobian = curve.metric.scale, curve.selection.jacobian
+    differences = curve.selection.system.differences(float(x[-1]))
+    return differences.along(lambda y: (left @ jacobian(y)) * scale, x, scale * v)
 
 
 def _directions(curve: Curve, null: _Null, form: Array) -> tuple[Array, Array] | None:

@@ -20,13 +20,15 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field, replace
-from typing import final
+from typing import Any, final
 
 import numpy as np
 
 from pwscont.basics.arguments import checked_kind
 from pwscont.basics.arrays import Array, dot, plus
+from pwscont.basics.errors import InvalidInputError
 from pwscont.basics.outcome import Failure, FailureReason
+from pwscont.basics.printing import short
 from pwscont.basics.rounding import CONFIDENCE, CONVERGED, HALF_DIGITS
 from pwscont.curve.corrector import BorderedNewton, Corrected, Corrector, zero
 from pwscont.curve.curve import Curve, State
@@ -228,12 +230,14 @@ class PseudoArclength(Stepper):
         gap: float,
     ) -> CurvedSegment | Failure:
         """Return a step of a length, or a step to the end of the interval instead of beyond."""
-        predicted, direction = self.predictor.predict(curve, previous, state, length)
+        predicted, direction = self._predicted(curve, previous, state, length)
         lo, hi = interval
         corrected: Corrected | Failure = OUTSIDE
         alpha = float(predicted[-1])
         if lo < alpha < hi or alpha == state.alpha:  # a vertical piece may lie on an end
             corrected = self.corrector.correct(curve, predicted, direction)
+            if not isinstance(corrected, Corrected | Failure):
+                raise _broken(self.corrector, "correct", "a Corrected or a Failure", corrected)
         if not isinstance(corrected, Failure):
             return accepted(curve, state, predicted, corrected, length, self.step_size, gap)
         if corrected.trouble is FailureReason.OUTSIDE:
@@ -251,12 +255,29 @@ class PseudoArclength(Stepper):
         previous, length = self._proposed(before)
         if distance > (STRETCH * length if previous else self.step_size.largest):
             return None
-        predicted, _ = self.predictor.predict(curve, previous, state, distance)
+        predicted, _ = self._predicted(curve, previous, state, distance)
         return land_on_zero(curve, state, predicted, border, self.step_size)
+
+    def _predicted(
+        self, curve: Curve, previous: State | None, state: State, length: float
+    ) -> tuple[Array, Array]:
+        """Return the predicted point and the direction, in the shapes of a point."""
+        pair = self.predictor.predict(curve, previous, state, length)
+        shape = state.x.shape
+        if not isinstance(pair, tuple) or [getattr(p, "shape", None) for p in pair] != [shape] * 2:
+            wanted = f"a point and a direction, arrays of the shape {shape}"
+            raise _broken(self.predictor, "predict", wanted, pair)
+        return pair
 
     def stretched(self, factor: float) -> PseudoArclength:
         """Return a stepper whose longest step is longer by a factor."""
         return replace(self, step_size=self.step_size.stretched(factor))
+
+
+def _broken(part: Any, method: str, wanted: str, got: Any) -> InvalidInputError:
+    """Return the error about what a method of a predictor or corrector returns."""
+    name = f"{type(part).__name__}.{method}()"
+    return InvalidInputError(f"{name} must return {wanted}, got {short(repr(got))}")
 
 
 #: The default steppers of straight and of curved pieces.

@@ -111,6 +111,13 @@ def largest_in_rows(jacobian: Matrix) -> Array:
     return row_maxima(jacobian) if is_dense else jacobian.largest_in_rows()
 
 
+def largest_in_scaled_rows(jacobian: Matrix, scale: Array) -> Array:
+    """Return about the largest magnitude in each row, shape (n,), of columns times ``scale``."""
+    if isinstance(jacobian, np.ndarray):
+        return row_maxima(jacobian * scale)
+    return _structured(jacobian).largest_in_scaled_rows(scale)
+
+
 def column(jacobian: Matrix, index: int) -> Array:
     """Return a column of a Jacobian, shape (n,), in a new array."""
     if isinstance(jacobian, np.ndarray):

@@ -18,7 +18,7 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.linalg import lapack
 
-from pwscont.basics.arrays import Array, Matrix, power_of_two
+from pwscont.basics.arrays import Array, Matrix, dense, power_of_two
 from pwscont.basics.errors import InvalidSystemError
 from pwscont.basics.printing import named
 from pwscont.basics.rounding import EPS
@@ -73,6 +73,12 @@ class StructuredJacobian(ABC):
     def scaled(self, columns: Array) -> Matrix:
         """Return a new matrix with columns multiplied; default a dense array."""
         return self.toarray() * columns
+
+    def largest_in_scaled_rows(self, columns: Array) -> Array:
+        """Return about the largest magnitude in each row, shape (n,), of columns multiplied."""
+        scaled = self.scaled(columns)
+        is_stored = isinstance(scaled, StoredJacobian)
+        return scaled.largest_in_rows() if is_stored else factor.row_maxima(dense(scaled))
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> Any:
         return np.asarray(self.toarray(), dtype=dtype)

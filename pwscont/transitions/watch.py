@@ -131,7 +131,10 @@ class Watch:
     ) -> Failure | None:
         """Return the reason for which a detector asks for a shorter step, None without one."""
         for i, detector in enumerate(self._detectors):
-            if failure := detector.needs_shorter_step(segment, start.parts[i], end.parts[i]):
+            failure = detector.needs_shorter_step(segment, start.parts[i], end.parts[i])
+            if failure is not None and not isinstance(failure, Failure):
+                raise broken(detector, "needs_shorter_step", "a Failure or None", failure)
+            if failure is not None:
                 return failure
         return None
 
