@@ -61,7 +61,7 @@ BUDGET = {
     "system": (9, 1912),
     "linear": (5, 1091),
     "notation": (13, 2961),
-    "curve": (12, 3437),
+    "curve": (12, 3439),
     "enumeration": (11, 2499),
     "transitions": (13, 3400),
     "graph": (8, 2479),

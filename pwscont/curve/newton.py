@@ -98,7 +98,9 @@ def newton(curve: Curve, border: Border, x: Array, most_iterations: int) -> Root
         rest = selection.residual_and(x, value)
         dx = factor.solve(rest)
         x, last = x - dx, np.abs(dx)
-        size = largest(last / metric.sizes(x))
+        if not is_chord:
+            relative_to = metric.sizes(x)  # hardly changes along chords
+        size = largest(last / relative_to)
         if not math.isfinite(size):
             return Failure(FailureReason.NOT_FINITE)
         sizes.append(size)
