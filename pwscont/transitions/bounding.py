@@ -270,9 +270,9 @@ def at_corner(corner: Corner, curve: Curve, back: Ray | None = None) -> SpecialP
 
 
 def _named_as_well(corner: Corner, here: Selection) -> frozenset[int]:
-    """Return the tests of a cell that rounding names beyond an interface, where others vanish, too.
+    """Return the tests that bound the cell beyond an interface, if rounding names a wrong cell.
 
-    Beyond the only test that vanishes lies a cell that this test bounds, except next to a corner.
+    The only test that vanishes bounds the cell beyond, except next to a corner.
     """
     if len(corner.zero) != 1:
         return frozenset()
