@@ -1,6 +1,7 @@
 """Differences in the units of the problem, within the interval; against derivatives by hand."""
 
 from dataclasses import replace
+from itertools import product
 from zlib import crc32
 
 import numpy as np
@@ -14,6 +15,7 @@ from pwscont import (
     PiecewiseSystem,
     TransitionLocus,
     check_system,
+    enumerate_solutions,
     explore,
     trace,
 )
@@ -430,3 +432,39 @@ def test_where_a_model_ends_steps_do_not_become_finer():
     np.testing.assert_allclose(folds, [-2.0 / 27.0**0.5, 2.0 / 27.0**0.5], atol=1e-10)
     assert graph.count(0.0) == 4
     assert graph.system.differences(0.0).part == 1.0
+
+
+class Chained(PiecewiseLinearSystem):
+    """H = A z + B max(z, 0) + c + d alpha, with unknowns and equations in units of their own."""
+
+    def __init__(self, seed, unknowns, equations):
+        rng, n = np.random.default_rng(seed), len(unknowns)
+        self.size, self.unknowns, self.equations = n, unknowns, equations
+        self.A, self.B = rng.normal(size=(n, n)), 1.5 * rng.normal(size=(n, n))
+        self.c, self.d = rng.normal(size=(2, n))
+
+    def test_functions(self, z, alpha):
+        return z.copy()
+
+    def residual(self, z, alpha, character):
+        y = z / self.unknowns
+        rest = self.A @ y + self.B @ np.where(character.array, y, 0.0) + self.c + self.d * alpha
+        return self.equations * rest
+
+    def number_of_solutions(self, alpha):
+        found = 0
+        for signs in product((False, True), repeat=self.size):
+            y = np.linalg.solve(self.A + self.B * signs, -self.c - self.d * alpha)
+            found += np.array_equal(y > 0.0, signs)
+        return found
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_affine_functions_in_any_units(seed):
+    """Solutions of 2^60 and of 2^-60 next to constants of 1; powers of two round nothing."""
+    rng = np.random.default_rng(seed + 100)
+    unknowns, equations = 2.0 ** rng.choice([-60, 0, 60], (2, 1 + seed % 3))
+    system = Chained(seed, unknowns, equations)
+    expected = system.number_of_solutions(0.3)
+    assert len(enumerate_solutions(system, 0.3)) == expected
+    assert explore(system, (-1.0, 1.0)).count(0.3) == expected

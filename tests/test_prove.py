@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import random_bodies
 import reference_enumeration
-from pwscont_coulomb import AffineLoad, CoulombLoad
+from pwscont_coulomb import AffineLoad, ContactBody, CoulombLoad
 from pwscont_coulomb.scenes import example3, fig7
 from rational import integer_family, number_of_solutions
 from sweeps import swept
@@ -19,6 +19,7 @@ from pwscont import (
     BranchGraph,
     InvalidInputError,
     Switched,
+    SystemNeededError,
     enumerate_solutions,
     explore,
     prove,
@@ -332,21 +333,24 @@ def test_a_curve_that_jumped_is_not_proved(name):
     graph = explore(system, (-1.5, 1.5))
     for k, piece in enumerate(graph.pieces):
         points = piece.points.copy()
-        points[:, 0] += 1e-4 * (1.0 + np.abs(points[:, 0]))
+        points[:, 0] += 1e-10 * (1.0 + np.abs(points[:, 0]))
         pieces = [*graph.pieces[:k], replace(piece, points=points), *graph.pieces[k + 1 :]]
         assert not prove(BranchGraph(graph.nodes, pieces, graph.interval, system=system)).holds
 
 
 def doctored(graph):
-    """Yield graphs with the right pieces, but points between, places or special points made up."""
+    """Yield graphs with other points between, cells, places or special points."""
     (first, *others), nodes = graph.pieces, graph.nodes
     lo, hi = first.points
     for between in ([0.5 * (lo + hi) + 1.0], [0.3 * lo + 0.7 * hi, 0.7 * lo + 0.3 * hi]):
         yield [replace(first, points=np.array([lo, *between, hi])), *others], nodes
+    yield [replace(first, character=first.character.flip(0)), *others], nodes
     for k, node in enumerate(nodes):
-        place = Place(node.place.x + np.append(np.ones(len(lo) - 1), 0.0), node.place.error)
-        yield graph.pieces, [*nodes[:k], replace(node, place=place), *nodes[k + 1 :]]
-        yield graph.pieces, [*nodes, replace(node, place=place, id=len(nodes))]
+        for off in (1.0, 1e-10):
+            places = [Place(node.place.x + off * row, node.place.error) for row in np.eye(len(lo))]
+            for place in (places[0], places[-1]):
+                yield graph.pieces, [*nodes[:k], replace(node, place=place), *nodes[k + 1 :]]
+                yield graph.pieces, [*nodes, replace(node, place=place, id=len(nodes))]
 
 
 @pytest.mark.parametrize("name", ["fig7", "two ways", "vertical pieces"])
@@ -360,7 +364,7 @@ def test_what_a_graph_says_beside_the_ends_of_pieces_is_proved_too(name):
 
 def test_a_piece_that_ends_at_a_wrong_place_is_not_proved():
     graph = explore(fig7().system, (-2.0, 2.0))
-    for part in (-1e-4, 1e-4):
+    for part in (-1e-4, 1e-4, -1e-10, 1e-10):
         proof = prove(moved(graph, 1, part))
         assert not proof.holds
         assert proof.open
@@ -396,7 +400,7 @@ def test_corners_and_vertical_pieces_are_proved_in_rational_numbers(name):
     graph = explore(system, (-1.5, 1.5))
     assert prove(graph).statements[0] == f"complete, proved: {words}"
     for k in range(len(graph.pieces)):
-        assert not prove(moved(graph, k, 1e-4)).holds
+        assert not prove(moved(graph, k, 1e-10)).holds
 
 
 def test_a_corner_with_a_way_dropped_is_not_complete():
@@ -443,6 +447,17 @@ def test_a_system_without_a_switch_is_proved():
     assert prove(graph, 0.5).count == 1
 
 
+def test_a_graph_of_a_body_with_other_friction_is_not_proved():
+    """The fold moves by 1e-13."""
+    body = ContactBody([[2.0, -1.0], [-1.0, 2.0]], [[1.0, 0.0]], [[0.0, 1.0]])
+    load = AffineLoad([1.0, 3.0], [0.0, -8.0])
+    graph, other = explore(CoulombLoad(body, load, 4.0), (-1.0, 1.0)), 4.0 + 1e-12
+    moved = CoulombLoad(body, load, other)
+    assert prove(graph).is_complete
+    wrong = BranchGraph(graph.nodes, graph.pieces, graph.interval, system=moved)
+    assert not prove(wrong).holds
+
+
 def test_transitions_that_only_look_alike_are_not_joined(monkeypatch):
     """The rows of a neighbour moved by 1e-12: the pieces no longer end in one point."""
     graph = explore(fig7().system, (-2.0, 2.0))
@@ -455,6 +470,13 @@ def test_transitions_that_only_look_alike_are_not_joined(monkeypatch):
     assert not certified_pieces(graph, (common, wrong)).holds
 
 
+def test_a_graph_that_was_read_without_its_system_is_refused(tmp_path):
+    explore(GAME, (-1.0, 2.0)).save(tmp_path / "game")
+    with pytest.raises(SystemNeededError, match="without its system"):
+        prove(BranchGraph.load(tmp_path / "game"))
+    assert prove(BranchGraph.load(tmp_path / "game", system=GAME)).is_complete
+
+
 def test_what_prove_refuses():
     curved = Switched(1, lambda z, t, sw: z**2 - t)
     with pytest.raises(InvalidInputError, match="no exact data"):
@@ -463,6 +485,8 @@ def test_what_prove_refuses():
         prove(explore(example3().system, (0.0, 5.0)))
     with pytest.raises(InvalidInputError, match="prove takes"):
         prove([1, 2])
+    with pytest.raises(InvalidInputError, match="but the solutions are at 0"):
+        prove(enumerate_solutions(GAME, 0.0), 0.5)
     wide = LCP(np.eye(20), np.ones(20), np.ones(20))
     with pytest.raises(InvalidInputError, match="too many"):
         prove(enumerate_solutions(wide, 0.0))

@@ -1,6 +1,7 @@
 """Counts of linear pieces: data far apart, and systems without switches."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -17,6 +18,7 @@ from pwscont import (
 )
 from pwscont.proof.cells import ExactCells
 from pwscont.proof.prove import proved_solutions
+from pwscont.search.enumeration import Solutions
 
 
 @pytest.mark.parametrize("stiffness", [1.0, 2.0**60, 1e17, 1e200])
@@ -47,6 +49,16 @@ def test_numbers_that_units_would_make_too_small_are_kept(game, alpha):
 def test_numbers_that_units_would_make_infinite_are_kept():
     soft = LCP([[1e-200]], q=[-1e200], d=[0])
     assert soft.exact_rows(0.0)[1][0][1].equations.tolist() == [[1e-200, 0.0, -1e200]]
+
+
+def test_a_solution_beyond_the_largest_double_is_counted_and_is_not_the_one_that_is_given():
+    """z = 1e400, which rational numbers hold."""
+    far = LCP([[1e-200]], q=[-1e200], d=[0])
+    place = replace(
+        enumerate_solutions(LCP([[1.0]], q=[-1.0], d=[0]), 0.0)[0], z=np.array([np.inf])
+    )
+    proof = prove(Solutions([place], "complete", far, 0.0))
+    assert (proof.count, proof.holds) == (1, False)
 
 
 @pytest.mark.parametrize(("lower", "upper"), [(0.0, 2e-20), (1e-58, 1e-22), (-1e-20, 1e-20)])

@@ -179,6 +179,8 @@ def test_a_graph_says_what_is_proved():
     assert "IEEE 754" in graph.proof.statements[3]
     with pytest.raises(InvalidInputError, match="outside"):
         graph.proof.count(2.0)
+    with pytest.raises(InvalidInputError, match="alpha must be"):
+        graph.proof.count("a")
 
 
 def test_a_graph_with_a_branch_dropped_says_so():

@@ -105,6 +105,7 @@ class BoxProof:
 
     def count(self, alpha: float) -> int | None:
         """Return the proved number of solutions in the box; None where undecided, and at folds."""
+        alpha = float(finite_array("alpha", alpha, ()))
         if not self.interval[0] <= alpha <= self.interval[1]:
             raise InvalidInputError(f"alpha = {alpha} lies outside the interval {self.interval}")
         if any(lo <= alpha <= hi for lo, hi, _ in self.turns):

@@ -1,11 +1,10 @@
 """Boxes of (z, alpha) that hold all solutions of a formula, and what they prove.
 
-Boxes are excluded, contracted, accepted or halved, the widest first. Boxes are accepted where
-H(., alpha) is injective, so that solutions go on with alpha; at one alpha, where a solution is
-enclosed. The number of solutions is constant on every stretch of alpha between groups of open
-boxes. A group is *passed* if all solutions in its hull are proved to lie on one curve; the *turn*
-says how the number changes in the hull when alpha grows: it only grows (1), only falls (-1), stays
-(0), or is not known (not a number). The theorems stand on the page "Proofs" of the manual.
+Boxes are excluded, contracted, accepted (where solutions go on with alpha) or halved. The number of
+solutions is constant on every stretch of alpha between groups of open boxes. A group is *passed* if
+all solutions in its hull are proved to lie on one curve; the *turn* says how the number changes in
+the hull when alpha grows: it only grows (1), only falls (-1), stays (0), or is not known (not a
+number). The theorems stand on the page "Proofs" of the manual.
 """
 
 from __future__ import annotations
@@ -13,53 +12,33 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from time import perf_counter
-from typing import NamedTuple, final
+from typing import final
 
 import numpy as np
 from scipy.sparse.csgraph import connected_components
 
-from pwscont.basics.arrays import Array, Signs
+from pwscont.basics.arrays import GOLDEN, Array, Signs
 from pwscont.basics.budget import check_budget
 from pwscont.curve.metric import Range
 from pwscont.graph.proved import BoxProof, Corners, CountedStretch
-from pwscont.proof.interval import (
-    BY_CRIVAL,
-    FUNCTION_ULPS,
-    MODES,
-    ULP,
-    Interval,
-    are_regular,
-    inverses,
-    solved,
-    together,
-)
+from pwscont.proof.interval import ASSUMED, MODES, Interval, are_regular, inverses, solved, together
 from pwscont.proof.tape import Tape, evaluated, with_slopes
 
 #: No coordinate is halved below this part of its magnitude; the magnitude of alpha is the interval.
 FINEST = 2.0**-24
-#: A box is left open, too, if alpha is as narrow as this part of the interval, but not a number,
-#: and the unknowns are as narrow as this part of their magnitudes.
+#: A box is left open, too, if these are the parts of the interval and of magnitudes.
 FINEST_ALPHA, THIN = 2.0**-40, 2.0**-12
 #: Boxes that are worked on at once: their numbers fit into the cache of a processor.
 TOGETHER = 2048
 #: Most boxes in all for up to three unknowns; for n unknowns (n - 2)**2 times as many.
 MOST_BOXES = 300_000
-#: The widest coordinate, in magnitudes, is halved among the coordinates that change preconditioned
-#: rows by at least this part of the largest change by a coordinate.
+#: The widest coordinate is halved of those that change rows by this part of the largest change.
 MATTERS = 0.5
 #: By what part of typical magnitudes derivatives are taken around a box: kinks lie on faces.
 BESIDE = 2.0**-44
 #: How much wider than a box, than a few roundings of the centre, and than the residual of the
 #: centre as unknowns, the neighbourhood is in which a solution is enclosed.
-WIDER, SLACK, ROOM = 1.25, 64.0 * ULP, 2.0
-
-
-class Covered(NamedTuple):
-    """Accepted and open boxes (k, n + 1) with all solutions, and how many boxes were looked at."""
-
-    accepted: Interval
-    open: Interval
-    looked_at: int
+WIDER, SLACK, ROOM = 1.25, 2.0**-46, 2.0
 
 
 @final
@@ -89,9 +68,8 @@ class Domain:
     def enclosed(self, boxes: Interval) -> Interval:
         """Return what holds the only zero in and around boxes at one alpha, and alpha.
 
-        Around the centre c of a neighbourhood of a box, all x with H'x + H(c) = 0 are enclosed,
-        whatever the derivatives there. If c + x lies inside, the neighbourhood has one zero. Where
-        that is not so, or the neighbourhood leaves the whole box, nothing is said.
+        If all x with H'x + H(c) = 0, whatever the derivatives in a neighbourhood with the centre c,
+        have c + x inside of the neighbourhood, there is one zero. Else nothing is said.
         """
         centre, alpha = boxes.middle()[:, :-1], boxes[:, -1:]
         value = evaluated(self.tape, together(np.hstack, Interval(centre), alpha))[..., np.newaxis]
@@ -110,11 +88,11 @@ Accepts = Callable[[Interval, Interval], Signs]
 
 def covered(
     domain: Domain, boxes: Interval, accepts: Accepts, seconds: float, most: int
-) -> Covered:
-    """Return accepted and open boxes that hold all zeros in some boxes, in some ``seconds``.
+) -> tuple[Interval, Interval, int]:
+    """Return accepted and open boxes with all zeros in some boxes, and how many were looked at.
 
-    ``accepts`` tells of boxes, and the derivatives in the boxes, which are accepted. About ``most``
-    boxes are looked at, at most.
+    ``accepts`` tells of boxes, and the derivatives in the boxes, which are accepted. Boxes are left
+    open after some ``seconds``, and when about ``most`` boxes were looked at.
     """
     accepted, small, number, end = [boxes[:0]], [boxes[:0]], 0, perf_counter() + seconds
     while len(boxes.lo) and number < most and perf_counter() < end:
@@ -126,7 +104,7 @@ def covered(
         small.append(too_small)
         boxes = together(np.concatenate, others, *halves)
     left = together(np.concatenate, *small, boxes)
-    return Covered(together(np.concatenate, *accepted), left, number)
+    return together(np.concatenate, *accepted), left, number
 
 
 def _looked_at(
@@ -163,10 +141,9 @@ def contracted(boxes: Interval, rows: Interval, rest: Interval) -> tuple[Interva
 
 
 def preconditioner(middle: Array, width: Array) -> Array:
-    """Return finite matrices (B, n + 1, n) that project derivatives on what they determine.
+    """Return matrices (B, n + 1, n) that make about I - t t' of derivatives ``middle``.
 
-    ``middle`` (B, n, n + 1) is about the derivatives; with coordinates in units of ``width``, the
-    matrix times the derivatives is about I - t t', t the unit tangent. Any numbers will do.
+    t is the unit tangent, with coordinates in units of ``width``. Any finite numbers will do.
     """
     rows = np.where(np.isfinite(middle), middle, 0.0) * width[:, np.newaxis]
     square = inverses(rows @ rows.mT)
@@ -193,36 +170,27 @@ NARROWED = 4
 #: Most boxes that are looked at for a count, for every accepted box.
 LOOKED_AT = 30
 #: Parts of a stretch at which solutions are counted, in turn, until all are told apart.
-PLACES = (0.5, 0.381966, 0.61803, 0.26, 0.74)
-ASSUMED = (
-    "assumed: a formula without state, the same for numbers and for the tape; arithmetic of "
-    "IEEE 754 to nearest"
-)
-OF_NUMPY = f"; elementary functions of numpy within {FUNCTION_ULPS:g} units in the last place"
+PLACES = (0.5, 1.0 - GOLDEN, GOLDEN, 0.26, 0.74)
 OF_CLASSES = "; selections of a class that agree where tests vanish"
-#: Most open boxes that are put together; fewer where only a proof of everything is of use.
-MOST_GROUPED, MOST_OF_A_WHOLE = 4000, 400
+#: Most open boxes that are put together.
+MOST_GROUPED = 4000
 #: Into how many parts the weights of two modes are divided.
 WEIGHTS = 8
 
 
-def counted_proof(domain: Domain, found: Covered, *, is_whole: bool = False) -> BoxProof:
-    """Return what accepted and open boxes with all solutions prove.
-
-    ``is_whole``: a proof of a part is of no use, so that nothing is counted where a box is open.
-    """
+def counted_proof(domain: Domain, accepted: Interval, left: Interval, number: int) -> BoxProof:
+    """Return what accepted and open boxes prove; ``number`` boxes were looked at."""
     box, alpha = domain.box[:-1], domain.box[-1]
-    most = MOST_OF_A_WHOLE if is_whole else MOST_GROUPED
-    hulls, passed, turns = grouped(domain, found.open, most)
+    hulls, passed, turns = grouped(domain, left)
     unsaid = _united(hulls[:, -1], turns, FINEST_ALPHA * float(domain.scale[-1]))
     interval, corners = (float(alpha.lo), float(alpha.hi)), (box.lo, box.hi)
     ends = [interval[0], *(end for lo, hi, _ in unsaid for end in (lo, hi)), interval[1]]
-    pairs = zip(ends[::2], ends[1::2], strict=True) if passed.all() or not is_whole else ()
-    stretches = _counted(domain, found.accepted, [(lo, hi) for lo, hi in pairs if lo < hi])
+    pairs = [(lo, hi) for lo, hi in zip(ends[::2], ends[1::2], strict=True) if lo < hi]
+    stretches = _counted(domain, accepted, pairs)
     opened = list(zip(hulls.lo[~passed], hulls.hi[~passed], strict=True))
     is_class = any(step.name == "select" for step in domain.tape.steps)
-    assumed = ASSUMED + OF_NUMPY * (not BY_CRIVAL) + OF_CLASSES * is_class
-    return BoxProof(corners, interval, stretches, unsaid, opened, found.looked_at, assumed)
+    assumed = ASSUMED + OF_CLASSES * is_class
+    return BoxProof(corners, interval, stretches, unsaid, opened, number, assumed)
 
 
 def _united(ranges: Interval, turns: Array, apart: float) -> list[tuple[float, float, float]]:
@@ -279,8 +247,7 @@ def enclosures(domain: Domain, boxes: Interval, alphas: list[float]) -> list[lis
 def _told_apart(domain: Domain, found: Interval) -> list[Corners] | None:
     """Return one enclosure for every different solution, None where that is not certain.
 
-    Solutions whose enclosures do not meet are different. Two enclosures hold the same solution if H
-    is injective on the hull of both.
+    Two enclosures hold the same solution if H is injective on the hull of both.
     """
     touching = np.triu(_touching(found), 1)
     one, other = np.nonzero(touching)
@@ -298,12 +265,12 @@ def _touching(boxes: Interval) -> Signs:
     return touch & touch.T
 
 
-def grouped(domain: Domain, boxes: Interval, most: int) -> tuple[Interval, Signs, Array]:
+def grouped(domain: Domain, boxes: Interval) -> tuple[Interval, Signs, Array]:
     """Return the hulls of groups of open boxes (k, n + 1) that touch, which are passed, and turns.
 
-    Where more than ``most`` boxes are open, every box is a group.
+    Where very many boxes are open, every box is a group.
     """
-    if not 0 < (number := len(boxes.lo)) <= most:
+    if not 0 < (number := len(boxes.lo)) <= MOST_GROUPED:
         return boxes, np.zeros(number, dtype=bool), np.full(number, np.nan)
     boxes = boxes[np.argsort(boxes.lo[:, -1])]
     count, group = connected_components(_touching(boxes), directed=False)

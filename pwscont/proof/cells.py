@@ -31,8 +31,8 @@ Point = tuple[Fraction, ...]
 def ends_of(sides: Interval, interval: Range) -> tuple[Interval, Signs]:
     """Return inequalities of B cells at both ends of an interval of alpha, and where all fail.
 
-    ``sides`` (B, k, 2) are affine in alpha. A cell is certainly empty if an inequality is violated
-    at both ends, or a rising inequality holds only beyond the alpha up to which a falling one does.
+    A cell is empty if one of its ``sides`` (B, k, 2), affine in alpha, is violated at both ends, or
+    a rising side holds only beyond the alpha up to which a falling side does.
     """
     ends, slope = sides @ Interval(np.array([interval, (1.0, 1.0)])), sides[..., 0]
     roots = -sides[..., 1] / slope
@@ -46,9 +46,8 @@ def ends_of(sides: Interval, interval: Range) -> tuple[Interval, Signs]:
 class ExactCells:
     """All cells, ``number`` of them, of exact rows, as :class:`ExactData` hands them over.
 
-    ``rows`` (r, size + 2) are coefficients of (z, alpha, 1): the equations of all cells, the rows 0
-    and 1, then the rows of all modes. ``equations`` and ``sides`` have for every part a table of
-    the places of rows, a mode in each line, filled by the equation 0 = 0, and by 1 >= 0.
+    ``rows`` (r, size + 2) are coefficients of (z, alpha, 1). ``equations`` and ``sides`` have for
+    every part a table of the places of rows, a mode in each line, filled by 0 = 0, and by 1 >= 0.
     """
 
     def __init__(self, common: Array, parts: Sequence[Sequence[ExactMode]]) -> None:
@@ -127,6 +126,19 @@ def value(row: Array, x: Sequence[Fraction]) -> Fraction:
     """Return the value of a row of doubles (x, constant) at a point."""
     terms = zip(row.tolist(), (*x, Fraction(1)), strict=True)
     return sum((Fraction(a) * b for a, b in terms if a and b), Fraction(0))
+
+
+def holds(equations: Array, sides: Array, x: Point) -> bool:
+    """Tell whether a point is a solution of a cell."""
+    return all(value(row, x) >= 0 for row in sides) and not any(value(row, x) for row in equations)
+
+
+def as_doubles(points: Any) -> Array:
+    """Return rational numbers as doubles, not numbers where a double cannot hold all of them."""
+    try:
+        return np.array(points, dtype=float)
+    except OverflowError:
+        return np.full(np.shape(points), np.nan)
 
 
 def segment_of(equations: Array, sides: Array, interval: Range) -> tuple[Point, ...] | None:

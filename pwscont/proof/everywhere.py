@@ -45,10 +45,9 @@ class Everywhere(Search):
     """All solutions of a formula in a box of the unknowns, proved by interval arithmetic.
 
     For formulas with switches (:func:`pwscont.Switched`, :func:`pwscont.Complementarity`), and for
-    classes whose methods do arithmetic only. Boxes of (z, alpha) are excluded, contracted, accepted
-    where each solution is proved to go on with alpha, or halved. Starts are the proved solutions
-    between folds; where something is not proved, the default search goes on. ``graph.proof`` says
-    what was proved, see :class:`~pwscont.graph.proved.BoxProof`.
+    classes whose methods do arithmetic only. Starts are the proved solutions between folds; where
+    something is not proved, the default search goes on. ``graph.proof`` says what was proved, see
+    :class:`~pwscont.graph.proved.BoxProof`.
 
     Attributes
     ----------
@@ -139,8 +138,7 @@ class Everywhere(Search):
     ) -> BoxProof:
         """Return the proof for a system, made once for the same formula, interval and box.
 
-        The default box reaches as far around ``known`` branches as around zero. A quick proof ends
-        after little work, and then counts nothing.
+        The default box reaches as far around ``known`` branches as around zero.
         """
         tape = tape_of(system)
         n = tape.size
@@ -160,7 +158,7 @@ class Everywhere(Search):
         with np.errstate(all="ignore"):
             domain = Domain(tape, box, scale)
             found = covered(domain, box[np.newaxis], domain.continues, self.seconds, most)
-            proof = replace(counted_proof(domain, found, is_whole=is_quick), values=values)
+            proof = replace(counted_proof(domain, *found), values=values)
         self._last.update(asked=(formula_of(system) or system, interval), key=key, proof=proof)
         return proof
 
@@ -181,8 +179,7 @@ class Everywhere(Search):
             words = "; between the ends only if not all branches were proved before"
             words *= shown_size(system) <= MANY_UNKNOWNS
             return SearchScope(scope.what + words, scope.promise)
-        box = "bounds, or 1000 times as far as H becomes nonlinear"
-        box = box if self.box is None else f"{self.box}"
+        box = self.box or "bounds, or 1000 times as far as H becomes nonlinear"
         what = f"all solutions proved in a box of the unknowns ({box})"
         what += f", if within {self.seconds:g} s; where something is open, the default search"
         return SearchScope(what, Guarantee.NOTHING)
@@ -204,8 +201,7 @@ def _default_box(
 ) -> tuple[Array, Array]:
     """Return bounds of the shown unknowns: given, or FAR times as far as H becomes nonlinear.
 
-    The box reaches a whole number of reaches beyond known branches that are far out: a box that
-    fits the known branches less closely is the same box when a run is resumed.
+    Beyond known branches a whole number of reaches: the same box when a run is resumed.
     """
     own, scale = Box.of(system), nonlinear_reach(system, metric)[:size]
     lower, upper, period = (end[:size] for end in (own.lower, own.upper, own.period))

@@ -54,11 +54,7 @@ def _paired(of_lower: Ends, of_upper: Ends) -> Callable[[Interval, Interval], In
 
 @final
 class Interval:
-    """Arrays of intervals [lo, hi]; operations broadcast, and take numbers as intervals.
-
-    An end may be infinite, and an end that is not a number says nothing. Without ``hi`` the
-    intervals hold one number each.
-    """
+    """Arrays of intervals [lo, hi], or of single numbers; operations broadcast."""
 
     __slots__ = ("hi", "lo")
     __array_ufunc__ = None  # arrays leave operators to intervals
@@ -200,9 +196,8 @@ def departure(inverse: Array, matrix: tuple[Array, Array]) -> Callable[[Array], 
 def solved(matrix: Interval, right: Interval) -> Interval:
     """Return x with matrix x + right = 0 for B systems, shapes (B, n, n) and (B, n, m).
 
-    With R about the inverse, the error e of x solves e = (I - R K) e - R (K x + k): a radius v with
-    |R (K x + k)| + |I - R K| v < v bounds the error, and K is regular (Rump 2010, section 10). Else
-    nothing is said.
+    With R about the inverse, a radius v with |R (K x + k)| + |I - R K| v < v bounds the error of x,
+    and K is regular (Rump 2010, section 10). Else nothing is said.
     """
     n = matrix.lo.shape[-1]
     if matrix.lo.shape[-2] != n:
@@ -223,8 +218,7 @@ def solved(matrix: Interval, right: Interval) -> Interval:
 def are_regular(matrices: Interval, size: Array) -> Signs:
     """Tell which intervals of matrices (B, n, n) hold regular matrices only.
 
-    With any matrix R, best about the inverse, they do if |I - R K| v < v for some v > 0; ``size``
-    are typical unknowns (n,).
+    With any R, they do if |I - R K| v < v for some v > 0; ``size`` are typical unknowns (n,).
     """
     balls = matrices.balls(len(size))
     off = departure(inverses(balls[0]), balls)
@@ -315,6 +309,11 @@ BY_NUMPY: dict[str, Map] = {
 #: The same functions by crival, if the package is installed.
 BY_CRIVAL = {name: _correctly_rounded(name) for name in BY_NUMPY} if ival else {}
 ELEMENTARY = BY_CRIVAL or BY_NUMPY
+OF_NUMPY = f"; elementary functions of numpy within {FUNCTION_ULPS:g} units in the last place"
+ASSUMED = (
+    "assumed: a formula without state, the same for numbers and for the tape; arithmetic of "
+    "IEEE 754 to nearest" + OF_NUMPY * (not BY_CRIVAL)
+)
 #: Intervals of results from intervals of arguments; a power takes its exponent last. "slope" and
 #: "jump" are the derivatives of switches: of continuous ones, and of ``where``, across whose kinks
 #: nothing is known, for f may jump.

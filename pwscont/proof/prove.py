@@ -16,25 +16,27 @@ from typing import Any, final
 import numpy as np
 
 from pwscont.basics.arrays import Array, Indices, finite_array
-from pwscont.basics.errors import InvalidInputError
+from pwscont.basics.errors import InvalidInputError, SystemNeededError
 from pwscont.basics.printing import counted
-from pwscont.basics.rounding import EPS, GUARD
+from pwscont.basics.rounding import CONFIDENCE, EPS, GUARD
 from pwscont.enumeration.echelon import independent
 from pwscont.graph.branch_graph import BranchGraph
 from pwscont.graph.proved import are_matched, with_slack
+from pwscont.graph.queries import stray_alpha
 from pwscont.graph.records import Piece, Solution
-from pwscont.proof.cells import MOST_CELLS, Choice, ExactCells, Point, segment_of, value
+from pwscont.proof.cells import MOST_CELLS, Choice, ExactCells, Point, as_doubles, holds, segment_of
 from pwscont.proof.interval import Interval, departure, together
 from pwscont.search.enumeration import Solutions
-from pwscont.system.abilities import ExactData, ExactMode, ExactRates, completed_point, shown_size
+from pwscont.system.abilities import ExactData, ExactMode, ExactRates, completed_point, shown_points
 
 ASSUMED = "assumed: arithmetic of IEEE 754 to nearest; {} count as the doubles that they are"
-#: An end of a cell is the end of a piece within this part of the typical magnitudes.
+#: An end of a cell is the end of a piece within the errors that the graph states, the widths of
+#: enclosures (alpha of few unknowns without) and GUARD * EPS of magnitudes, and never beyond this.
 NEAR = 2.0**-20
-#: An equation holds, to tell modes apart, within this part of the sizes of the terms.
-HOLDS = 1e-7
 #: An unknown that is always smaller than this part of the largest unknown is rounding.
 DUST = 1e-6
+#: An equation holds, to tell modes apart, within this part of the sizes of the terms.
+HOLDS = 1e-7
 #: Most unknowns of a piece that is looked at in rational numbers.
 MOST_RATIONAL = 80
 
@@ -45,8 +47,7 @@ class Certificate:
     """What :func:`pwscont.prove` has proved.
 
     ``open`` is what is not decided: at one alpha, cells (for every part of the system, the number
-    of a mode); of a graph, pieces, special points and cells in words; of an evolution, what stands
-    in the way.
+    of a mode); else words.
     """
 
     holds: bool  #: Whether all that was given is proved: solutions, pieces, transitions, evolution.
@@ -63,14 +64,14 @@ def certified_count(
     system: Any, alpha: float, known: Sequence[Solution], number: float
 ) -> Certificate:
     """Return what is proved of all solutions at alpha, and of the known ones, ``number`` in all."""
-    cells, size = ExactCells(*system.exact_rows(alpha)), shown_size(system)
+    cells = ExactCells(*system.exact_rows(alpha))
     if cells.number > MOST_CELLS:
         raise InvalidInputError(
             f"{cells.number} cells are too many: at most {MOST_CELLS} are proved"
         )
     boxes, points, undecided = proved_solutions(cells, alpha)
-    centres = [each.middle()[:size] for each in boxes.values()]
-    centres += [np.array(point[:size], dtype=float) for point in points]
+    whole = [*(each.middle() for each in boxes.values()), *map(as_doubles, points)]
+    centres = [shown_points(system, z) for z in whole]
     count = None if undecided else len(centres)
     found = [with_slack(each, np.abs(each.z).max(initial=0.0), GUARD * EPS) for each in known]
     holds = count == number and are_matched([(x, x) for x in centres], found)
@@ -89,8 +90,8 @@ def proved_solutions(
 ) -> tuple[dict[Choice, Interval], set[Point], list[Choice]]:
     """Return enclosures of solutions by cells, all other solutions, and cells that are undecided.
 
-    A cell off all its inequalities has one solution in floating point. Rational numbers decide all
-    other cells that may have solutions, and cells whose solution may be that of another cell.
+    Rational numbers decide cells that are not certainly off their inequalities, and cells whose
+    solution may be that of another cell.
     """
     at = Interval(np.array([alpha]))
     found = [
@@ -104,7 +105,7 @@ def proved_solutions(
             boxes[choice] = box
             continue
         ends = segment_of(*cells.of(choice), (alpha, alpha))
-        if ends is not None and len(ends) == 2 and ends[0] == ends[1]:
+        if ends and len(ends) == 2 and ends[0] == ends[1]:
             points.add(ends[0][:-1])
         elif ends is not None:
             undecided.append(choice)
@@ -120,7 +121,8 @@ def certified_pieces(
     is_few = proof.cells.number <= MOST_CELLS
     cells = list(proof.left_cells()) if is_few and not undecided else None
     undecided += [f"special point {node}" for node in proof.inner if not proof.is_joined(node)]
-    words = f"{counted(len(graph.pieces), 'piece')} and {counted(proof.transitions, 'transition')}"
+    transitions = sum(len(pieces) > 1 for pieces in proof.inner.values())
+    words = f"{counted(len(graph.pieces), 'piece')} and {counted(transitions, 'transition')}"
     if cells == []:
         undecided += proof.doubtful_infinities()
         words = f"complete, proved: {words}"
@@ -145,41 +147,48 @@ def certified_pieces(
 class _Pieces:
     """The pieces of a graph beside the cells in which the pieces lie.
 
-    ``inner`` are the pieces at every special point but those where one piece ends exactly at an end
-    of the interval; ``rays`` are the places where rays without end begin.
+    ``inner`` are the pieces at special points, except a single piece at an end of the interval;
+    ``rays`` are the places where rays without end begin.
     """
 
     def __init__(self, graph: BranchGraph, cells: ExactCells) -> None:
         self._graph, self.cells, pieces = graph, cells, graph.pieces
-        met = {
-            node.id: [k for k, p in enumerate(pieces) for end in (p.start, p.end) if end == node.id]
-            for node in graph.nodes
-        }
-        self.inner = {
-            node: some
-            for node, some in met.items()
-            if len(some) != 1 or graph.point(node).alpha not in graph.interval
-        }
-        self.transitions = sum(len(some) > 1 for some in self.inner.values())
+        self.inner = dict[int, list[int]]()
+        for node in graph.nodes:
+            met = [k for k, p in enumerate(pieces) for end in (p.start, p.end) if end == node.id]
+            if len(met) != 1 or node.alpha not in graph.interval:
+                self.inner[node.id] = met
         self.rays: set[Point] = set()
         self._rational_ends = cache(self._ends_of)
         system: Any = graph.system
+        self._system = system
         full = [[completed_point(system, p.points[k]) for k in (0, -1)] for p in pieces]
         #: Both ends (z, alpha) of each piece, shape (k, 2, n + 1), and magnitudes.
         self._points = np.array(full).reshape(-1, 2, cells.size + 1)
         self._sizes = np.abs(self._points).max(axis=(0, 1), initial=0.0)
         self._sizes[:-1] = np.maximum(self._sizes[:-1], DUST * self._sizes[:-1].max(initial=0.0))
-        self._near = NEAR * np.append(self._sizes[:-1], np.ptp(graph.interval))
+        self._scale = np.append(self._sizes[:-1], np.ptp(graph.interval))
         self._choices = self._modes()
         #: The inequality that vanishes at the end of a piece, by piece and node.
         self._vanishing: dict[tuple[int, int], Array] = {}
 
     def _is_drawn(self, piece: Piece) -> bool:
-        """Tell whether a piece is straight, from special point to special point."""
-        ends = [self._graph.point(node).place.x for node in (piece.start, piece.end)]
-        points = piece.points  # of the unknowns that are shown
-        near = np.append(self._near[: points.shape[1] - 1], self._near[-1])
-        return len(points) == 2 and bool((np.abs(points - ends) <= near).all())
+        """Tell whether a piece is straight, from special point to special point, of its cell."""
+        ends = np.array([self._graph.point(node).place.x for node in (piece.start, piece.end)])
+        is_straight = len(piece.points) == 2 and self._is_end(piece, ends)
+        middle = 0.5 * sum(piece.interval)
+        return is_straight and stray_alpha(self._system, piece, middle, self._scale) is None
+
+    def _is_end(self, piece: Piece, ends: Array, width: Any = 0.0) -> bool:
+        """Tell whether a piece has these ends (2, n + 1) within the errors of its special points.
+
+        Only the unknowns that are shown are compared, for the others follow from these.
+        """
+        places = [self._graph.point(node).place for node in (piece.start, piece.end)]
+        scale = shown_points(self._system, self._scale)
+        errors = np.array([CONFIDENCE * place.error for place in places])
+        near = np.minimum(GUARD * EPS * scale + errors + width, NEAR * scale)
+        return bool((np.abs(ends - piece.points[[0, -1]]) <= near).all())
 
     def _modes(self) -> Indices:
         """Return the modes of each piece, as the middle of the piece shows them, shape (k, p)."""
@@ -197,7 +206,7 @@ class _Pieces:
 
     @np.errstate(all="ignore")
     def left_pieces(self) -> list[int]:
-        """Return the pieces that are not proved, and note inequalities that vanish at ends."""
+        """Return the pieces that are not proved, or repeat the cell of an earlier piece."""
         first = set(np.unique(self._choices, axis=0, return_index=True)[1].tolist())
         left = []
         for some in self.cells.portions(len(self._choices)):
@@ -205,28 +214,29 @@ class _Pieces:
             for i, k in enumerate(range(some.start, some.stop)):
                 is_drawn = k in first and self._is_drawn(self._graph.pieces[k])
                 if not (is_drawn and (self._is_range(k, x[i], sides[i]) or self._rational_ends(k))):
-                    left.append(k)  # a cell has one piece: a second piece repeats the first
+                    left.append(k)
         return left
 
     def _is_range(self, k: int, line: Interval, sides: Interval) -> bool:
         """Tell whether a piece is all of its cell, and note the inequalities that end the piece.
 
-        At either end one inequality vanishes, the ends of the interval included, and all others
-        hold.
+        At either end one inequality vanishes, also of alpha, and all others hold.
         """
         lo, hi = self._graph.interval
         rows = together(np.vstack, sides, Interval(np.array([[1.0, -lo], [-1.0, hi]])))
-        roots, points = -rows[:, 1] / rows[:, 0], self._points[k]
-        far = np.abs(roots.middle() - points[:, -1:])
+        roots = -rows[:, 1] / rows[:, 0]
+        far = np.abs(roots.middle() - self._points[k][:, -1:])
         numbers = np.where(np.isnan(far), inf, far).argmin(axis=1)
         places = roots[numbers]
         values = rows @ together(np.vstack, places, Interval(np.ones(2)))
         values.lo[numbers, [0, 1]] = 1.0
-        found = together(np.vstack, self.cells.unknowns(line, places), places).middle().T
-        holds = (values.lo > 0.0).all() and numbers[0] != numbers[1]
-        if not (holds and (np.abs(found - points) <= self._near).all()):
-            return False
+        ends = together(np.vstack, self.cells.unknowns(line, places), places)
+        found, width = (shown_points(self._system, x.T) for x in (ends.middle(), ends.width()))
+        width[:, -1] *= self.cells.size > MOST_RATIONAL  # else rational numbers decide
         piece, count = self._graph.pieces[k], len(sides.lo)
+        holds = (values.lo > 0.0).all() and numbers[0] != numbers[1]
+        if not (holds and self._is_end(piece, found, width)):
+            return False
         for number, node in zip(numbers, (piece.start, piece.end), strict=True):
             if node not in self.inner and number < count:
                 return False
@@ -253,8 +263,7 @@ class _Pieces:
         ends = [self._rational_ends(k) for k in pieces]
         starts = [self._graph.pieces[k].start == node for k in pieces]
         places = {pair[not first] for pair, first in zip(ends, starts, strict=True) if pair}
-        is_end = len(pieces) > 1 or places <= self.rays
-        return is_end and all(ends) and len(places) == 1
+        return (len(pieces) > 1 or places <= self.rays) and all(ends) and len(places) == 1
 
     def _ends_of(self, k: int) -> tuple[Point, ...]:
         """Return both ends of a piece in rational numbers; nothing if not decided, or elsewhere."""
@@ -263,30 +272,29 @@ class _Pieces:
         cell, piece = self.cells.of(self._choices[k]), self._graph.pieces[k]
         ends = segment_of(*cell, self._graph.interval) or ()
         for pair in (ends, ends[::-1]) if len(set(ends)) == 2 else ():
-            near = np.abs(np.array(pair, dtype=float) - self._points[k]) <= self._near
+            found = shown_points(self._system, as_doubles(pair))
             nodes = zip((piece.start, piece.end), pair, strict=True)
             outer = [x[-1] in self._graph.interval for node, x in nodes if node not in self.inner]
-            if near.all() and all(outer):
+            if self._is_end(piece, found) and all(outer):
                 return pair
         return ()
 
     def left_cells(self) -> Iterator[Choice]:
-        """Yield the cells that may hold solutions that are on no piece, and on no ray."""
+        """Yield the cells that may hold solutions that are on no piece."""
         proved = set(map(tuple, self._choices.tolist()))
         for choice, *_ in self.cells.left(self._graph.interval):
             if choice not in proved and not self._is_on_pieces(choice):
                 yield choice
 
     def _is_on_pieces(self, choice: Choice) -> bool:
-        """Tell in rational numbers whether a cell is empty, or has solutions on pieces only.
+        """Tell in rational numbers whether a cell is empty, or has solutions on one piece only.
 
         Or on a ray from a piece, at an alpha where the graph has infinitely many solutions.
         """
         ends = segment_of(*self.cells.of(choice), self._graph.interval)
-        if not ends:
-            return ends is None
-        is_on = any(all(self._holds(k, x) for x in ends) for k in range(len(self._choices)))
-        if len(ends) == 1 and is_on:
+        cells = map(self.cells.of, self._choices if ends else ())
+        is_on = ends is None or any(all(holds(*each, x) for x in ends) for each in cells)
+        if ends and len(ends) == 1 and is_on:
             is_on = self._graph.count(float(ends[0][-1])) == inf
             self.rays |= {ends[0]} if is_on else set()
         return is_on
@@ -294,19 +302,14 @@ class _Pieces:
     def doubtful_infinities(self) -> list[str]:
         """Return where the graph counts other than its vertical pieces and rays say."""
         graph, ranges = self._graph, (piece.interval for piece in self._graph.pieces)
-        places = [p.interval[0] for p in graph.verticals] + [float(x[-1]) for x in self.rays]
-        finite = (lo for lo, hi in ranges if lo == hi and graph.count(lo) < inf)
+        places = [lo for lo, hi in ranges if lo == hi]
+        finite = [lo for lo in places if graph.count(lo) < inf]
+        places += [float(x[-1]) for x in self.rays]
         return [f"a piece at alpha = {at:.8g}, where a number is counted" for at in finite] + [
             f"infinitely many solutions for alpha in ({lo:.8g}, {hi:.8g})"
             for lo, hi, _ in graph.infinite
             if not any(graph.same(lo, at) and graph.same(hi, at) for at in places)
         ]
-
-    def _holds(self, k: int, x: Point) -> bool:
-        """Tell whether a solution of the common rows is a solution of the cell of a piece."""
-        equations, sides = self.cells.of(self._choices[k])
-        on_line = not any(value(row, x) for row in equations)
-        return on_line and all(value(row, x) >= 0 for row in sides)
 
 
 #: Most nodes with friction, whose signs are all tried.
@@ -338,6 +341,8 @@ def prove(given: Any, alpha: float | None = None) -> Certificate:
     InvalidInputError
         If ``given`` is something else, the system hands over no exact data or has too many cells,
         or a solution is listed at another alpha.
+    SystemNeededError
+        If the graph was read from a file without its system.
 
     Examples
     --------
@@ -348,7 +353,9 @@ def prove(given: Any, alpha: float | None = None) -> Certificate:
     >>> prove(explore(LCP([[1, 2], [2, 1]], q=[-1, -1], d=[1, 0]), (-1.0, 2.0))).statements[0]
     'complete, proved: 3 pieces and 2 transitions'
     """
-    system: Any = getattr(given, "system", None)
+    system: Any = getattr(given, "system", False)
+    if system is None:
+        raise SystemNeededError("the graph was read without its system; load it with system=...")
     if isinstance(system, ExactRates):
         return certified_rates(given)
     is_graph = isinstance(given, BranchGraph)
@@ -367,6 +374,8 @@ def prove(given: Any, alpha: float | None = None) -> Certificate:
             raise InvalidInputError(
                 f"a solution at alpha = {strange[0]} is listed among those at alpha = {given.alpha}"
             )
+        if alpha not in (None, given.alpha):
+            raise InvalidInputError(f"alpha = {alpha}, but the solutions are at {given.alpha}")
         return certified_count(system, given.alpha, given, len(given))
     if alpha is not None:
         alpha = float(finite_array("alpha", alpha, ()))
@@ -417,8 +426,8 @@ def is_unique(A: Array, N: Array, T: Array, friction: Array) -> bool:
 def is_positive_definite(form: Interval) -> bool:
     """Tell whether the symmetric parts of all matrices K between two are positive definite.
 
-    With any numbers R, best the inverse of a Cholesky factor, they are if R (K + K') R' is, whose
-    eigenvalues differ from 2 by less than 2 if the rows of R (K + K') R' - 2 I do (Gershgorin).
+    With any R they are if R (K + K') R' is, and so if the rows of R (K + K') R' / 2 - I have
+    absolute sums below 1 (Gershgorin).
     """
     both = form + form.arranged(np.transpose)
     try:

@@ -1,8 +1,7 @@
 """The tape of a formula: the elementary operations of f(z, alpha, sw), written down once.
 
-numpy hands operations on arrays of :class:`Traced` to the entries, which write the operations down;
-a formula that decides by a value is refused in words. Derivatives are tapes too. The tape of a
-system is compared with the system before anything is proved.
+numpy hands operations on arrays of :class:`Traced` to the entries, which write the operations down.
+Derivatives are tapes too. The tape is compared with the system before anything is proved.
 """
 
 from __future__ import annotations
@@ -55,10 +54,9 @@ class Step:
 @final
 @dataclass(eq=False)
 class Tape:
-    """The operations of a formula of ``size`` unknowns, arguments first: z, alpha, and so on.
+    """The operations of a formula of ``size`` unknowns, z and alpha first.
 
-    ``outputs`` are the places of the entries of the formula, and ``refused`` is what the formula
-    asked for in vain, though it may have gone on.
+    ``outputs`` are the places of the results; ``refused`` is what the formula asked for in vain.
     """
 
     size: int
@@ -150,16 +148,13 @@ def _derivative(y: Traced, step: Step, x: list[Traced], dx: list[Any]) -> Any:
         test, branches = SWITCHES[step.name]
         name = "jump" if step.name in ("where", "jump") else "slope"
         return y.tape.node(name, test(*x), *branches(*dx))
-    parts = zip(_factors(step, x, y), dx, moving, strict=True)
-    return reduce(add, (factor * slope for factor, slope, moves in parts if moves))
-
-
-def _factors(step: Step, x: list[Traced], y: Traced) -> list[Any]:
-    """Return the derivatives of a smooth operation by each argument."""
     if step.name == "negative":
-        return [-1.0]
+        return -dx[0]
     rules: Any = OF_TWO.get(step.name) or (SMOOTH[step.name],)
-    return [rule(*x, *step.numbers, y) for rule in rules[: len(x)]]
+    parts = zip(rules, dx, moving, strict=False)  # the exponent of a power does not move
+    return reduce(
+        add, (rule(*x, *step.numbers, y) * slope for rule, slope, moves in parts if moves)
+    )
 
 
 @final
@@ -286,11 +281,10 @@ def evaluated(tape: Tape, boxes: Interval, rules: Rules = OPERATIONS) -> Interva
 def with_slopes(
     tape: Tape, boxes: Interval, rules: Rules = OPERATIONS
 ) -> tuple[Interval, Interval]:
-    """Return m outputs and their derivatives by (z, alpha), shapes (B, m) and (B, m, n + 1).
+    """Return the outputs of ``slopes`` or ``tests`` of a tape: values (B, m), slopes (B, m, n + 1).
 
-    The tape is ``slopes`` or ``tests`` of another tape. Where a switch may be in either mode, a
-    derivative is the hull of the derivatives of both branches, so that the mean value form holds
-    across kinks (docs/theory, F20).
+    Where a switch may be in either mode, a derivative is the hull of those of both branches, so
+    that the mean value form holds across kinks (docs/theory, F20).
     """
     found, by = evaluated(tape, boxes, rules), tape.size + 1
     count = len(tape.outputs) // (by + 1)
@@ -318,10 +312,7 @@ def _are_ordered(tape: Tape, lower: Any, upper: Any) -> bool:
 
 
 def _clip(tape: Tape, a: Any, lower: Any, upper: Any) -> Any:
-    """Return a clipped number; with bounds in the wrong order, what the notation returns.
-
-    A clip whose bounds may not be in order is decisions, across which nothing is proved.
-    """
+    """Return a clipped number: decisions, across which nothing is proved, if bounds may cross."""
     node = tape.node
     is_open = [isinstance(end, Real) and np.isinf(float(end)) for end in (lower, upper)]
     clipped = a if is_open[1] else node("min", a, upper)
@@ -333,9 +324,9 @@ def _clip(tape: Tape, a: Any, lower: Any, upper: Any) -> Any:
 
 
 def switches_of(tape: Tape) -> SimpleNamespace:
-    """Return the switches ``sw`` of a formula that is traced; every entry is a step of its own.
+    """Return the switches ``sw`` of a formula that is traced.
 
-    ``select`` takes ``a`` where ``s >= 0``, and ``b`` elsewhere, promised to agree where s is 0.
+    ``select`` is ``where`` with a promise that a and b agree where s is 0.
     """
     node = tape.node
     entries: dict[str, Callable[..., Any]] = {
@@ -346,7 +337,7 @@ def switches_of(tape: Tape) -> SimpleNamespace:
         "clip": lambda a, lower, upper: _clip(tape, a, lower, upper),
         "where": lambda s, a, b: node("where", s, a, b),
         "select": lambda s, a, b: (
-            node("select", s, a, b) if tape.place_of(a) != tape.place_of(b) else a
+            a if tape.place_of(a) == tape.place_of(b) else node("select", s, a, b)
         ),
     }
 

@@ -8,7 +8,7 @@ as in a thin cell: a caller who sees slow convergence asks for finer steps.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TypeAlias, TypeVar, final
 
@@ -28,6 +28,10 @@ FINE_STEP = EPS**0.2
 REFINEMENT, FINEST_PART = 1.0 / 16.0, 1.0 / 16.0**3
 #: Largest change that is rounding, as a part of the value.
 ROUNDED = 4.0 * EPS
+#: Length of the chords of affine functions, in typical magnitudes, a power of two: longer than the
+#: solutions of systems whose magnitudes are not known. Chords are longer next to larger constants,
+#: up to the largest constant: the values must not overflow.
+LONG_CHORD, LARGEST_CONSTANT = 2.0**100, 1e100
 #: Multiple of a step -> weight of the value, of fourth order: on two sides, and on a single side.
 CENTRAL = {-2.0: 1.0 / 12.0, -1.0: -2.0 / 3.0, 1.0: 2.0 / 3.0, 2.0: -1.0 / 12.0}
 ONE_SIDED = {0.0: -25.0 / 12.0, 1.0: 4.0, 2.0: -3.0, 3.0: 4.0 / 3.0, 4.0: -0.25}
@@ -100,12 +104,12 @@ class Differences:
         """Return the Jacobian of an affine ``function``, shape (k, n + 1), right to rounding."""
         x = np.zeros_like(self.scale)
         x[-1] = self.base
-        return np.array(_chords(function, x, [*power_of_two(self.scale[:-1]), self.far])).T
+        return np.array(_chords(function, x, self.scale[:-1], self.far)).T
 
     def exact_in_z(self, function: Function, x: Array) -> Array:
         """Return the Jacobian at ``x`` of a ``function`` that is affine in z at every alpha."""
         start = np.append(np.zeros(len(x) - 1), x[-1])
-        columns = _chords(function, start, power_of_two(self.scale[:-1]))
+        columns = _chords(function, start, self.scale[:-1])
         return np.array([*columns, self.by_parameter(_of(function, x, -1), float(x[-1]))]).T
 
     def along(self, function: Function, x: Array, direction: Array) -> Array:
@@ -169,10 +173,17 @@ def _value(function: Callable[[T], Array], x: T) -> Array:
     return np.array(function(x), dtype=float)
 
 
-def _chords(function: Function, x: Array, ends: Iterable[float]) -> list[Array]:
-    """Return the slopes of ``function`` as a single entry of ``x`` at a time moves to ``ends``."""
+def _chords(function: Function, x: Array, scale: Array, *far: float) -> list[Array]:
+    """Return the slopes of an affine ``function`` as one entry of ``x`` at a time is moved.
+
+    An affine function has the same slope along a chord of any length, and the longer the chord,
+    the less of the slope is lost next to constants: solutions may be far larger than 1. ``far``:
+    the other value of alpha, if alpha is moved, too.
+    """
     origin, slopes = _value(function, x), []
-    for j, end in enumerate(ends):
+    larger = np.clip(np.nan_to_num(np.abs(origin)).max(initial=1.0), 1.0, LARGEST_CONSTANT)
+    ends = LONG_CHORD * power_of_two(scale) * power_of_two(larger)
+    for j, end in enumerate([*ends, *far]):
         value = _value(_of(function, x, j), end)
         change = _change(origin, value)
         # rounding of the values is no slope: a singular matrix stays singular

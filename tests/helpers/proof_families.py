@@ -26,7 +26,7 @@ def domain_of(f, n, box, interval):
 def accepted_in(domain):
     """Return the boxes that the search accepts, shape (k, n + 1)."""
     with np.errstate(all="ignore"):
-        return covered(domain, domain.box[np.newaxis], domain.continues, 20.0, MOST_BOXES).accepted
+        return covered(domain, domain.box[np.newaxis], domain.continues, 20.0, MOST_BOXES)[0]
 
 
 class PiecewisePolynomial:
