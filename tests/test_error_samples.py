@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from pwscont.basics.rounding import EPS
-from pwscont.curve.error_samples import magnitude, rounding_of_values
+from pwscont.basics.rounding import CONFIDENCE, EPS
+from pwscont.curve.error_samples import magnitude, zero_up_to
 
 DIGITS = 10**40
 
@@ -52,11 +52,11 @@ def test_errors_of_functions_of_points(stored, unit):
     rows, error = rng.integers(-3, 4, size=(4, 5)).astype(float), rng.normal(size=(3, 5))
     rows[2] = 0.0  # a function that depends on nothing has no error
     error[:, 0] = 0.0
-    found = rounding_of_values(stored(unit * rows), np.zeros(5), error)
-    changes = unit * (rows @ error.T)
+    found = zero_up_to(stored(unit * rows), np.zeros(5), error)
+    changes = CONFIDENCE * unit * (rows @ error.T)
     exact = [root_of_squares(change) for change in changes]
     np.testing.assert_allclose(found, exact, rtol=1e-12, atol=0)
 
 
 def test_no_functions_have_no_errors():
-    assert rounding_of_values(np.zeros((0, 3)), np.ones(3), np.ones((2, 3))).shape == (0,)
+    assert zero_up_to(np.zeros((0, 3)), np.ones(3), np.ones((2, 3))).shape == (0,)

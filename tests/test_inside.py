@@ -324,3 +324,57 @@ def test_a_chain_buckles_under_a_load_that_is_weak_beside_the_stiffness(apart):
     system = Switched(33, lambda z, a, sw: K @ (z / units) - a * np.sin(z / units))
     graph = trace(system, (np.zeros(33), 0.5 * first), (0.5 * first, 0.5 * (first + second)))
     assert [graph.count(a) for a in (0.8 * first, 0.8 * first + 0.2 * second)] == [1, 3]
+
+
+@pytest.mark.parametrize("unit", [1e-60, 1e-45, 1e45, 1e60])
+def test_folds_in_units_that_are_far_from_one(unit):
+    """y - y^3 / 3 = alpha with y = z / unit has folds at y = 1 and y = -1."""
+    graph = trace(Curve(lambda z, a: z / unit - (z / unit) ** 3 / 3.0 - a), ([0.0], 0.0), (-2, 2))
+    folds = sorted(point.alpha for point in graph.special_points("fold"))
+    assert folds == pytest.approx([-2.0 / 3.0, 2.0 / 3.0])
+    assert [graph.count(alpha) for alpha in (-1.0, 0.1, 1.0)] == [1, 3, 1]
+
+
+class Chain(PiecewiseSystem):
+    """A straight chain of rods with springs K = stiffness (2, -1): unknowns are unit times angles.
+
+    ``load``: the right-hand side of alpha and the angles.
+    """
+
+    def __init__(self, size, stiffness, unit, load):
+        self.size, self.unit, self.load = size, unit, load
+        self.K = stiffness * (2.0 * np.eye(size) - np.eye(size, k=1) - np.eye(size, k=-1))
+
+    def test_functions(self, z, alpha):
+        return np.zeros(0)
+
+    def residual(self, z, alpha, character):
+        return self.K @ (z / self.unit) - self.load(alpha, z / self.unit)
+
+
+@pytest.mark.parametrize("unit", [1e-6, 1.0])
+def test_a_weak_load_that_buckles_a_stiff_chain_tells_the_unit_of_the_angles(unit):
+    """K has the eigenvalues 4000 sin^2(j pi / 18); the straight chain stays for all loads."""
+    chain = Chain(8, 1e3, unit, lambda alpha, angles: alpha * np.sin(angles))
+    graph = trace(chain, (np.zeros(8), 0.0), (0.0, 300.0))
+    (point,) = graph.special_points("branch point")
+    assert point.alpha == pytest.approx(4e3 * np.sin(np.pi / 18.0) ** 2)
+    assert [graph.count(alpha) for alpha in (100.0, 200.0)] == [1, 3]
+
+
+class KnownChain(Chain):
+    """The same chain with a Jacobian, for a load that does not depend on the angles."""
+
+    def jacobian(self, z, alpha, character):
+        by_alpha = -np.pi * np.cos(np.pi * alpha) * np.ones(self.size)
+        return np.column_stack([self.K / self.unit, by_alpha])
+
+
+@pytest.mark.parametrize("unit", [1e-6, 1.0])
+def test_a_load_that_vanishes_at_both_ends_tells_the_unit_inside(unit):
+    """K y = sin(pi alpha) (1, ..., 1) has one solution, y_i = sin(pi alpha) i (n + 1 - i) / 2."""
+    chain = KnownChain(40, 1.0, unit, lambda alpha, angles: np.sin(np.pi * alpha) * np.ones(40))
+    graph = trace(chain, (np.zeros(40), 0.0), (0.0, 1.0))
+    (found,) = graph.solutions(0.3)
+    i = np.arange(1.0, 41.0)
+    np.testing.assert_allclose(found.z, unit * np.sin(0.3 * np.pi) * i * (41.0 - i) / 2.0)

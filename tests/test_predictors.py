@@ -57,6 +57,14 @@ def test_the_order_of_a_prediction(predictor, order):
     assert np.log2(long / short) == pytest.approx(order, abs=0.35)
 
 
+def test_two_states_at_one_place_tell_no_more_than_the_tangent():
+    """Next to points where many curves meet, steps may be as short as rounding."""
+    here = wave(0.4)
+    x, direction = Hermite().predict(CURVE, wave(0.4), here, 0.1)
+    np.testing.assert_allclose(x, here.x + 0.1 * here.tangent, rtol=1e-15)
+    np.testing.assert_array_equal(direction, here.tangent)
+
+
 @pytest.mark.parametrize("step", [1e-3, 1e-2, 0.1])
 def test_a_straight_line_goes_on_as_a_straight_line(step):
     tangent = np.array([0.6, 0.8])

@@ -157,9 +157,8 @@ class MoorePenrose(Corrector):
         return Failure(FailureReason.NOT_CONVERGED)
 
 
-#: Most corrections next to a double root, where each correction is about half of the previous;
-#: after :data:`MOST_NEWTON` corrections, each must be smaller than this part of the previous.
-MOST_HALVING, SHRINKS = 40, 0.75
+#: Most corrections next to a double root, where each correction is about half of the previous.
+MOST_HALVING = 40
 #: All corrections to come next to a multiple root, as a multiple of the last correction: P - 1 at
 #: a root of order P.
 CORRECTIONS_TO_COME = 10.0
@@ -198,11 +197,9 @@ def _settled_root(curve: Curve, border: Border, root: Root) -> tuple[Root, Array
         if is_rounding(settled, error) and curve.metric.admits(settled.x):
             return settled, _to_come(settled, error, root.error)
         settled = again(curve, border, settled)
-    for number in range(MOST_HALVING):
+    for _ in range(MOST_HALVING):
         found = newton(curve, border, root.x, MOST_NEWTON)
         if isinstance(found, Failure):
-            break
-        if number >= MOST_NEWTON and not (found.error <= SHRINKS * root.error).all():
             break
         root, error = found, uncertainty(found, unseen)
         if is_rounding(root, error):

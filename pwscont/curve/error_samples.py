@@ -16,14 +16,12 @@ from pwscont.basics.arrays import (
     Array,
     Matrix,
     are_finite,
-    is_anywhere,
     is_everywhere,
     largest,
     product,
-    smallest,
 )
 from pwscont.basics.rounding import CONFIDENCE, EPS
-from pwscont.curve.metric import SHORTEST, Metric
+from pwscont.curve.metric import Metric
 from pwscont.linear.factor import Factor
 from pwscont.linear.factorise import columns_scaled, largest_in_rows
 from pwscont.system.box import Box
@@ -52,42 +50,57 @@ def magnitude(x: Array, error: Array) -> Array:
 def _root_of_squares(error: Array) -> Array:
     """Return the root of the sum of squares of each column; ``hypot`` of many takes far longer.
 
-    Magnitudes are far from where squares overflow, see :class:`~pwscont.curve.metric.Metric`.
+    Squares neither overflow nor vanish: typical magnitudes, and their rounding, are far from there
+    (:class:`~pwscont.curve.metric.Metric`).
     """
-    spread: Array
     if error.size <= MOST_BY_HYPOT:
-        spread = np.abs(np.hypot.reduce(error, axis=0))
-        return spread
-    spread = np.sqrt(np.ones(len(error)).dot(np.square(error)))  # a sum takes twice as long
-    if len(spread) and smallest(spread) < SHORTEST:  # most numbers are zero
-        lost = spread < SHORTEST
-        if len(error) and is_anywhere(np.logical_and(error, lost)):
-            spread[lost] = np.hypot.reduce(error[:, lost], axis=0)
-    return spread
+        return np.asarray(np.abs(np.hypot.reduce(error, axis=0)))
+    squares = np.ones(len(error)).dot(np.square(error))  # a sum takes twice as long
+    return np.asarray(np.sqrt(squares))
 
 
-def rounding_of_values(rows: Matrix, sizes: Array, error: Array) -> Array:
-    """Return the estimated error of ``rows @ x``, shape (l,), where ``x`` has these sizes.
+def zero_up_to(
+    rows: Matrix, sizes: Array, error: Array | None = None, part: float = CONFIDENCE * EPS
+) -> Array:
+    """Return the sizes up to which linear functions ``rows @ v`` are zero, shape (l,).
 
-    ``error`` as for :func:`magnitude`. Nothing is known of rows with infinite entries: their
-    estimate is zero.
+    This is the rule by which a test function vanishes, and the slope of a test function: with v a
+    point, ``rows @ v`` is the value of a test up to a constant, with v a unit tangent the slope.
+    The value is a sum of terms row_j v_j. Terms and sum round by a part of the sum of the terms'
+    magnitudes. To this comes CONFIDENCE times what the error of v contributes: the root of the sum
+    of squares over the samples, because samples are independent.
+
+    Nothing is known of rows with infinite entries: only zero itself is zero.
+
+    Parameters
+    ----------
+    rows : Matrix, shape (l, k)
+        The gradients of tests.
+    sizes : ndarray, shape (k,)
+        The magnitudes of the terms' second factors: abs(v), and the typical magnitudes as well
+        where all unknowns of a test may vanish, because then abs(v) is no measure of rounding.
+    error : ndarray, shape (j, k), optional
+        Samples of the error of v.
+    part : float
+        The relative error of a term: by default that of a value. The slope of an exact tangent
+        errs by GUARD EPS, a tangent that a solve gave by half of the digits, and gradients by
+        differences by the error of differences.
     """
-    spread = np.abs(np.hypot.reduce(product(rows, error.T), axis=1))  # rows are in any units
-    estimate: Array = EPS * product(abs(rows), sizes) + spread
-    if len(estimate) and not are_finite(estimate):
-        estimate[~np.isfinite(estimate)] = 0.0
-    return estimate
+    zero: Array = part * product(abs(rows), sizes)
+    if error is not None:
+        zero += CONFIDENCE * np.abs(np.hypot.reduce(product(rows, error.T), axis=1))
+    if len(zero) and not are_finite(zero):
+        zero[~np.isfinite(zero)] = 0.0
+    return zero
 
 
 def slack_of_values(rows: Matrix, x: Array, error: Array, scale: Array) -> Array:
     """Return how far below zero tests may be computed at a solution of a closed cell, shape (l,).
 
-    The slack is the rounding of the terms of the tests, and of terms of typical magnitude: an
-    unknown may be zero because constants in H cancel, which the error of x does not show.
+    The typical magnitudes ``scale`` count once: an unknown may be zero because constants in H
+    cancel, which the error of x does not show.
     """
-    off = rounding_of_values(rows, np.abs(x), error)
-    slack: Array = CONFIDENCE * off + EPS * (abs(rows) @ scale)
-    return slack
+    return zero_up_to(rows, np.abs(x) + scale / CONFIDENCE, error)
 
 
 def slack_by_constants(
@@ -112,9 +125,8 @@ def slack_by_constants(
     constants = np.abs(constants)
     constants[:-1] += largest_in_rows(columns_scaled(jacobian, hidden))
     shifts = factor.solve_all(EPS * constants * samples(len(constants)))
-    off = rounding_of_values(rows, np.abs(x), np.vstack([error, shifts]))
-    slack: Array = CONFIDENCE * (off + EPS * known)
-    return slack
+    by_constants: Array = CONFIDENCE * EPS * known
+    return by_constants + zero_up_to(rows, np.abs(x), np.vstack([error, shifts]))
 
 
 def has_digits(x: Array, error: Array, scale: Array) -> bool:

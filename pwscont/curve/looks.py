@@ -1,4 +1,4 @@
-"""What lies inside a step: places at which H tells whether the curve is where the cubic leads.
+"""Looks inside a step: places at which H tells whether the curve is where the cubic leads.
 
 Two folds of a bump that is far narrower than the step leave no trace at the ends of the step. H is
 evaluated at places about :attr:`~pwscont.StepSize.gap` apart, at uneven distances, since H may be
@@ -11,57 +11,26 @@ and next to the ends are looked at, ever closer, as long as the distances bend m
 beside a pole. The shorter steps after a refused step are looked into more closely. Where alpha
 hardly changes the cubic may be close and alpha turn back all the same: the points of the curve next
 to the places must be in order.
-
-Branch points within a step
----------------------------
-The sign of det[J; t^T] flips twice at two branch points, and not at all where an even number of
-eigenvalues vanishes together, as at a branch point of a symmetric structure. The quadratic through
-the Jacobians at the start, in the middle and at the end of a step is a matrix polynomial; real
-zeros within the step say where the determinant vanishes, and how often.
-
-- Three Jacobians cost a tenth of a step. They are computed unless the quadratic through the
-  Jacobians of the last corrections, which are known, has no zero near the step.
-- Zeros apart: if the sign between two of them is another one, a shorter step is asked for, until
-  each step has one zero at most.
-- Zeros together, and zeros without a change of sign, which may be multiple ones (Arnoldi's method
-  shows these once): the step around them is looked at again, ever closer, until the zeros are
-  apart, or vanish, or are one place to rounding.
-- A branch point that is known, at the beginning of a piece or where a step ends, is no other zero.
-- Many unknowns: Arnoldi's method computes the dominant zeros, of the line through two Jacobians
-  first; one or two vectors show nearly always that no zero is near.
-- Along a curve on which H vanishes twice the determinant is rounding: where the Jacobians lose
-  rank, nothing is told.
-
-Two zeros closer than a thousandth of a step to a known branch point may be missed, and an
-eigenvalue that vanishes twice within a part of the step in which three Jacobians do not show that.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import lru_cache
-from math import ceil, inf, isfinite, sqrt
+from math import ceil, inf, sqrt
 
 import numpy as np
 
 from pwscont.basics.arrays import (
     GOLDEN,
     Array,
-    Matrix,
-    dense,
-    generic,
-    joined,
     largest,
-    product,
     smallest,
 )
 from pwscont.basics.outcome import Failure, FailureReason
 from pwscont.basics.rounding import CONVERGED, EPS, GUARD
-from pwscont.curve.crossing import FULL_RANK, loses_rank
-from pwscont.curve.curve import State
-from pwscont.curve.stepper import SHORTEST_CHORD, CurvedSegment, StepSize
+from pwscont.curve.stepper import CurvedSegment, StepSize
 from pwscont.linear.factor import Factor
-from pwscont.linear.factorise import bordered
 from pwscont.system.system import PiecewiseSystem, SlicewiseLinearSystem
 
 #: The places inside a step that are always looked at, as parts u of the step. A cubic that leads to
@@ -237,246 +206,3 @@ def _alphas_turn(segment: CurvedSegment, alphas: Array) -> bool:
     signs = np.concatenate([[leaving], signs, [arriving]])
     signs = signs[signs != 0.0]
     return int((signs[1:] * signs[:-1] < 0.0).sum()) > 1
-
-
-# -- branch points within a step -------------------------------------------------------------------
-
-#: Zeros are together if they are closer than this part of the half step, or if they are a complex
-#: pair with a smaller imaginary part.
-TOGETHER = 1e-2
-#: Distance from a known branch point, as a part of the half step, below which a zero is that point.
-KNOWN = 1e-3
-#: How near zeros of a rough quadratic must be if they are computed, as a part of the step.
-MARGIN = 0.2
-#: How far before and behind a place a step is looked at again, as parts of the step: unlike, so
-#: that the Jacobian in the middle is regular.
-CLOSER = -0.05, 0.03
-#: Most unknowns for which all zeros of the quadratic are computed: the eigenvalues cost less than
-#: the step.
-MOST_WITH_ALL_ZEROS = 24
-#: For more unknowns, the number of vectors of Arnoldi's method; the size of the matrix of the first
-#: two vectors below which no eigenvalue is 1; and the size of the first image, times the root of
-#: the number of unknowns, below which a tenth of the usual part of such an eigenvector would show.
-VECTORS, NO_EIGENVALUE, NO_PART = 10, 0.5, 0.1
-
-
-def hidden_in(segment: CurvedSegment, *, is_part: bool = False) -> State | Failure | None:
-    """Return a state within a segment at which the determinant vanishes and keeps its sign.
-
-    A Failure if the sign differs at places between: a shorter step is needed. None if the
-    determinant does not vanish, and where the signs at both ends differ. ``is_part``: whether the
-    segment is a part of a segment in which the Jacobian has full rank.
-    """
-    selection, start, end = segment.curve.selection, segment.start, segment.end
-    if selection.is_straight or start.orientation != end.orientation:
-        return None
-    if start.jacobian is None:  # at the beginning of a piece
-        start.jacobian = selection.jacobian(start.x)
-    few = selection.system.size <= MOST_WITH_ALL_ZEROS
-    is_regular, zeros_in = (_is_regular, _all_zeros) if few else (_line_is_regular, _dominant_zeros)
-    if is_regular(segment):
-        return None  # nearly always
-    known = _jacobians(segment)
-    zeros = zeros_in(segment, known)
-    if not len(zeros) or not (is_part or _has_full_rank(segment, known)):
-        return None
-    if (len(zeros) == 1 or np.ptp(zeros) > TOGETHER) and (apart := _apart(segment, zeros)):
-        return apart
-    # a shorter step is not refused, and zeros together in that step are one place
-    closer = _singular_at if segment.length <= SHORTEST_CHORD else _closer
-    least = 2 if few else 1  # Arnoldi's method shows a zero of any multiplicity once
-    for group in np.split(zeros, np.flatnonzero(np.diff(zeros) > TOGETHER) + 1):
-        middle = 0.5 * segment.length * (1.0 + float(group.mean()))
-        if len(group) >= least and (found := closer(segment, middle)):
-            return found
-    return None
-
-
-def _apart(segment: CurvedSegment, zeros: Array) -> Failure | None:
-    """Return a Failure if the sign between zeros, or behind the last, is not that of the start."""
-    places = 0.25 * segment.length * (2.0 + zeros + np.append(zeros[1:], 1.0))
-    for state in map(segment.at, places if segment.length > SHORTEST_CHORD else ()):
-        if isinstance(state, Failure) or state.orientation != segment.start.orientation:
-            return Failure(FailureReason.SINGULAR)
-    return None
-
-
-def _is_regular(segment: CurvedSegment) -> bool:
-    """Tell whether the quadratic through the last three Jacobians has no zero near the segment.
-
-    The quadratic is B + s D + s^2 E, with s = 0 at the end and s = -1 at the start.
-    """
-    start = segment.start
-    states = [state for state in (segment.behind, start, segment.end) if state]
-    known = [dense(state.jacobian) for state in states if state.jacobian is not None]
-    factor = segment.factor_at_end or segment.end.located_by
-    if len(known) < len(states) or factor is None:
-        return False
-    metric, first = segment.curve.metric, known[-2] - known[-1]
-    bend = np.zeros_like(first)
-    if len(known) > 2:
-        behind = metric.norm(start.x - states[0].x) / segment.length
-        bend = ((known[0] - known[-1]) / (1.0 + behind) - first) / behind
-    forth, bend = _solved(factor, metric.binary, bend - first, bend)
-    return not len(_real_zeros(forth, bend, -1.0 - MARGIN, MARGIN, MARGIN))
-
-
-def _solved(factor: Factor, scale: Array, *changes: Array) -> list[Array]:
-    """Return M^-1 [C; 0] for a factorised M and changes C, in the units of the metric."""
-    k = len(scale)
-    both = np.zeros((len(changes) * k, k))
-    both[:, :-1] = np.hstack(changes).T
-    parts = factor.solve_all(both).reshape(len(changes), k, k)
-    return [part.T * scale / scale[:, np.newaxis] for part in parts]
-
-
-def _real_zeros(forth: Array, bend: Array, first: float, last: float, imaginary: float) -> Array:
-    """Return the zeros s of I + s D + s^2 E from first to last, whose imaginary part is small."""
-    norms = largest(np.abs(forth).sum(axis=0)), largest(np.abs(bend).sum(axis=0))
-    farthest = max(-first, last)
-    if farthest * (norms[0] + farthest * norms[1]) < 1.0 or not isfinite(sum(norms)):
-        return np.zeros(0)  # nearly always
-    k = len(forth)
-    values = np.linalg.eigvals(np.block([[-forth, -bend], [np.eye(k), np.zeros((k, k))]]))
-    return _from_to(1.0 / values[np.abs(values) > 0.5 / farthest], first, last, imaginary)
-
-
-def _from_to(zeros: Array, first: float, last: float, imaginary: float) -> Array:
-    """Return the real parts of zeros with a small imaginary part, from first to last, in order."""
-    real = zeros.real[np.abs(zeros.imag) < imaginary]
-    return np.sort(real[(first < real) & (real < last)])
-
-
-def _jacobians(segment: CurvedSegment) -> list[Matrix]:
-    """Return the Jacobians at the start, nearly in the middle and at the end of a segment."""
-    places = segment.start.x, segment.near(0.5 * segment.length), segment.end.x
-    return [segment.curve.selection.jacobian(x) for x in places]
-
-
-def _has_full_rank(segment: CurvedSegment, known: list[Matrix]) -> bool:
-    """Tell whether the Jacobian is somewhere farther from a lower rank than at a double root."""
-    scale = segment.curve.metric.binary
-    for jacobian in known:
-        rows = abs(jacobian) @ scale
-        solution = _factor(segment, jacobian).solve(joined(rows * generic(len(rows)), 0.0)) / scale
-        if largest(np.abs(solution)) < 1.0 / FULL_RANK:
-            return True
-    return False
-
-
-def _factor(segment: CurvedSegment, jacobian: Matrix) -> Factor:
-    """Return a factorisation of a Jacobian that is bordered by the chord of a segment."""
-    metric = segment.curve.metric
-    return bordered(jacobian, metric.covector(segment.chord), metric.binary)
-
-
-def _range(segment: CurvedSegment) -> tuple[float, float]:
-    """Return between which places zeros count: -1 and 1, without known branch points there."""
-    first, last = (1.0 - KNOWN * state.is_singular for state in (segment.start, segment.end))
-    return -first, last
-
-
-def _all_zeros(segment: CurvedSegment, known: list[Matrix]) -> Array:
-    """Return where the quadratic through three Jacobians is singular, between -1 and 1.
-
-    The quadratic is M + s D + s^2 E, with s = -1 at the start and s = 1 at the end of the segment.
-    """
-    before, here, after = parts = [dense(each) for each in known]
-    if not np.isfinite(here).all():  # H may be undefined beside the curve
-        here = parts[1] = 0.5 * (before + after)
-    if not np.isfinite(parts).all():
-        return np.zeros(0)
-    changes = 0.5 * (after - before), 0.5 * (after + before) - here
-    forth, bend = _solved(_factor(segment, here), segment.curve.metric.binary, *changes)
-    return _real_zeros(forth, bend, *_range(segment), TOGETHER)
-
-
-def _line_is_regular(segment: CurvedSegment) -> bool:
-    """Tell whether the line through the Jacobians at both ends has no zero near the segment.
-
-    The line is M + (s - place) / 2 (after - before), with M at the end if a factorisation is known
-    there, else in the middle.
-    """
-    curve, start, end = segment.curve, segment.start, segment.end
-    factor, after, place = segment.factor_at_end or end.located_by, end.jacobian, 1.0  # of M
-    if factor is None or after is None:
-        factor = _factor(segment, curve.selection.jacobian(segment.near(0.5 * segment.length)))
-        after, place = curve.selection.jacobian(end.x), 0.0
-    before, scale = start.jacobian, curve.metric.binary
-
-    def change(x: Array) -> Array:
-        image = product(before, scale * x) - product(after, scale * x)
-        return factor.solve(joined(image, 0.0)) / scale
-
-    values = _dominant(change, len(scale), NO_PART / sqrt(len(scale)), NO_EIGENVALUE)
-    near = 1.0 + 2.0 * MARGIN
-    return not len(_from_to(place + 2.0 / values[np.abs(values) > 0.5], -near, near, 2.0 * MARGIN))
-
-
-def _dominant_zeros(segment: CurvedSegment, known: list[Matrix]) -> Array:
-    """Return zeros as :func:`_all_zeros`, those with the least distance from the middle."""
-    before, here, after = known
-    factor, scale = _factor(segment, here), segment.curve.metric.binary
-
-    def companion(both: Array) -> Array:
-        x, y = np.split(both, 2)
-        forth = product(after, scale * (y + x)) + product(before, scale * (y - x))
-        image = product(here, scale * y) - 0.5 * forth
-        return np.concatenate([factor.solve(joined(image, 0.0)) / scale, x])
-
-    values = _dominant(companion, 2 * len(scale))
-    return _from_to(1.0 / values[np.abs(values) > 0.5], *_range(segment), TOGETHER)
-
-
-def _dominant(apply: Callable[[Array], Array], size: int, *small: float) -> Array:
-    """Return the largest eigenvalues of a matrix of some size, by Arnoldi's method.
-
-    ``apply``: returns the matrix times a vector. ``small``: norms of the matrix in the space of
-    the first vectors, one after the other, below which all eigenvalues count as small.
-    """
-    basis, matrix = np.zeros((VECTORS + 1, size)), np.zeros((VECTORS + 1, VECTORS))
-    basis[0] = _unit(size)
-    for j in range(VECTORS):
-        image = apply(basis[j])
-        parts = basis[: j + 1].dot(image)
-        image -= parts.dot(basis[: j + 1])
-        matrix[: j + 1, j], matrix[j + 1, j] = parts, np.linalg.norm(image)
-        least = small[j] if j < len(small) else 0.0
-        if not least <= np.linalg.norm(matrix) < inf:
-            return np.zeros(0)  # nearly always
-        if not matrix[j + 1, j] > 0.0:
-            break
-        basis[j + 1] = image / matrix[j + 1, j]
-    return np.asarray(np.linalg.eigvals(matrix[: j + 1, : j + 1]))
-
-
-@lru_cache(maxsize=4)
-def _unit(size: int) -> Array:
-    """Return a unit vector with parts of all frequencies: a single wave has no part of others."""
-    vector = np.random.default_rng(0).standard_normal(size)
-    return np.asarray(vector / np.linalg.norm(vector))
-
-
-def _closer(segment: CurvedSegment, middle: float) -> State | Failure | None:
-    """Return what the part of a segment around a place shows."""
-    places = [min(max(middle + p * segment.length, 0.0), segment.length) for p in CLOSER]
-    start, end = map(segment.at, places)
-    if isinstance(start, Failure) or isinstance(end, Failure):
-        return Failure(FailureReason.SINGULAR)
-    if start.orientation != segment.start.orientation or end.orientation != start.orientation:
-        return Failure(FailureReason.SINGULAR)
-    part = CurvedSegment.between(segment.curve, start, end, segment.suggestion)
-    found = hidden_in(part, is_part=True)
-    return found or _singular_at(segment, middle, CLOSER[1] - CLOSER[0])
-
-
-def _singular_at(segment: CurvedSegment, at: float, part: float = SHORTEST_CHORD) -> State | None:
-    """Return the state at a place of a segment if the Jacobian loses rank there.
-
-    ``part``: of the segment, the error of the place.
-    """
-    x = segment.near(at)
-    if not loses_rank(segment.curve, x):
-        return None
-    error = part * (segment.end.x - segment.start.x)[np.newaxis]
-    return State(x, segment.chord, error, segment.start.orientation, is_singular=True)

@@ -75,50 +75,57 @@ class Root:
 def newton(curve: Curve, border: Border, x: Array, most_iterations: int) -> Root | Failure:
     """Solve {H_chi = 0, border = 0} from the guess ``x``.
 
-    A root is accepted where the last correction is rounding, or where corrections stall and the
-    last correction is no larger than the error of the root.
+    Each iteration factorises and corrects once. Where two further corrections are expected to be
+    enough, these use the same factorisation (chords). A root is accepted where the last correction
+    is rounding, or where corrections stall and the last one is no larger than the root's error.
     """
     selection, metric, before = curve.selection, curve.metric, 0.0
     sizes: list[float] = []
-    for iteration in range(1, most_iterations + 1):
+    iteration = chords = 0
+    while iteration < most_iterations or chords:
         if not metric.admits(x):
             return Failure(FailureReason.OUTSIDE)
         value, row = border(x)
-        jacobian = selection.jacobian(x)
-        factor = bordered(jacobian, row, metric.binary)
-        if factor.failed:
-            entries = jacobian if isinstance(jacobian, np.ndarray) else getattr(jacobian, "data", 0)
-            is_finite = bool(np.isfinite(entries).all())
-            return Failure(FailureReason.SINGULAR if is_finite else FailureReason.NOT_FINITE)
+        is_chord = chords > 0
+        if is_chord:
+            chords -= 1
+        else:
+            iteration, stale = iteration + 1, False
+            jacobian = selection.jacobian(x)
+            factor = bordered(jacobian, row, metric.binary)
+            if factor.failed:
+                return _singular(jacobian)
         rest = selection.residual_and(x, value)
         dx = factor.solve(rest)
         x, last = x - dx, np.abs(dx)
-        relative_to = metric.sizes(x)
+        if not is_chord:
+            relative_to = metric.sizes(x)  # hardly changes along chords
         size = largest(last / relative_to)
         if not math.isfinite(size):
             return Failure(FailureReason.NOT_FINITE)
         sizes.append(size)
-        # quadratic: d -> c d^2, so that a ratio q is followed by q^2; at first c is taken for 1
-        ratio, stale = size / before * (size / before) if before > 0.0 else size, False
-        if TOO_FAR_FOR_CHORDS > size > CONVERGED >= size * ratio**MOST_CHORDS:
-            stale = before == 0.0 or ratio > NEXT_IS_ROUNDING
-            for _ in range(MOST_CHORDS):
-                if size > CONVERGED and metric.admits(x):
-                    rest = selection.residual_and(x, border(x)[0])
-                    dx = factor.solve(rest)
-                    x, last = x - dx, np.abs(dx)
-                    size = largest(last / relative_to)  # sizes hardly change any more
-                    sizes.append(size)
         if size <= CONVERGED and not is_solved(selection, metric, x, jacobian, rest[:-1]):
-            before = 0.0
+            before, chords = 0.0, 0
             continue
-        if size <= CONVERGED or size > STALLED * before > 0.0:
+        if size <= CONVERGED or (not chords and size > STALLED * before > 0.0):
             quotient = first_quotient(sizes)
             root = Root(x, last, jacobian, row, factor, metric.scale, iteration, stale, quotient)
             if size <= CONVERGED or is_rounding(root) or _is_unseen_rounding(curve, root, border):
                 return root if metric.admits(x) else Failure(FailureReason.OUTSIDE)
+        if not is_chord:
+            # quadratic: d -> c d^2, so that a ratio q is followed by q^2; at first c is taken for 1
+            ratio = size / before * (size / before) if before > 0.0 else size
+            if size < TOO_FAR_FOR_CHORDS and size * ratio**MOST_CHORDS <= CONVERGED:
+                chords, stale = MOST_CHORDS, before == 0.0 or ratio > NEXT_IS_ROUNDING
         before = size
     return Failure(FailureReason.NOT_CONVERGED)
+
+
+def _singular(jacobian: Matrix) -> Failure:
+    """Return why a bordered matrix has no factorisation."""
+    entries = jacobian if isinstance(jacobian, np.ndarray) else getattr(jacobian, "data", 0)
+    is_finite = bool(np.isfinite(entries).all())
+    return Failure(FailureReason.SINGULAR if is_finite else FailureReason.NOT_FINITE)
 
 
 def is_solved(

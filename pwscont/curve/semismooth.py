@@ -44,8 +44,8 @@ MOST_HALVINGS_DEFLATED = 12
 ARMIJO = 1e-4
 #: Most undamped steps from points where no step reduces the merit: a watchdog strategy.
 MOST_LEAPS = 3
-#: Most steps no longer than rounding from points where H is more than rounding.
-MOST_UNSOLVED = 10
+#: Most steps no longer than rounding along which H does not fall.
+MOST_SHORT = 10
 #: H falls if each row falls by this factor, and stays if a row does not even fall by the second.
 FALLS, STAYS = 0.125, 0.5
 
@@ -85,7 +85,7 @@ def semismooth_newton(
         of the error where conditioning allows no smaller correction; or a Failure.
     """
     point, linear = _evaluated(system, joined(z, alpha)), None
-    leaps, crossings, unsolved, is_straight = 0, 0, 0, isinstance(system, PiecewiseLinearSystem)
+    leaps, short, is_straight = 0, 0, isinstance(system, PiecewiseLinearSystem)
     for iteration in range(1, MOST_ITERATIONS + 1):
         check_budget()
         x, character, residual = point
@@ -97,30 +97,13 @@ def semismooth_newton(
         if not are_finite(step):
             return Failure(FailureReason.NOT_FINITE)
         step = step * stretch(metric, known, x, step)
-        size = metric.relative(step, x)
-        if size <= CONVERGED:
-            there, may_cross = x + step, size > GUARD * EPS and crossings < MOST_LEAPS
-            if may_cross and not _is_same_cell(
-                system, character, system.character(there[:-1], float(there[-1]))
-            ):
-                point, crossings = _evaluated(system, there), crossings + 1
+        if metric.relative(step, x) <= CONVERGED:
+            after, falls, is_root = _after_rounding(system, metric, linear, point, step)
+            if after and (falls or short < MOST_SHORT):
+                point, linear, short = after, None, short + (not falls)
                 continue
-            is_root = is_solved(Selection(system, character), metric, x, linear.jacobian, residual)
-            if not (is_root and _is_last(linear, x, residual)):
-                after = _evaluated(system, there)
-                falls, stays = _trend(linear, metric, x, residual, after[2])
-                is_open = not is_root or (linear.is_singular and not stays)
-                if falls or (is_open and unsolved < MOST_UNSOLVED):
-                    point, linear, unsolved = after, None, unsolved + (not falls)
-                    continue
-                is_root = is_root and not (stays and linear.is_singular)
-            if (
-                not is_root  # H is nearly constant here, and not zero
-                or not _is_regular_zero(linear, metric, x, residual)
-                or _misses(linear, metric, x, residual)
-            ):
-                return Failure(FailureReason.NO_DESCENT)
-            return x + step, np.abs(step)[np.newaxis]
+            root = x + step, np.abs(step)[np.newaxis]
+            return root if is_root else Failure(FailureReason.NO_DESCENT)
         reduced = _line_search(system, metric, linear.rows, known, point, step)
         if reduced is None:
             parts = linear.jacobian, last_unit(len(x)), linear.factor, metric.scale, iteration
@@ -156,6 +139,32 @@ def _linearised(
         return None
     factor = bordered(jacobian, last_unit(len(x)), metric.binary)
     return _Linearised(character, jacobian, rows, factor, factor.is_singular())
+
+
+def _after_rounding(
+    system: PiecewiseSystem, metric: Metric, linear: _Linearised, point: _Evaluated, step: Array
+) -> tuple[_Evaluated | None, bool, bool]:
+    """Return where Newton goes on after a step of rounding, whether H falls, whether x is a root.
+
+    Newton goes on beyond an interface, where H falls clearly, and where H is not zero or may be a
+    double zero: where H is nearly constant or J singular, a step may vanish although H does not.
+    """
+    x, character, residual = point
+    is_solution = is_solved(Selection(system, character), metric, x, linear.jacobian, residual)
+    is_root = is_solution and _is_regular_zero(linear, metric, x, residual)
+    is_root = is_root and not _misses(linear, metric, x, residual)
+    there, crosses = x + step, False
+    if metric.relative(step, x) > GUARD * EPS:
+        beyond = system.character(there[:-1], float(there[-1]))
+        crosses = not _is_same_cell(system, character, beyond)
+    if is_solution and not crosses and _is_last(linear, x, residual):
+        return None, False, is_root
+    after = _evaluated(system, there)
+    if crosses:
+        return after, False, is_root
+    falls, stays = _trend(linear, metric, x, residual, after[2])
+    goes_on = falls or not is_solution or (linear.is_singular and not stays)
+    return after if goes_on else None, falls, is_root and not (stays and linear.is_singular)
 
 
 def _is_last(linear: _Linearised, x: Array, residual: Array) -> bool:

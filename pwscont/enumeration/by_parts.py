@@ -25,6 +25,7 @@ from pwscont.basics.arrays import Array, Indices, Matrix, Signs
 from pwscont.basics.budget import check_budget
 from pwscont.basics.character import Character
 from pwscont.basics.rounding import CONFIDENCE, EPS, GUARD
+from pwscont.curve.error_samples import zero_up_to
 from pwscont.curve.newton import Root
 from pwscont.enumeration.options import Table
 from pwscont.enumeration.polyhedron import Cells, Point, Slice
@@ -127,9 +128,9 @@ class PartSlice(SlicewiseLinearSystem):
         self._terms = np.max([np.abs(J) @ known + np.abs(r) for J, r in rows], axis=0)
         #: For every mode, the errors that the samples of the error before make on the right side.
         self._errors = [-J @ before.error.T for J, _ in rows]
-        spread = np.abs(np.hypot.reduce(K @ before.error.T, axis=1))
-        #: The error of the tests that the error of the parts before makes.
-        self.inherited_slack: Array = EPS * (np.abs(K) @ known + np.abs(tests)) + spread
+        #: How far from zero tests may be because of the error of the parts before.
+        self.inherited_slack: Array = zero_up_to(K, known, before.error)
+        self.inherited_slack += CONFIDENCE * EPS * np.abs(tests)
 
     @classmethod
     def whole(cls, table: Table) -> PartSlice:
@@ -187,8 +188,8 @@ class PartSlice(SlicewiseLinearSystem):
         errors = np.append(EPS * self._terms[0], inherited[0])  # those of parts before come last
         error = np.append(EPS * abs(x), errors / slope)
         gradients, values = self.table.tests[0][:, 0], self.table.tests[1]
-        off = EPS * np.abs(gradients * x) + np.abs(gradients) * float(np.hypot.reduce(error))
-        slack = CONFIDENCE * (off + self.inherited_slack) + EPS * scale * np.abs(gradients)
+        column, sizes = gradients[:, np.newaxis], np.array([abs(x) + scale / CONFIDENCE])
+        slack = self.inherited_slack + zero_up_to(column, sizes, error[:, np.newaxis])
         return _Root(x, error, 1 if slope > 0.0 else -1, gradients * x + values, slack)
 
     def inherited_error(self, root: Root, character: Character) -> Array:

@@ -91,8 +91,8 @@ def narrowed(problem: Problem, choice: Choices, pick: int) -> Choices | None:
         return None
     step = Vt[:rank].T @ (coefficients[:rank] / sigma[:rank])
     growth = max(growth, 1.0 / sigma[:rank].min(initial=1.0))
-    starts, left = (start - directions @ step)[np.newaxis], (directions @ Vt[rank:].T)[np.newaxis]
-    return Choices(picks, starts, left, np.array([growth]))
+    starts, free = (start - directions @ step)[np.newaxis], (directions @ Vt[rank:].T)[np.newaxis]
+    return Choices(picks, starts, free, np.array([growth]))
 
 
 def negligible(matrix: Array) -> float:

@@ -84,8 +84,8 @@ class ExactSlice:
         common = Echelon(self._n).extended([integers(self._rows[0][i]) for i in self._common])
         if common is None:
             return []
-        left, d = self._left(), self._n - c
-        if len(left) * d * d * (d + len(self._tests)) > MOST_WORK:
+        kept, d = self._not_excluded(), self._n - c
+        if len(kept) * d * d * (d + len(self._tests)) > MOST_WORK:
             return None
         self._eliminated = common
 
@@ -95,10 +95,10 @@ class ExactSlice:
         #: For every block and mode the rows, without the unknowns that the common rows decide.
         self._options = [[reduced(b, k) for k in range(len(b.modes))] for b in self._blocks]
         self._exact_tests = [integers(row) for row in self._tests]
-        cells = self._descend((), Echelon(self._n, level=common.determinant), left)
+        cells = self._descend((), Echelon(self._n, level=common.determinant), kept)
         return [found for picks, echelon in cells if (found := self._at(picks, echelon))]
 
-    def _left(self) -> Indices:
+    def _not_excluded(self) -> Indices:
         """Return the choices of modes, shape (N, blocks), whose solution may lie in the cell."""
         units = np.append(self._scale, 1.0)
         modes, tests = np.array(self._rows) * units, self._tests * units
@@ -122,7 +122,7 @@ class ExactSlice:
             outside = side * (x @ tests.T) < -slack
             return outside.any(axis=1) & (condition <= WORST_IN_DOUBLES)
 
-        numbers, left = [len(block.modes) for block in self._blocks], list[Indices]()
+        numbers, kept = [len(block.modes) for block in self._blocks], list[Indices]()
         most = 1 + ENTRIES_AT_ONCE // self._n**2
         for first in range(0, prod(numbers), most):
             check_budget()
@@ -135,20 +135,20 @@ class ExactSlice:
             out = np.linalg.slogdet(rows[..., :-1])[0] != 0.0
             if out.any():
                 out[out] = excluded(picks[out], rows[out])
-            left.append(picks[~out])
-        return np.concatenate(left)
+            kept.append(picks[~out])
+        return np.concatenate(kept)
 
     def _descend(
-        self, picks: tuple[int, ...], echelon: Echelon, left: Indices
+        self, picks: tuple[int, ...], echelon: Echelon, kept: Indices
     ) -> Iterator[tuple[tuple[int, ...], Echelon]]:
-        """Yield the regular choices among ``left``, which share the elimination of blocks."""
+        """Yield the regular choices among ``kept``, which share the elimination of blocks."""
         depth = len(picks)
         if depth == len(self._blocks):
             check_budget()
             yield picks, echelon
             return
         for k, rows in enumerate(self._options[depth]):
-            some = left[left[:, depth] == k]
+            some = kept[kept[:, depth] == k]
             longer = echelon.extended(rows) if len(some) else None
             if longer is not None:
                 yield from self._descend((*picks, k), longer, some)

@@ -172,25 +172,25 @@ def first_vertex(forms: Forms) -> Vertices:
 
 def feasible(forms: Forms, programs: Vertices) -> Vertices:
     """Return the feasible programs, each with a point of the signs asked as the new vertex."""
-    left, done = programs, list[Vertices]()
+    undecided, done = programs, list[Vertices]()
     for _ in range(STEPS_PER_UNKNOWN * (1 + forms.rows.shape[1])):
-        form, value = _most_wrong(forms, left)
+        form, value = _most_wrong(forms, undecided)
         wrong = value != 0.0
-        done.append(left[~wrong])
-        left, form, value = left[wrong], form[wrong], value[wrong]
-        if not len(left):
+        done.append(undecided[~wrong])
+        undecided, form, value = undecided[wrong], form[wrong], value[wrong]
+        if not len(undecided):
             break
-        row = (forms.rows[form][:, np.newaxis] @ left.directions[:, :-1])[:, 0]
+        row = (forms.rows[form][:, np.newaxis] @ undecided.directions[:, :-1])[:, 0]
         # how much each form of the basis helps; less than zero for a change not allowed
         slopes = row * np.where(value < 0.0, 1.0, -1.0)[:, np.newaxis]
-        asked = np.take_along_axis(left.signs, left.basis, axis=1)
+        asked = np.take_along_axis(undecided.signs, undecided.basis, axis=1)
         gain = np.where(asked == ANY, np.abs(slopes), slopes * _WAY[asked])
         can = (gain > _rounding(row)).any(axis=1)
         stuck = np.flatnonzero(~can)
         parts = form[stuck], value[stuck], row[stuck], gain[stuck]
-        done.append(left[stuck[~_is_proved(forms, left[stuck], *parts)]])
-        left = _pivoted(left[can], form[can], value[can], row[can], gain[can])
-    return Vertices(*map(np.concatenate, zip(*map(_parts, [*done, left]), strict=True)))
+        done.append(undecided[stuck[~_is_proved(forms, undecided[stuck], *parts)]])
+        undecided = _pivoted(undecided[can], form[can], value[can], row[can], gain[can])
+    return Vertices(*map(np.concatenate, zip(*map(_parts, [*done, undecided]), strict=True)))
 
 
 def _most_wrong(forms: Forms, vertices: Vertices) -> tuple[Indices, Array]:

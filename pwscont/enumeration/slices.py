@@ -18,7 +18,7 @@ from pwscont.basics.arrays import Array, Indices, Signs, product
 from pwscont.basics.budget import check_budget
 from pwscont.basics.character import Character
 from pwscont.basics.outcome import Failure
-from pwscont.basics.rounding import CONFIDENCE, EPS, GUARD
+from pwscont.basics.rounding import EPS, GUARD
 from pwscont.curve.curve import Curve
 from pwscont.curve.error_samples import is_same, slack_by_constants, slack_of_values
 from pwscont.curve.metric import Metric
@@ -146,7 +146,7 @@ def tests_of(selection: Selection, metric: Metric, x: Array, error: Array) -> tu
     """Return the bounding tests at a solution, and the errors of these values."""
     slack = slack_of_values(selection.test_gradients(x), x, error, metric.scale)
     if isinstance(part := selection.system, PartSlice):
-        slack += CONFIDENCE * part.inherited_slack[selection.bounding]
+        slack += part.inherited_slack[selection.bounding]
     return selection.tests(x), slack
 
 
@@ -238,7 +238,7 @@ class Points:
             less = slack_by_constants(gradients, tests, x, error, *equations)
             slack[is_doubtful] = np.minimum(slack, less)[is_doubtful]
         if isinstance(self._system, PartSlice):
-            slack += CONFIDENCE * self._system.inherited_slack
+            slack += self._system.inherited_slack
         holds = [
             np.array([(o.side * tests[o.bounding] >= -slack[o.bounding]).all() for o in options])
             for options in problem.blocks

@@ -199,9 +199,9 @@ def _ends(forms: Forms, per_program: float) -> list[tuple[int, ...]] | None:
         # how wrong each option of each open block is at each vertex
         wrong = (sides @ asked).reshape(len(nodes), *shape) * is_open[:, :, np.newaxis]
         # complete, or the choice holds at the vertex and fits into a batch
-        left = np.where(is_open, numbers, 1).astype(float).prod(axis=1)
+        completions = np.where(is_open, numbers, 1).astype(float).prod(axis=1)
         holds = wrong.max(axis=(1, 2), initial=0.0) <= simplex.slack_of(nodes)
-        is_end = holds & (left <= BATCH) | (left == 1.0)
+        is_end = holds & (completions <= BATCH) | (completions == 1.0)
         ends += map(tuple, nodes.picks[is_end].tolist())
         branches = _branches(forms, nodes[~is_end], wrong[~is_end])
         programs += len(branches)

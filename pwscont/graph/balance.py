@@ -107,10 +107,10 @@ def _judged(graph: ConnectedPieces) -> list[tuple[int, tuple[float, float]]]:
 
 def is_blurred(graph: ConnectedPieces, lo: float, hi: float) -> bool:
     """Tell whether the errors of the special points around a stretch overlap within it."""
-    left = graph.alphas < 0.5 * (lo + hi)
+    below = graph.alphas < 0.5 * (lo + hi)
     blur = CONFIDENCE * graph.alpha_errors
-    first = (graph.alphas + blur)[left].max(initial=lo)
-    last = (graph.alphas - blur)[~left].min(initial=hi)
+    first = (graph.alphas + blur)[below].max(initial=lo)
+    last = (graph.alphas - blur)[~below].min(initial=hi)
     return bool(first >= last)
 
 
@@ -176,8 +176,8 @@ def verdict(graph: ConnectedPieces) -> str:
     """Return what is known of a graph, for :attr:`pwscont.BranchGraph.guarantee`."""
     if spent := graph.searched.spent:
         ended = spent.partition(";")[0]
-        left = [point for point in graph.special_points(Kind.STOPPED) if ended in point.message]
-        places = _places("open ends", graph, left, _accumulation)
+        stopped = [point for point in graph.special_points(Kind.STOPPED) if ended in point.message]
+        places = _listed("open ends", graph, stopped, _accumulation)
         return "; ".join([f"{spent}: there may be more", *places])
     ends = [point for point in loose_ends(graph) if is_on_purpose(graph, point)]
     if gaps := unbalanced(graph) or doubled(graph):
@@ -193,8 +193,8 @@ def verdict(graph: ConnectedPieces) -> str:
     single |= {piece.interval[0] for piece in graph.verticals}
     single -= {p.alpha for p in graph.nodes if p.kind == Kind.STOPPED and leaves_upright(graph, p)}
     infinite = [point for point in graph.nodes if point.alpha in single]
-    said = _places("infinitely many solutions", graph, infinite)
-    return "; ".join([words, *doubts, *said, *_places("a branch ends on purpose", graph, ends)])
+    said = _listed("infinitely many solutions", graph, infinite)
+    return "; ".join([words, *doubts, *said, *_listed("a branch ends on purpose", graph, ends)])
 
 
 # -- why the sum of signs is wrong ----------------------------------------------------------------
@@ -217,8 +217,8 @@ def _causes(graph: ConnectedPieces, gaps: list[Gap]) -> Iterator[str]:
     yield from _stops(graph, stopped)
     yield from _touches(graph)
     yield from _left_out(graph)
-    yield from _places(IN_PART, graph, partial)
-    yield from _places("a branch ends on purpose", graph, on_purpose)
+    yield from _listed(IN_PART, graph, partial)
+    yield from _listed("a branch ends on purpose", graph, on_purpose)
 
 
 def _or_wrong_degree(graph: ConnectedPieces) -> str:
@@ -267,15 +267,15 @@ def _doubts(graph: ConnectedPieces) -> Iterator[str]:
     alone = [p for p in lost if not (says(p.message, Remark.FILL_CURVES) and p in of_many)]
     yield from _stops(graph, alone)
     yield from _left_out(graph)
-    yield from _places(IN_PART, graph, graph.special_points(Kind.PARTIAL_CORNER))
+    yield from _listed(IN_PART, graph, graph.special_points(Kind.PARTIAL_CORNER))
     if known := [stretch.ends for stretch in graph.infinite if stretch[0] < stretch[1]]:
         yield f"infinitely many solutions for {graph.parameter} in {', '.join(known)}"
     filled = [p for p in graph.nodes if says(p.message, Remark.FILL) and p not in of_many]
-    left = [p for p in filled if not all(piece.is_vertical for piece in graph.pieces_at(p.id))]
-    yield from _places("solutions fill more than curves", graph, left)
+    wide = [p for p in filled if not all(piece.is_vertical for piece in graph.pieces_at(p.id))]
+    yield from _listed("solutions fill more than curves", graph, wide)
     yield from _touches(graph)
     twofold = [point for point in graph.nodes if says(point.message, Remark.TWOFOLD)]
-    yield from _places("two curves may be taken for one on the piece that ends", graph, twofold)
+    yield from _listed("two curves may be taken for one on the piece that ends", graph, twofold)
     begun = []
     for piece in graph.pieces:  # alpha rises and falls, by more than rounding and the ends' errors
         ends = (graph.point(node) for node in (piece.start, piece.end))
@@ -284,22 +284,22 @@ def _doubts(graph: ConnectedPieces) -> Iterator[str]:
         steps = np.diff(piece.alpha)
         if steps.min() < -clear and steps.max() > clear:
             begun.append(graph.point(piece.start))
-    yield from _places("a fold was passed over on the piece that begins", graph, begun)
+    yield from _listed("a fold was passed over on the piece that begins", graph, begun)
     vague = [point for point in graph.nodes if point.digits < TOO_FEW_DIGITS]
-    yield from _places("hardly a digit is known", graph, vague)
+    yield from _listed("hardly a digit is known", graph, vague)
 
 
 def _left_out(graph: ConnectedPieces) -> Iterator[str]:
     """Yield what a run left out of its search."""
-    for what, left in ("the search was", outcome.GIVEN_UP), ("starts were", outcome.IN_VAIN):
-        if left in graph.searched.what:
-            yield f"{what} {left}"
+    for what, words in ("the search was", outcome.GIVEN_UP), ("starts were", outcome.IN_VAIN):
+        if words in graph.searched.what:
+            yield f"{what} {words}"
 
 
 def _touches(graph: ConnectedPieces) -> Iterator[str]:
     """Yield where only the curves that arrive are known to go on."""
     touching = [point for point in graph.nodes if says(point.message, Remark.TOUCH)]
-    yield from _places("curves touch, or more than two cross,", graph, touching)
+    yield from _listed("curves touch, or more than two cross,", graph, touching)
 
 
 def _stops(graph: ConnectedPieces, points: list[SpecialPoint]) -> Iterator[str]:
@@ -308,7 +308,7 @@ def _stops(graph: ConnectedPieces, points: list[SpecialPoint]) -> Iterator[str]:
     for point in points:
         groups.setdefault(_what_happened(graph, point), []).append(point)
     for what, some in groups.items():
-        yield from _places(what, graph, some, _reason)
+        yield from _listed(what, graph, some, _reason)
 
 
 def _what_happened(graph: ConnectedPieces, point: SpecialPoint) -> str:
@@ -341,7 +341,7 @@ def _accumulation(point: SpecialPoint) -> str:
     return f"{what}{limit.split(';')[0]}"
 
 
-def _places(
+def _listed(
     what: str,
     graph: ConnectedPieces,
     points: Iterable[SpecialPoint],

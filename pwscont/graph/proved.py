@@ -263,14 +263,14 @@ def with_slack(solution: Solution, typical: Any, part: float = NEAR_A_PROVED_SOL
 @np.errstate(invalid="ignore")
 def are_matched(proved: Sequence[Corners], found: Sequence[Corners]) -> bool:
     """Tell whether solutions proved, between corners, are those found with slack, one to one."""
-    left = dict(enumerate(proved))
+    unmatched = dict(enumerate(proved))
     for z, slack in found:
         far = [np.max((abs(z - 0.5 * (lo + hi)) - hi + lo) / (slack + 1e-300)) for lo, hi in proved]
-        own = min(left, key=far.__getitem__, default=-1)
+        own = min(unmatched, key=far.__getitem__, default=-1)
         if own < 0 or not far[own] <= min(max(min(far), 0.0) + NEAR_A_PROVED_SOLUTION, 1.0):
             return False  # also where a number is nan
-        del left[own]
-    return not left
+        del unmatched[own]
+    return not unmatched
 
 
 def _plain(thing: Any) -> Any:

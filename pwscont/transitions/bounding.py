@@ -17,11 +17,12 @@ from typing import final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Matrix, Signs, are_finite, plus, smallest
+from pwscont.basics.arrays import Array, Matrix, Signs, are_finite, is_anywhere, smallest
 from pwscont.basics.outcome import Failure, FailureReason, Kind, Remark
-from pwscont.basics.rounding import CONFIDENCE, EPS, GUARD, HALF_DIGITS
+from pwscont.basics.rounding import EPS, GUARD, HALF_DIGITS
 from pwscont.curve.crossing import may_cross
 from pwscont.curve.curve import Curve, State
+from pwscont.curve.error_samples import zero_up_to
 from pwscont.curve.looks import INSIDE
 from pwscont.curve.newton import Border
 from pwscont.curve.stepper import CurvedSegment, Segment
@@ -39,7 +40,6 @@ from pwscont.transitions.rays import (
     check_continuity,
     inward_ray,
     opposite,
-    rounding_of_tests,
     same_piece,
     turns,
 )
@@ -71,7 +71,7 @@ def touching(curve: Curve, state: State, test: int) -> SpecialPointFound | None:
         return None
     turn = slope + float(selection.test_gradient(further.x, index).dot(further.tangent))
     lowest = DISTANCE_TO_CURVATURE * slope / turn if turn > 0.0 else np.inf
-    rounding = rounding_of_tests(row[np.newaxis], state.x, state.error, curve.metric.scale)[0]
+    rounding = zero_up_to(row[np.newaxis], np.abs(state.x) + curve.metric.scale, state.error)[0]
     if not (lowest <= DISTANCE_TO_CURVATURE and 0.5 * slope * lowest <= rounding):
         return None  # a zero farther from the lowest point than that is a crossing
     found = [beside(curve, state, part * lowest) for part in PARABOLA_PLACES]
@@ -126,9 +126,9 @@ class BoundingTests(TransitionDetector):
         if not are_finite(slopes):  # as of a root of zero: the values alone tell
             slopes[~np.isfinite(slopes)] = 0.0
         scale = curve.metric.scale
-        above = plus(np.abs(values), -NEXT_TO_ZERO, _terms(rows, state.x, scale))
-        if not smallest(above) > 0.0:  # seldom
-            near = np.flatnonzero(above <= 0.0)
+        below = np.abs(values) <= zero_up_to(rows, np.abs(state.x) + scale, part=NEXT_TO_ZERO)
+        if is_anywhere(below):  # seldom
+            near = np.flatnonzero(below)
             stays = _stay_zero(curve, state, rows[near], values[near], slopes[near])
             values[near[stays]], slopes[near[stays]] = 1.0, 0.0
         return Reading(values, slopes)
@@ -145,20 +145,20 @@ class BoundingTests(TransitionDetector):
             return None
         if smallest(start.values) < 0.0:  # seldom
             x, rows = segment.start.x, selection.unsigned_gradients(segment.start.x)
-            error = CONFIDENCE * (abs(rows) @ segment.start.size)
-            is_clear = start.values < -NEXT_TO_ZERO * _terms(rows, x, scale) - error
-            if (is_clear & (end.values < start.values)).any():
+            least = zero_up_to(rows, np.abs(x) + scale, segment.start.error, NEXT_TO_ZERO)
+            if ((start.values < -least) & (end.values < start.values)).any():
                 return Failure(FailureReason.OUTSIDE_OF_CELL)
         parts = THIRDS if segment.length > LONG_STEP else (INSIDE,)
         places = (segment.near(part * segment.length) for part in parts)
         for x in filter(segment.curve.metric.admits, places):
             values = selection.tests(x)
             if smallest(values) < 0.0:  # seldom
-                terms = _terms(selection.unsigned_gradients(x), x, scale)
-                sizes = np.maximum(np.abs(start.values), np.abs(end.values))
+                rows = selection.unsigned_gradients(x)
+                sizes = NEXT_TO_ZERO * np.maximum(np.abs(start.values), np.abs(end.values))
                 positive = (end.values > 0.0) & ((start.values > 0.0) | (start.slopes > 0.0))
                 stays_zero = (start.slopes == 0.0) & (end.slopes == 0.0)
-                deep = values < -NEXT_TO_ZERO * np.maximum(terms, sizes)
+                rounding = zero_up_to(rows, np.abs(x) + scale, part=NEXT_TO_ZERO)
+                deep = values < -np.maximum(rounding, sizes)
                 if (deep & positive & ~stays_zero).any():
                     return Failure(FailureReason.THIN_CELL)
         return None
@@ -195,14 +195,6 @@ class BoundingTests(TransitionDetector):
         return crossed(x, back, forth) if forth else met
 
 
-def _terms(rows: Matrix, x: Array, scale: Array) -> Array:
-    """Return the size of the terms of tests with these gradients, shape (l,); zero if infinite."""
-    terms: Array = abs(rows).dot(np.abs(x) + scale)
-    if not are_finite(terms):
-        terms[~np.isfinite(terms)] = 0.0
-    return terms
-
-
 def crossed(x: Array, back: Ray, forth: Ray) -> SpecialPointFound:
     """Return the special point at which a curve leaves one cell for another."""
     before, after = back.curve.selection, forth.curve.selection
@@ -222,13 +214,13 @@ def _stay_zero(
     differences err, and next to a branch point the error of the tangent is magnified.
     """
     selection, scale = curve.selection, curve.metric.scale
-    rounding = rounding_of_tests(gradients, state.x, state.error, scale)
-    flat = np.maximum(rounding, GUARD * EPS * (abs(gradients) @ np.abs(state.tangent)))
+    rounding = zero_up_to(gradients, np.abs(state.x) + scale, state.error)
+    flat = np.maximum(rounding, zero_up_to(gradients, np.abs(state.tangent), part=GUARD * EPS))
     stay: Signs = (np.abs(values) <= rounding) & (np.abs(slopes) <= flat)
     if selection.adjacent_cells:
         is_exact = selection.system.knows_derivatives
         level = HALF_DIGITS if is_exact else HALF_DIGITS**0.5  # in the metric
-        stay |= np.abs(slopes) <= level * (abs(gradients) @ scale)
+        stay |= np.abs(slopes) <= zero_up_to(gradients, scale, part=level)
     return stay
 
 
@@ -247,48 +239,53 @@ def across(curve: Curve, state: State, test: int) -> Ray | None:
 
 def at_corner(corner: Corner, curve: Curve, back: Ray | None = None) -> SpecialPointFound:
     """Return the special point at which several interfaces meet, or the curve is tangent to one."""
-    here, system = curve.selection, corner.system
-    x, error, zero = corner.x, corner.error, corner.zero
-    if len(zero) == 1:
-        (test,) = zero
-        new = Selection(system, beyond(here, x, test))
-        if test not in new.bounding:  # rounding names a cell that is not bounded by the test
-            zero = zero | frozenset(new.bounding.tolist())
-    around = replace(corner, zero=zero)
+    here, system, x = curve.selection, corner.system, corner.x
+    around = replace(corner, zero=corner.zero | _named_as_well(corner, here))
     if not np.isfinite(abs(around.gradients) @ np.ones(len(x))).all():  # as of a root of zero
         why = str(Failure(FailureReason.NOT_FINITE))
         return SpecialPointFound(Kind.STOPPED, x, why, () if back is None else (back,))
     found = tangent_cone(around, back)
     for ray in found.rays:
-        check_continuity(curve, ray.curve.selection, ray, x, error)
+        check_continuity(curve, ray.curve.selection, ray, x, corner.error)
     others = tuple(ray for ray in found.rays if back is None or not same_piece(ray, back))
     rays = others if back is None else (back, *others)
-    if back is None and not found.rays and found.exact:
+    if not rays and found.exact:
         return SpecialPointFound(Kind.ISOLATED, x, "no piece leaves from this solution", ())
-    lost = back is not None and len(others) == len(found.rays)
-    is_doubtful = lost or len(rays) < 2 or found.along_interface
-    if not here.is_straight and (is_doubtful or found.dimension > 1):
-        point = path_from(corner) if back is None else path_through(curve, corner)
-        if point:
-            return point
-    tests = ", ".join(map(system.test_name, sorted(zero)))
-    if lost or (len(rays) < 2 and not found.along_interface):
-        why = NO_WAY_ON.format(tests, here.label) if found.exact else NO_WAY_FOUND.format(len(zero))
+    is_back_found = back is None or len(others) < len(found.rays)
+    goes_on = is_back_found and (len(rays) > 1 or found.along_interface)
+    is_plain = goes_on and found.dimension == 1 and not found.along_interface
+    may_lie_on_path = not (is_plain or here.is_straight)
+    if may_lie_on_path and (point := path_through(curve, corner) if back else path_from(corner)):
+        return point
+    tests, count = ", ".join(map(system.test_name, sorted(around.zero))), len(around.zero)
+    if not goes_on:
+        why = NO_WAY_ON.format(tests, here.label) if found.exact else NO_WAY_FOUND.format(count)
         return SpecialPointFound(Kind.STOPPED, x, why, rays[:1])
-    is_path = len(rays) == 2 and found.dimension == 1 and opposite(*rays)
-    if back is None and is_path and rays[0].interface_cells:
-        message = f"start on the boundary of {rays[0].curve.selection.label}"
-        return SpecialPointFound(Kind.START, x, message, rays)
     if back is not None:
         rays = (_as_uncertain_as(back, around), *others)
-    return SpecialPointFound(found.kind, x, _message(found, tests, len(zero)), rays)
+    elif rays[0].interface_cells and len(rays) == 2 and found.dimension == 1 and opposite(*rays):
+        message = f"start on the boundary of {rays[0].curve.selection.label}"
+        return SpecialPointFound(Kind.START, x, message, rays)
+    return SpecialPointFound(found.kind, x, _message(found, tests, count), rays)
+
+
+def _named_as_well(corner: Corner, here: Selection) -> frozenset[int]:
+    """Return the tests that bound the cell beyond an interface, if rounding names a wrong cell.
+
+    The only test that vanishes bounds the cell beyond, except next to a corner.
+    """
+    if len(corner.zero) != 1:
+        return frozenset()
+    (test,) = corner.zero
+    new = Selection(corner.system, beyond(here, corner.x, test))
+    return frozenset() if test in new.bounding else frozenset(new.bounding.tolist())
 
 
 def _as_uncertain_as(back: Ray, corner: Corner) -> Ray:
     """Return the ray with an error that covers where along the ray each test vanishes."""
     state, gradients = back.state, corner.gradients
     slopes, values = np.abs(gradients @ state.tangent), np.abs(corner.tests[corner.which])
-    steep = slopes > SLANT * (abs(gradients) @ np.abs(state.tangent))
+    steep = slopes > zero_up_to(gradients, np.abs(state.tangent), part=SLANT)
     if not steep.any():
         return back
     apart = float((values[steep] / slopes[steep]).max())

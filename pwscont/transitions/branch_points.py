@@ -24,9 +24,9 @@ from pwscont.basics.arrays import Array, Matrix, generic, product
 from pwscont.basics.outcome import Failure, FailureReason, Kind, Remark
 from pwscont.basics.rounding import CONFIDENCE, EPS, HALF_DIGITS
 from pwscont.curve import crossing
-from pwscont.curve.crossing import Crossing
+from pwscont.curve.crossing import Crossing, hidden_in
 from pwscont.curve.curve import ERROR_OF_DIFFERENCES, Curve, State
-from pwscont.curve.looks import hidden_in
+from pwscont.curve.error_samples import zero_up_to
 from pwscont.curve.stepper import CurvedSegment, Segment
 from pwscont.linear.factorise import bordered
 from pwscont.system.selection import Selection
@@ -169,11 +169,10 @@ def path_through(curve: Curve, corner: Corner) -> SpecialPointFound | None:
     x = found.x  # more digits: where the curve meets the interface, the Jacobian loses rank
     tests, rows = replace(corner, x=x).vanishing(here)
     values = corner.system.some_tests(x[:-1], float(x[-1]), tests)
-    sizes = abs(rows) @ scale
-    if not len(tests) or (np.abs(values) > HALF_DIGITS * sizes).any():
+    if not len(tests) or (np.abs(values) > zero_up_to(rows, scale, part=HALF_DIGITS)).any():
         return None
     tangent = _least_along(found, rows)
-    if (np.abs(product(rows, tangent)) > NEARBY * sizes).any():
+    if (np.abs(product(rows, tangent)) > zero_up_to(rows, scale, part=NEARBY)).any():
         return None
     cells = tuple(cell for cell in corner.all_cells() if is_solid(corner, cell))
     path = Curve(Selection(corner.system, here.character, cells), corner.metric)
@@ -252,7 +251,7 @@ def _across(own: Curve, state: State) -> tuple[Array, Array] | None:
     other = _least_along(found, metric.covector(state.tangent))
     gradients = own.selection.test_gradients(x)
     sizes = abs(gradients) @ metric.scale
-    vanish = np.abs(own.selection.tests(x)) <= HALF_DIGITS * sizes
+    vanish = np.abs(own.selection.tests(x)) <= zero_up_to(gradients, metric.scale, part=HALF_DIGITS)
     rates = (product(gradients, other) / np.where(sizes > 0.0, sizes, 1.0))[vanish]
     return (other, rates) if (np.abs(rates) > NEARBY).any() else None
 
@@ -322,30 +321,28 @@ def crossing_on_end(curve: Curve, x: Array) -> SpecialPointFound | None:
 def _locate(
     segment: CurvedSegment, bracket: tuple[float, float], before: int
 ) -> Crossing | State | Failure | None:
-    """Return the branch point on a segment, bisecting until Newton finds the point.
+    """Return the first branch point on a segment, bisecting until Newton finds the point.
 
     Where Newton finds no point although the Jacobian loses rank where the sign flips, curves touch:
     the last state tried is returned. A sign that is rounding all along the segment, as on a
     curve of double roots, tells of no point: None.
     """
     (lo, hi), last = bracket, segment.end
-    for _ in range(MOST_BISECTIONS):
-        middle = 0.5 * (lo + hi)
-        found = crossing.crossing(segment.curve, segment.near(middle))
+    for number in range(MOST_BISECTIONS):
+        place = 0.5 * (lo + hi)
+        found = crossing.crossing(segment.curve, segment.near(place))
         point = found if isinstance(found, Crossing) and _belongs(segment, found.x) else None
-        if point is None and last is segment.end and _is_double(segment):
+        if point:
+            place = 0.5 * (lo + segment.position(point.x))
+        elif not number and _is_double(segment):
             return None
-        if point is not None:
-            if not point.meets:
-                return Failure(FailureReason.SINGULAR)
-            middle = 0.5 * (lo + segment.position(point.x))
-        state = segment.at(middle) if middle > lo else None
-        if point is not None and not (isinstance(state, State) and state.orientation != before):
-            return point  # the sign has not flipped on the way to the point
+        state = segment.at(place) if place > lo else None
+        flips = isinstance(state, State) and state.orientation != before
+        if point and not flips:  # on the way to the point
+            return point if point.meets else Failure(FailureReason.SINGULAR)
         if not isinstance(state, State):
             return state
-        lo, hi = (middle, hi) if state.orientation == before else (lo, middle)
-        last = state
+        lo, hi, last = (lo, place, state) if flips else (place, hi, state)
     ends = segment.start.x, segment.end.x
     if all(crossing.loses_rank(segment.curve, x) for x in ends):
         return Failure(FailureReason.TWICE)

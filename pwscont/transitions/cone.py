@@ -31,7 +31,7 @@ from pwscont.basics.character import Character
 from pwscont.basics.outcome import Failure, Kind
 from pwscont.basics.printing import at
 from pwscont.curve.curve import Curve, State
-from pwscont.curve.error_samples import has_digits
+from pwscont.curve.error_samples import has_digits, zero_up_to
 from pwscont.curve.metric import Metric
 from pwscont.enumeration.by_parts import PartSlice, is_regular, most_cells, parts_of_table
 from pwscont.enumeration.options import Table
@@ -60,7 +60,6 @@ from pwscont.transitions.rays import (
     are_level,
     beside,
     parallel,
-    rounding_of_tests,
     state_on,
 )
 
@@ -89,11 +88,9 @@ class TangentCone:
 
     @property
     def kind(self) -> Kind:
-        """The kind of special point that the corner is."""
+        """The kind of special point that a corner with rays is."""
         if not self.exact:
             return Kind.PARTIAL_CORNER
-        if not self.rays:
-            return Kind.ISOLATED
         if self.dimension > 1 or self.along_interface:
             return Kind.DEGENERATE
         if len(self.rays) > 2:
@@ -211,7 +208,7 @@ def _bends_into(curve: Curve, state: State) -> bool:
     if isinstance(there, Failure):
         return False
     gradients = selection.test_gradients(there.x)
-    rounding = rounding_of_tests(gradients, there.x, there.error, curve.metric.scale)
+    rounding = zero_up_to(gradients, np.abs(there.x) + curve.metric.scale, there.error)
     return bool((selection.tests(there.x) > rounding).all())
 
 
@@ -306,7 +303,7 @@ def index_along(ray: Ray, zero: frozenset[int]) -> int:
     near = Corner.at(system, metric, state.x, state.error, zero)
     rows, which, tangent = near.gradients, near.which, state.tangent
     slopes = np.asarray(rows @ tangent)
-    level = np.abs(slopes) <= SLANT * (abs(rows) @ (np.abs(tangent) + SLANT * metric.scale))
+    level = np.abs(slopes) <= zero_up_to(rows, np.abs(tangent) + SLANT * metric.scale, part=SLANT)
     near.tests[which] = np.where(level, 0.0, slopes)  # tests that grow along the ray are positive
     return index_at(ray, replace(near, zero=frozenset(which[level].tolist())))
 

@@ -17,13 +17,13 @@ import numpy as np
 from pwscont.basics.arrays import Array, Indices, Matrix, Signs, generic, joined
 from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidSystemError
-from pwscont.basics.rounding import CONFIDENCE, EPS, GUARD
-from pwscont.curve.error_samples import magnitude, rounding_of_values, slack_by_constants
+from pwscont.basics.rounding import EPS, GUARD
+from pwscont.curve.error_samples import magnitude, slack_by_constants, zero_up_to
 from pwscont.curve.metric import Metric
 from pwscont.linear.factorise import bordered, last_unit
 from pwscont.system.selection import Selection
 from pwscont.system.system import Block, PiecewiseSystem, SlicewiseLinearSystem
-from pwscont.transitions.rays import SLANT, rounding_of_tests
+from pwscont.transitions.rays import SLANT
 
 #: A direction d of length one in the metric, and the cells whose closures contain d.
 Direction: TypeAlias = tuple[Array, tuple[Character, ...]]
@@ -144,7 +144,7 @@ class Corner:
         """Return the slopes along d of vanishing bounding tests, 0 for slopes within rounding."""
         tests, rows = self.vanishing(selection)
         slopes: Array = (rows @ direction) * ~self.flat[tests]
-        least = SLANT * (abs(rows) @ (np.abs(direction) + NOISE * self.metric.scale))
+        least = zero_up_to(rows, np.abs(direction) + NOISE * self.metric.scale, part=SLANT)
         return np.where(np.abs(slopes) > least, slopes, 0.0)
 
 
@@ -155,8 +155,8 @@ def _vanish(system: PiecewiseSystem, metric: Metric, x: Array, error: Array, tes
     decide: the constants are what typical magnitudes stand for.
     """
     gradients, sizes = system.test_jacobian(x[:-1], float(x[-1])), np.abs(tests)
-    vanish = np.asarray(sizes <= rounding_of_tests(gradients, x, error, metric.scale))
-    surely = sizes <= CONFIDENCE * rounding_of_values(gradients, np.abs(x), error)
+    vanish = np.asarray(sizes <= zero_up_to(gradients, np.abs(x) + metric.scale, error))
+    surely = sizes <= zero_up_to(gradients, np.abs(x), error)
     if surely[vanish].all() or not isinstance(system, SlicewiseLinearSystem):
         return vanish  # nearly always
     here = Selection(system, Character.of(tests))

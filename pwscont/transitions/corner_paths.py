@@ -22,6 +22,7 @@ from pwscont.basics.arrays import Array, generic
 from pwscont.basics.budget import check_budget
 from pwscont.basics.character import Character
 from pwscont.basics.rounding import EPS, GUARD
+from pwscont.curve.error_samples import zero_up_to
 from pwscont.linear.factor import ProductForm
 from pwscont.linear.factorise import Rows, bordered, kink_by_columns, last_unit
 from pwscont.system.selection import Selection
@@ -97,8 +98,8 @@ class Paths:
         tests[self._zero] = np.where(np.abs(values) <= self._rounding(d), others, values)
         return Character.of(tests)
 
-    def _rounding(self, d: Array) -> Array:
-        return np.asarray(GUARD * EPS * (self._gradients.magnitudes @ np.abs(d)))
+    def _rounding(self, d: Array, part: float = GUARD * EPS) -> Array:
+        return zero_up_to(self._gradients.magnitudes, np.abs(d), part=part)
 
     def across(self, ray: Array, away: Array) -> tuple[Character, Array] | None:
         """Follow the path beside a ray, from far out towards the corner and on to the other end.
@@ -107,7 +108,7 @@ class Paths:
         direction of the path there.
         """
         slopes, values = self._gradients.matrix @ ray, self._gradients.matrix @ away
-        steep = np.abs(slopes) > SLANT * (self._gradients.magnitudes @ np.abs(ray))
+        steep = np.abs(slopes) > self._rounding(ray, SLANT)
         last_crossing = float(np.abs(values[steep] / slopes[steep]).max(initial=0.0))
         return self.along(self.character(ray, away), 2.0 * last_crossing * ray + away, -ray)
 

@@ -14,18 +14,18 @@ own curve, not at the common point, which is a point of another curve.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, final
+from typing import final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, Matrix
+from pwscont.basics.arrays import Array, Signs
 from pwscont.basics.character import Character
 from pwscont.basics.outcome import Failure
 from pwscont.basics.printing import at, named
 from pwscont.basics.rounding import CONFIDENCE, EPS, GUARD, HALF_DIGITS
 from pwscont.curve.corrector import BorderedNewton
 from pwscont.curve.curve import ERROR_OF_DIFFERENCES, Curve, State
-from pwscont.curve.error_samples import magnitude, rounding_of_values
+from pwscont.curve.error_samples import magnitude, zero_up_to
 from pwscont.curve.metric import Metric
 from pwscont.linear.factorise import bordered, last_unit
 from pwscont.system.promises import refuse_jump
@@ -84,16 +84,6 @@ class Ray:
         return Ray(self.curve, self.state.reversed(), self.interface_cells, self.index)
 
 
-def rounding_of_tests(gradients: Matrix, x: Array, error: Array, scale: Array) -> Array:
-    """Return the sizes up to which tests with these gradients are zero at ``x``, shape (l,).
-
-    That is the rounding of a test's own terms plus what the error of the point contributes, shape
-    (k, n + 1). Where all unknowns of a test vanish, as at a node that lifts off while it begins to
-    slip, their own size is no measure of rounding: the typical magnitudes ``scale`` are added.
-    """
-    return np.asarray(CONFIDENCE * rounding_of_values(gradients, np.abs(x) + scale, error))
-
-
 def beside(curve: Curve, state: State, s: float) -> State | Failure:
     """Return the curve's own state at a distance along the tangent, within the interval."""
     x = state.x + s * state.tangent
@@ -121,17 +111,19 @@ def inward_ray(curve: Curve, x: Array, error: Array, test: int) -> Ray | None:
     if not metric.norm(defect) <= metric.slack(x, HALF_DIGITS):
         return None
     tangent = metric.normalised(factor.solve(last_unit(len(x))))
-    if not selection.is_straight and are_level(selection, gradient, tangent, metric.scale):
+    row = gradient[np.newaxis]
+    if not selection.is_straight and are_level(selection, row, tangent, metric.scale):
         return None
     state = moved(x, defect, tangent, error, factor.sign)
     state.jacobian = None if selection.is_straight else jacobian
     return Ray(curve, state)
 
 
-def are_level(selection: Selection, gradients: Array, tangent: Array, scale: Array) -> Any:
+def are_level(selection: Selection, gradients: Array, tangent: Array, scale: Array) -> Signs:
     """Tell whether the slopes of tests along a unit tangent may be errors of the derivatives."""
     error = EPS if selection.system.knows_derivatives else ERROR_OF_DIFFERENCES
-    return np.abs(gradients @ tangent) <= GUARD * error * (np.abs(gradients) @ scale)
+    level: Signs = np.abs(gradients @ tangent) <= zero_up_to(gradients, scale, part=GUARD * error)
+    return level
 
 
 def check_continuity(

@@ -27,7 +27,7 @@ from pwscont.basics.character import Character
 from pwscont.basics.outcome import Failure
 from pwscont.basics.rounding import CONFIDENCE, CONVERGED, EPS, GUARD, HALF_DIGITS
 from pwscont.curve.curve import Curve, State
-from pwscont.curve.error_samples import MOST_WHOLE_INVERSE, magnitude, samples
+from pwscont.curve.error_samples import MOST_WHOLE_INVERSE, magnitude, samples, zero_up_to
 from pwscont.curve.metric import Range
 from pwscont.curve.stepper import Segment
 from pwscont.linear.factor import GROWTH, ProductForm
@@ -41,7 +41,7 @@ from pwscont.system.values import own_array
 from pwscont.transitions.bounding import BoundingTests, crossed
 from pwscont.transitions.detector import Reading, SpecialPointFound, TransitionDetector
 from pwscont.transitions.ends import at_end
-from pwscont.transitions.rays import ASTRAY, SLANT, Ray, rounding_of_tests
+from pwscont.transitions.rays import ASTRAY, SLANT, Ray
 from pwscont.transitions.zeros import ratio_test
 
 
@@ -156,8 +156,8 @@ class StraightTests(TransitionDetector):
         if not len(near):
             return False  # nearly always
         turned = (tests[near] >= 0.0) != (before[near] >= 0.0)
-        rounding = rounding_of_tests(self._rows.some(near), point.x, point.error, self._scale)
-        return bool((turned | (np.abs(tests[near]) <= rounding)).any())
+        rows, sizes = self._rows.some(near), np.abs(point.x) + self._scale
+        return bool((turned | (np.abs(tests[near]) <= zero_up_to(rows, sizes, point.error))).any())
 
     def _across(self, curve: Curve, start: State, index: int, s: float) -> Entered | None:
         """Return the point where a test vanishes, and the ray beyond; None where that is hard."""
@@ -169,7 +169,7 @@ class StraightTests(TransitionDetector):
         gradient = self._rows.one(test)
         beyond = Character.of(tests).with_sign(test, bool(selection.side[index] < 0.0))
         other = Curve(Selection(selection.system, beyond), curve.metric)
-        level = SLANT * np.abs(gradient).dot(np.abs(start.tangent))
+        level = zero_up_to(gradient[np.newaxis], np.abs(start.tangent), part=SLANT).item()
         is_crossed = abs(gradient.dot(start.tangent)) > level
         if cell is None or not is_crossed or not other.selection.is_bounded_by(test):
             return None
