@@ -431,3 +431,31 @@ def test_a_cell_in_which_nothing_changes_has_no_solutions(alpha):
     expected = [(x, alpha * x) for x in (alpha, (4.0 - alpha) / 3.0)]
     np.testing.assert_allclose(sorted(s.z.tolist() for s in found), expected, atol=1e-14)
     assert explore(Levelling(), (-1.0, 2.0)).guarantee == "complete but for closed loops"
+
+
+class Plateau(SlicewiseLinearSystem):
+    """x rises to 1, falls to 2.5 and stays; y = alpha x. The slopes on the plateau only cancel."""
+
+    size = 2
+
+    def __init__(self, up, down, unit):
+        self.up, self.down, self.unit = up, down, unit
+
+    def test_functions(self, z, alpha):
+        return z[0] / self.unit - np.array([1.0, 2.5])
+
+    def residual(self, z, alpha, character):
+        falls, stays = character.signs
+        x, turn = z[0] / self.unit, self.up + self.down
+        level = self.up * x - falls * turn * (x - 1.0) + stays * self.down * (x - 2.5)
+        return np.array([level - self.up * alpha, z[1] - alpha * z[0]])
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_rounding_of_slopes_that_cancel_is_no_slope(seed):
+    """A plateau with a slope of rounding was met at 1e15, "complete (in exact arithmetic)"."""
+    rng = np.random.default_rng(seed)
+    (up, down), unit = rng.uniform(0.5, 3.0, 2), 10.0 ** (0 if seed % 2 else rng.integers(-18, 19))
+    for alpha in (-0.3, 0.4, 0.9, 1.4):
+        expected = int(alpha < 1.0) + int(up - 1.5 * down < up * alpha < up)
+        assert len(enumerate_solutions(Plateau(up, down, unit), alpha)) == expected

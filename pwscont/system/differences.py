@@ -14,7 +14,7 @@ from typing import TypeAlias, TypeVar, final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, power_of_two
+from pwscont.basics.arrays import GOLDEN, Array, power_of_two
 from pwscont.basics.errors import InvalidSystemError
 from pwscont.basics.rounding import EPS, HALF_DIGITS
 
@@ -32,6 +32,9 @@ ROUNDED = 4.0 * EPS
 #: the solutions of systems whose magnitudes are not known. Chords are longer next to larger
 #: constants, up to the largest constant: the values must not overflow.
 LONG_CHORD, LARGEST_CONSTANT = 2.0**100, 1e100
+#: Difference of two slopes, as a part of a slope, from which on both are rounding: errors of a few
+#: units in the last place are never so close to each other along uneven chords.
+ROUNDING_APART = 1e-3
 #: Multiple of a step -> weight of the value, of fourth order: on two sides, and on a single side.
 CENTRAL = {-2.0: 1.0 / 12.0, -1.0: -2.0 / 3.0, 1.0: 2.0 / 3.0, 2.0: -1.0 / 12.0}
 ONE_SIDED = {0.0: -25.0 / 12.0, 1.0: 4.0, 2.0: -3.0, 3.0: 4.0 / 3.0, 4.0: -0.25}
@@ -104,7 +107,7 @@ class Differences:
         """Return the Jacobian of an affine ``function``, shape (k, n + 1), right to rounding."""
         x = np.zeros_like(self.scale)
         x[-1] = self.base
-        return np.array(_chords(function, x, self.scale[:-1], self.far)).T
+        return _chords(function, x, self.scale[:-1], self.far).T
 
     def exact_in_z(self, function: Function, x: Array) -> Array:
         """Return the Jacobian at ``x`` of a ``function`` that is affine in z at every alpha."""
@@ -173,23 +176,33 @@ def _value(function: Callable[[T], Array], x: T) -> Array:
     return np.array(function(x), dtype=float)
 
 
-def _chords(function: Function, x: Array, scale: Array, *far: float) -> list[Array]:
-    """Return the slopes of an affine ``function`` as one entry of ``x`` at a time is moved.
+def _chords(function: Function, x: Array, scale: Array, *far: float) -> Array:
+    """Return the slopes, shape (l, k), of an affine ``function`` as one x_j at a time is moved.
 
-    Unknowns move by typical magnitudes, and alpha to the value ``far``, if given. Slopes that are
-    small next to the value at ``x`` are read along a longer chord of the unknown: an affine
-    function has the same slope there, and solutions may be far larger than 1.
+    Unknowns move by typical magnitudes, and alpha to the value ``far``, if given. A slope that is
+    small in its equation may be lost in rounding there, though solutions are far larger than 1, or
+    be nothing but rounding: the slope is read again along long chords.
     """
-    origin, slopes = _value(function, x), []
-    sizes = np.nan_to_num(np.abs(origin))
+    origin, ends = _value(function, x), np.append(power_of_two(scale), far)
+    slopes = np.array([_chord(function, x, j, end, origin) for j, end in enumerate(ends)])
+    changes, sizes = np.abs(slopes.T * (ends - x[: len(ends)])).T, np.nan_to_num(np.abs(origin))
+    rest = np.where(changes > 0.0, np.maximum(sizes, changes.max(axis=0)), sizes)
+    small = changes < HALF_DIGITS * rest
     longer = LONG_CHORD * power_of_two(np.clip(sizes.max(initial=1.0), 1.0, LARGEST_CONSTANT))
-    for j, end in enumerate([*power_of_two(scale), *far]):
-        slope = _chord(function, x, j, end, origin)
-        small = np.abs(slope * (end - x[j])) < HALF_DIGITS * sizes
-        if j < len(scale) and small.any():
-            slope = np.where(small, _chord(function, x, j, longer * end, origin), slope)
-        slopes.append(slope)
+    for j in np.flatnonzero(small[: len(scale)].any(axis=1)).tolist():
+        pair = [_chord(function, x, j, r * longer * ends[j], origin) for r in (1.0, GOLDEN)]
+        slopes[j, small[j]] = _agreed(slopes[j], *pair)[small[j]]
     return slopes
+
+
+def _agreed(slope: Array, one: Array, other: Array) -> Array:
+    """Return the slope on which two long chords agree, zero where the chords show rounding only.
+
+    Where terms cancel, rounding differs between chords of uneven lengths.
+    """
+    apart = np.abs(one - other)
+    agreed = np.where(apart <= HALF_DIGITS * np.abs(one), one, slope)
+    return np.where(apart > ROUNDING_APART * np.abs(one), 0.0, agreed)
 
 
 def _chord(function: Function, x: Array, j: int, end: float, origin: Array) -> Array:
