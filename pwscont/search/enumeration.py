@@ -13,7 +13,7 @@ from typing import final
 
 import numpy as np
 
-from pwscont.basics.arrays import finite_array
+from pwscont.basics.arrays import finite_array, generic, product
 from pwscont.basics.budget import check_budget
 from pwscont.basics.errors import InvalidInputError
 from pwscont.basics.outcome import Guarantee, Kind, SearchScope
@@ -45,6 +45,10 @@ from pwscont.system.selection import Selection
 from pwscont.system.system import PiecewiseSystem, SlicewiseLinearSystem
 from pwscont.transitions.cone import tangent_cone
 from pwscont.transitions.corner import Corner
+
+#: Distance from a solution at which H is compared with the Jacobian, as a part of the solution and
+#: of typical magnitudes: half of the change of H there is rounding if no digit is known.
+BESIDE = 0.01
 
 
 @final
@@ -131,7 +135,7 @@ def solve_surely(system: SlicewiseLinearSystem, metric: Metric, alpha: float) ->
         return found
     exactly = solve_exactly(system, metric, alpha, lone_points(found.faces, metric))
     points = (exactly or found).points
-    known = tuple(point for point in points if _digits(point, metric) > 0.0)
+    known = tuple(p for p in points if _digits(p, metric) > 0.0 and _is_seen(system, metric, p))
     lost = len(points) - len(known)
     if exactly is None:
         return replace(found, points=known, undecided=max(found.undecided + lost, 1))
@@ -141,6 +145,20 @@ def solve_surely(system: SlicewiseLinearSystem, metric: Metric, alpha: float) ->
 
 def _digits(point: Point, metric: Metric) -> float:
     return significant(magnitude(point.x, point.error), point.x, metric.scale)
+
+
+def _is_seen(system: SlicewiseLinearSystem, metric: Metric, point: Point) -> bool:
+    """Tell whether H changes next to a solution as the Jacobian says, and not by rounding alone.
+
+    Slopes that cancel except for rounding name a solution at 1e15, of which no digit is known.
+    """
+    selection, x = Selection(system, point.characters[0]), point.x
+    step = BESIDE * (np.abs(x) + metric.scale) * generic(len(x))
+    step[-1] = 0.0
+    residual, jacobian = selection.residual_and, selection.jacobian(x)
+    change = (residual(x + step, 0.0) - residual(x, 0.0))[:-1]
+    most = product(abs(jacobian), np.abs(step))
+    return bool((np.abs(change - product(jacobian, step)) <= 0.5 * most).all())
 
 
 def _leaves_doubt(system: SlicewiseLinearSystem, metric: Metric, found: Slice) -> bool:
