@@ -65,7 +65,7 @@ BUDGET = {
     "enumeration": (11, 2499),
     "transitions": (13, 3400),
     "graph": (8, 2480),
-    "search": (9, 2053),
+    "search": (9, 2071),
     "continuation": (9, 2866),
     "kit": (4, 975),
     "proof": (7, 1994),
