@@ -68,7 +68,7 @@ BUDGET = {
     "search": (9, 2071),
     "continuation": (9, 2866),
     "kit": (4, 975),
-    "proof": (7, 1994),
+    "proof": (7, 2000),
     "events": (4, 556),
     "scenes": (14, 2667),
     "view": (6, 934),

@@ -172,21 +172,27 @@ LOOKED_AT = 30
 #: Parts of a stretch at which solutions are counted, in turn, until all are told apart.
 PLACES = (0.5, 1.0 - GOLDEN, GOLDEN, 0.26, 0.74)
 OF_CLASSES = "; selections of a class that agree where tests vanish"
-#: Most open boxes that are put together.
-MOST_GROUPED = 4000
+#: Most open boxes that are put together; fewer where only a proof of everything is of use: an
+#: ``explore`` that would prove and follow 319 loops takes minutes.
+MOST_GROUPED, MOST_OF_A_WHOLE = 4000, 400
 #: Into how many parts the weights of two modes are divided.
 WEIGHTS = 8
 
 
-def counted_proof(domain: Domain, accepted: Interval, left: Interval, number: int) -> BoxProof:
-    """Return what accepted and open boxes prove; ``number`` boxes were looked at."""
+def counted_proof(
+    domain: Domain, accepted: Interval, left: Interval, number: int, *, is_whole: bool = False
+) -> BoxProof:
+    """Return what accepted and open boxes prove; ``number`` boxes were looked at.
+
+    ``is_whole``: a proof of a part is of no use, so that nothing is counted where a box is open.
+    """
     box, alpha = domain.box[:-1], domain.box[-1]
-    hulls, passed, turns = grouped(domain, left)
+    hulls, passed, turns = grouped(domain, left, MOST_OF_A_WHOLE if is_whole else MOST_GROUPED)
     unsaid = _united(hulls[:, -1], turns, FINEST_ALPHA * float(domain.scale[-1]))
     interval, corners = (float(alpha.lo), float(alpha.hi)), (box.lo, box.hi)
     ends = [interval[0], *(end for lo, hi, _ in unsaid for end in (lo, hi)), interval[1]]
-    pairs = [(lo, hi) for lo, hi in zip(ends[::2], ends[1::2], strict=True) if lo < hi]
-    stretches = _counted(domain, accepted, pairs)
+    pairs = zip(ends[::2], ends[1::2], strict=True) if passed.all() or not is_whole else ()
+    stretches = _counted(domain, accepted, [(lo, hi) for lo, hi in pairs if lo < hi])
     opened = list(zip(hulls.lo[~passed], hulls.hi[~passed], strict=True))
     is_class = any(step.name == "select" for step in domain.tape.steps)
     assumed = ASSUMED + OF_CLASSES * is_class
@@ -265,12 +271,12 @@ def _touching(boxes: Interval) -> Signs:
     return touch & touch.T
 
 
-def grouped(domain: Domain, boxes: Interval) -> tuple[Interval, Signs, Array]:
+def grouped(domain: Domain, boxes: Interval, most: int) -> tuple[Interval, Signs, Array]:
     """Return the hulls of groups of open boxes (k, n + 1) that touch, which are passed, and turns.
 
-    Where very many boxes are open, every box is a group.
+    Where more than ``most`` boxes are open, every box is a group.
     """
-    if not 0 < (number := len(boxes.lo)) <= MOST_GROUPED:
+    if not 0 < (number := len(boxes.lo)) <= most:
         return boxes, np.zeros(number, dtype=bool), np.full(number, np.nan)
     boxes = boxes[np.argsort(boxes.lo[:, -1])]
     count, group = connected_components(_touching(boxes), directed=False)

@@ -158,7 +158,7 @@ class Everywhere(Search):
         with np.errstate(all="ignore"):
             domain = Domain(tape, box, scale)
             found = covered(domain, box[np.newaxis], domain.continues, self.seconds, most)
-            proof = replace(counted_proof(domain, *found), values=values)
+            proof = replace(counted_proof(domain, *found, is_whole=is_quick), values=values)
         self._last.update(asked=(formula_of(system) or system, interval), key=key, proof=proof)
         return proof
 
