@@ -76,8 +76,8 @@ class Updating:
         self._take(matrix)
         if self._lu is not None:
             return self._lu.solve(rhs)
-        entries = np.flatnonzero(rhs) if rhs.ndim == 1 else ()
-        if 0 < len(entries) <= FEW_ENTRIES:  # as of a change of one node
+        if rhs.ndim == 1 and np.count_nonzero(rhs) <= FEW_ENTRIES:  # as of a change of one node
+            entries = np.flatnonzero(rhs)
             return np.asarray(self._inverse[:, entries] @ rhs[entries])
         return np.asarray(rhs @ self._inverse.T)
 

@@ -38,6 +38,16 @@ def checked_kind(name: str, value: object, kind: type, *, is_needed: bool = Fals
         )
 
 
+def wrong_result(
+    owner: object, method: str, wanted: str, got: object, check: str = ""
+) -> InvalidInputError:
+    """Return the error about what a method returned; ``check`` names a function that checks all."""
+    more = f"; {check} tells what else is wrong" if check else ""
+    return InvalidInputError(
+        f"{type(owner).__name__}.{method} must return {wanted}, got {got!r}{more}"
+    )
+
+
 def check_callable(name: str, value: object, signature: str) -> None:
     """Refuse an argument that is no function; ``signature`` names the arguments in the message."""
     if not callable(value):

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, TypeAlias, final
 
 import numpy as np
 
+from pwscont.basics.arguments import wrong_result
 from pwscont.basics.arrays import Array, generic
 from pwscont.basics.budget import Budget, check_budget, current_budget
 from pwscont.basics.errors import InvalidInputError
@@ -279,10 +280,7 @@ class PieceFollower:
 
     def _broken(self, method: str, what: str, got: object) -> InvalidInputError:
         """Return the error that says what the stepper returned instead of what it must."""
-        return InvalidInputError(
-            f"{type(self._stepper).__name__}.{method} must return {what}, got {got!r}; "
-            "check_stepper tells what else is wrong"
-        )
+        return wrong_result(self._stepper, method, what, got, "check_stepper")
 
     def _go_to(self, step: CurvedSegment) -> None:
         """Add the end of a step; the step may be shorter than the step before suggested."""

@@ -20,15 +20,13 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field, replace
-from typing import Any, final
+from typing import final
 
 import numpy as np
 
-from pwscont.basics.arguments import checked_kind
+from pwscont.basics.arguments import checked_kind, wrong_result
 from pwscont.basics.arrays import Array, dot, plus
-from pwscont.basics.errors import InvalidInputError
 from pwscont.basics.outcome import Failure, FailureReason
-from pwscont.basics.printing import short
 from pwscont.basics.rounding import CONFIDENCE, CONVERGED, HALF_DIGITS
 from pwscont.curve.corrector import BorderedNewton, Corrected, Corrector, zero
 from pwscont.curve.curve import Curve, State
@@ -237,7 +235,8 @@ class PseudoArclength(Stepper):
         if lo < alpha < hi or alpha == state.alpha:  # a vertical piece may lie on an end
             corrected = self.corrector.correct(curve, predicted, direction)
             if not isinstance(corrected, Corrected | Failure):
-                raise _broken(self.corrector, "correct", "a Corrected or a Failure", corrected)
+                wanted = "a Corrected or a Failure"
+                raise wrong_result(self.corrector, "correct()", wanted, corrected)
         if not isinstance(corrected, Failure):
             return accepted(curve, state, predicted, corrected, length, self.step_size, gap)
         if corrected.trouble is FailureReason.OUTSIDE:
@@ -266,18 +265,12 @@ class PseudoArclength(Stepper):
         shape = state.x.shape
         if not isinstance(pair, tuple) or [getattr(p, "shape", None) for p in pair] != [shape] * 2:
             wanted = f"a point and a direction, arrays of the shape {shape}"
-            raise _broken(self.predictor, "predict", wanted, pair)
+            raise wrong_result(self.predictor, "predict()", wanted, pair)
         return pair
 
     def stretched(self, factor: float) -> PseudoArclength:
         """Return a stepper whose longest step is longer by a factor."""
         return replace(self, step_size=self.step_size.stretched(factor))
-
-
-def _broken(part: Any, method: str, wanted: str, got: Any) -> InvalidInputError:
-    """Return the error about what a method of a predictor or corrector returns."""
-    name = f"{type(part).__name__}.{method}()"
-    return InvalidInputError(f"{name} must return {wanted}, got {short(repr(got))}")
 
 
 #: The default steppers of straight and of curved pieces.

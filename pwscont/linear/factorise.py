@@ -113,9 +113,9 @@ def largest_in_rows(jacobian: Matrix) -> Array:
 
 def largest_in_scaled_rows(jacobian: Matrix, scale: Array) -> Array:
     """Return about the largest magnitude in each row, shape (n,), of columns times ``scale``."""
-    if isinstance(jacobian, np.ndarray):
-        return row_maxima(jacobian * scale)
-    return _structured(jacobian).largest_in_scaled_rows(scale)
+    is_dense = isinstance(jacobian, np.ndarray)
+    own = None if is_dense else _structured(jacobian).largest_in_scaled_rows(scale)
+    return largest_in_rows(columns_scaled(jacobian, scale)) if own is None else own
 
 
 def column(jacobian: Matrix, index: int) -> Array:

@@ -21,12 +21,22 @@ from pwscont.basics.arrays import GOLDEN, Array, Signs
 from pwscont.basics.budget import check_budget
 from pwscont.curve.metric import Range
 from pwscont.graph.proved import BoxProof, Corners, CountedStretch
-from pwscont.proof.interval import ASSUMED, MODES, Interval, are_regular, inverses, solved, together
+from pwscont.proof.interval import (
+    ASSUMED,
+    MODES,
+    ULP,
+    Interval,
+    are_regular,
+    inverses,
+    solved,
+    together,
+)
 from pwscont.proof.tape import Tape, evaluated, with_slopes
 
 #: No coordinate is halved below this part of its magnitude; the magnitude of alpha is the interval.
 FINEST = 2.0**-24
-#: A box is left open, too, if these are the parts of the interval and of magnitudes.
+#: A box is left open, too, if alpha is as narrow as this part of the interval, but not a number,
+#: and the unknowns are as narrow as this part of their magnitudes.
 FINEST_ALPHA, THIN = 2.0**-40, 2.0**-12
 #: Boxes that are worked on at once: their numbers fit into the cache of a processor.
 TOGETHER = 2048
@@ -38,7 +48,7 @@ MATTERS = 0.5
 BESIDE = 2.0**-44
 #: How much wider than a box, than a few roundings of the centre, and than the residual of the
 #: centre as unknowns, the neighbourhood is in which a solution is enclosed.
-WIDER, SLACK, ROOM = 1.25, 2.0**-46, 2.0
+WIDER, SLACK, ROOM = 1.25, 64.0 * ULP, 2.0
 
 
 @final

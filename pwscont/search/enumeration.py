@@ -155,8 +155,7 @@ def _is_seen(system: SlicewiseLinearSystem, metric: Metric, point: Point) -> boo
     selection, x = Selection(system, point.characters[0]), point.x
     step = BESIDE * (np.abs(x) + metric.scale) * generic(len(x))
     step[-1] = 0.0
-    residual, jacobian = selection.residual_and, selection.jacobian(x)
-    change = (residual(x + step, 0.0) - residual(x, 0.0))[:-1]
+    jacobian, change = selection.jacobian(x), selection.residual(x + step) - selection.residual(x)
     most = product(abs(jacobian), np.abs(step))
     return bool((np.abs(change - product(jacobian, step)) <= 0.5 * most).all())
 

@@ -23,6 +23,7 @@ from typing import final
 
 import numpy as np
 
+from pwscont.basics.arguments import wrong_result
 from pwscont.basics.arrays import Array, are_finite, largest, smallest
 from pwscont.basics.errors import InvalidInputError
 from pwscont.basics.outcome import Failure, FailureReason, Kind
@@ -132,10 +133,10 @@ class Watch:
         """Return the reason for which a detector asks for a shorter step, None without one."""
         for i, detector in enumerate(self._detectors):
             failure = detector.needs_shorter_step(segment, start.parts[i], end.parts[i])
-            if failure is not None and not isinstance(failure, Failure):
-                raise broken(detector, "needs_shorter_step", "a Failure or None", failure)
-            if failure is not None:
+            if isinstance(failure, Failure):
                 return failure
+            if failure is not None:
+                raise broken(detector, "needs_shorter_step", "a Failure or None", failure)
         return None
 
     def look_inside(self, segment: CurvedSegment) -> Event | Failure | None:
@@ -190,10 +191,7 @@ class Watch:
 
 def broken(detector: TransitionDetector, method: str, what: str, got: object) -> InvalidInputError:
     """Return the error that names what a detector returned and what it should return."""
-    return InvalidInputError(
-        f"{type(detector).__name__}.{method} must return {what}, got {got!r}; check_detector tells "
-        "what else is wrong"
-    )
+    return wrong_result(detector, method, what, got, "check_detector")
 
 
 def first_on_ray(watch: Watch, segment: Segment, start: Reading) -> Event | Failure:
