@@ -73,7 +73,7 @@ BUDGET = {
     "scenes": (14, 2667),
     "view": (6, 934),
     "evolution": (14, 3040),
-    "two_parameters": (16, 3654),
+    "two_parameters": (16, 3656),
     "studies": (11, 2252),
     "bench": (15, 1840),
     "commands": (10, 1158),
