@@ -2,20 +2,25 @@
 
 import math
 from dataclasses import replace
+from fractions import Fraction
 
 import numpy as np
 import pytest
+import scipy.sparse as sp
 
 from pwscont import (
     LCP,
     AbsNormal,
     Complementarity,
     InvalidInputError,
+    InvalidSystemError,
+    PiecewiseLinearSystem,
     Switched,
     enumerate_solutions,
     explore,
     prove,
 )
+from pwscont.extending import ExactData, ExactMode
 from pwscont.proof.cells import ExactCells
 from pwscont.proof.prove import proved_solutions
 from pwscont.search.enumeration import Solutions
@@ -109,3 +114,76 @@ def test_equations_without_switches_that_are_singular_have_no_proved_solution(na
     graph = explore(system, (-1.0, 1.0))
     assert graph.count(0.0) == (math.inf if count is None else count)
     assert prove(graph).is_complete == (count is not None)
+
+
+class Given(PiecewiseLinearSystem, ExactData):
+    """abs(z) = alpha, with rows that the test makes of the right ones."""
+
+    size = 1
+
+    def __init__(self, made=np.array, common=()):
+        self.made, self.common = made, np.reshape(common, (-1, 3))
+
+    def test_functions(self, z, alpha):
+        return z
+
+    def residual(self, z, alpha, character):
+        return (z if character.signs[0] else -z) - alpha
+
+    def exact_rows(self, alpha):
+        rows = [([[s, -1.0, 0.0]], [[s, 0.0, 0.0]]) for s in (1.0, -1.0)]
+        modes = [ExactMode(*map(self.made, pair)) for pair in rows]
+        return self.common, iter([iter(modes)])
+
+    def exact_lines(self):
+        return self.exact_rows(0.0)
+
+
+SAME = {
+    "single": lambda rows: np.array(rows, dtype=np.float32),
+    "whole": lambda rows: np.array(rows, dtype=int),
+    "objects": lambda rows: np.array(rows, dtype=object),
+    "other order": lambda rows: np.asfortranarray(rows)[:, ::-1][:, ::-1],
+}
+
+
+@pytest.mark.parametrize("name", SAME)
+def test_the_same_numbers_of_another_type_are_proved(name):
+    system = Given(SAME[name])
+    assert prove(enumerate_solutions(system, 0.5)).holds
+    assert prove(explore(system, (-1.0, 1.0))).is_complete
+
+
+THIRD = Fraction(1, 3)
+WRONG = {
+    "not a number": (lambda rows: np.array(rows) * np.nan, "finite"),
+    "infinite": (lambda rows: np.array(rows) + np.inf, "finite"),
+    "complex": (lambda rows: np.array(rows, dtype=complex), "complex"),
+    "fractions": (lambda rows: np.array([[Fraction(x) * THIRD for x in rows[0]]]), "no doubles"),
+    "large": (lambda rows: np.array(rows, dtype=int) * (2**60 + 1), "no doubles"),
+    "sparse": (lambda rows: sp.csr_array(np.array(rows)), "exact rows fail"),
+    "too wide": (lambda rows: np.append(rows, [[0.0]], axis=1), "exact rows fail"),
+    "empty": (lambda rows: rows[0][0], "exact rows fail"),
+}
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_rows_that_make_no_sense_are_refused_in_words(name):
+    made, words = WRONG[name]
+    for given in (enumerate_solutions(Given(made), 0.5), explore(Given(made), (-1.0, 1.0))):
+        with pytest.raises((InvalidInputError, InvalidSystemError), match=words):
+            prove(given)
+
+
+def test_rows_of_another_number_of_unknowns_are_refused():
+    wide = Given(lambda rows: np.append(rows, [[0.0]], axis=1))
+    wide.common = np.zeros((0, 4))
+    with pytest.raises(InvalidSystemError, match="1 unknowns, but exact rows have 2"):
+        prove(enumerate_solutions(wide, 0.5))
+
+
+def test_a_mode_that_contradicts_what_determines_all_unknowns_has_no_solution():
+    """z = 5 for every mode: abs(z) = 0.5 has no solution then."""
+    found = enumerate_solutions(Given(common=[1.0, 0.0, -5.0]), 0.5)
+    assert prove(found).count == 0
+    assert not prove(explore(Given(common=[1.0, 0.0, -5.0]), (-1.0, 1.0))).holds

@@ -44,10 +44,15 @@ from pwscont.transitions.rays import Ray
 from pwscont.transitions.zeros import ratio_test
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from pwscont.evolution.memory import SystemWithMemory
+    from pwscont.evolution.states import EvolutionState
 
 #: A restated law holds in a state where its residual is below this part of its terms.
 HOLDS = EPS**0.5
+#: Most tests that vanish along a piece, whose signs are all tried.
+MOST_ZERO = 12
 #: Most Newton iterations on an affine selection: one solves, the rest mends rounding.
 REFINEMENTS = 3
 
@@ -231,12 +236,33 @@ def typical(law: PiecewiseLinearSystem, interval: tuple[float, float]) -> Array:
     return law.scale(*interval) if given else rough_magnitudes(law, interval, np.zeros(law.size))
 
 
-def holds(law: PiecewiseLinearSystem, z: Array, t: float, sizes: Array) -> bool:
-    """Tell whether a law holds in a state, in one of the cells to which the state belongs."""
+def holds(
+    law: PiecewiseLinearSystem, z: Array, t: float, sizes: Array, cell: Character | None = None
+) -> bool:
+    """Tell whether a law holds in a state, in a cell; default one to which the state belongs."""
     x = np.append(z, t)
-    selection = Selection(law, law.character(z, t))
+    selection = Selection(law, cell or law.character(z, t))
     terms = abs(selection.jacobian(x)) @ (np.abs(x) + np.append(sizes, 0.0))
     return bool((np.abs(selection.residual_and(x, 0.0)[:-1]) <= HOLDS * terms).all())
+
+
+def is_piece(
+    system: SystemWithMemory, memory: Array, states: Sequence[EvolutionState], label: str | None
+) -> bool:
+    """Tell whether states of a piece lie in one cell, to which the middle belongs.
+
+    The cell is one of the law with a memory, and has a label, or any.
+    """
+    law, middle = system.remembering(memory), len(states) // 2
+    points = [(completed(law, state.z, state.t), state.t) for state in states]
+    sizes, x = typical(law, (states[0].t, states[-1].t)), np.append(*points[middle])
+    terms = abs(law.test_jacobian(*points[middle])) @ (np.abs(x) + np.append(sizes, 0.0))
+    zero = np.flatnonzero(np.abs(law.test_functions(*points[middle])) <= HOLDS * terms)
+    cells = [law.character(*points[middle])]
+    for test in zero[:MOST_ZERO].tolist():
+        cells += [cell.flip(test) for cell in cells]
+    named = (cell for cell in cells if label in (None, law.label(cell)))
+    return any(all(holds(law, *point, sizes, cell) for point in points) for cell in named)
 
 
 def _rays(

@@ -13,7 +13,8 @@ from typing import Any, final
 import numpy as np
 from scipy.linalg import qr
 
-from pwscont.basics.arrays import Array, Indices, Signs
+from pwscont.basics.arrays import Array, Indices, Signs, finite_array
+from pwscont.basics.errors import InvalidInputError
 from pwscont.curve.metric import Range
 from pwscont.enumeration.echelon import Echelon, integers
 from pwscont.proof.interval import INF, Interval, solved, together
@@ -42,6 +43,14 @@ def ends_of(sides: Interval, interval: Range) -> tuple[Interval, Signs]:
     return ends, fails | (first > last)
 
 
+def exact_array(name: str, given: Any) -> Array:
+    """Return numbers as doubles, or refuse numbers that are not finite doubles."""
+    array, own = finite_array(name, given), np.asarray(given)
+    if own.dtype != array.dtype and (array.astype(object) != own.astype(object)).any():
+        raise InvalidInputError(f"{name}: some numbers are no doubles, and would be rounded")
+    return array
+
+
 @final
 class ExactCells:
     """All cells, ``number`` of them, of exact rows, as :class:`ExactData` hands them over.
@@ -51,8 +60,9 @@ class ExactCells:
     """
 
     def __init__(self, common: Array, parts: Sequence[Sequence[ExactMode]]) -> None:
+        common = exact_array("exact rows", common)
         self.size, self._common = common.shape[1] - 2, len(common)
-        parts = parts or [[ExactMode(common[:0], common[:0])]]
+        parts = [list(modes) for modes in parts] or [[ExactMode(common[:0], common[:0])]]
         self.number = prod(map(len, parts))
         fillers = np.zeros((2, self.size + 2))
         fillers[1, -1] = 1.0
@@ -62,7 +72,7 @@ class ExactCells:
             places = np.full((len(own), max(map(len, own))), self._common + filler)
             for line, rows in zip(places, own, strict=True):
                 line[: len(rows)] = sum(map(len, blocks)) + np.arange(len(rows))
-                blocks.append(rows)
+                blocks.append(exact_array("exact rows", rows).reshape(len(rows), self.size + 2))
             return places
 
         self.equations = [table([mode.equations for mode in modes], 0) for modes in parts]
@@ -112,7 +122,8 @@ class ExactCells:
         """Return unknowns and inequalities of B cells as functions of alpha, (B, k, 2)."""
         equations, rows = (self._reduced[each] for each in self._places(choices))
         x = solved(equations[..., :-2], equations[..., -2:])
-        return x, rows[..., :-2] @ x + rows[..., -2:]
+        is_square = equations.lo.shape[1] == x.lo.shape[1]  # else x may have no entry to be nan
+        return x, (rows[..., :-2] @ x + rows[..., -2:]).where(is_square)
 
     def unknowns(self, line: Interval, alphas: Interval) -> Interval:
         """Return all unknowns of a cell at alphas (k,), shape (size, k), from some unknowns."""

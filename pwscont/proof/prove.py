@@ -16,7 +16,7 @@ from typing import Any, final
 import numpy as np
 
 from pwscont.basics.arrays import Array, Indices, finite_array
-from pwscont.basics.errors import InvalidInputError, SystemNeededError
+from pwscont.basics.errors import InvalidInputError, InvalidSystemError, SystemNeededError
 from pwscont.basics.printing import counted
 from pwscont.basics.rounding import CONFIDENCE, EPS, GUARD
 from pwscont.enumeration.echelon import independent
@@ -24,7 +24,16 @@ from pwscont.graph.branch_graph import BranchGraph
 from pwscont.graph.proved import are_matched, with_slack
 from pwscont.graph.queries import stray_alpha
 from pwscont.graph.records import Piece, Solution
-from pwscont.proof.cells import MOST_CELLS, Choice, ExactCells, Point, as_doubles, holds, segment_of
+from pwscont.proof.cells import (
+    MOST_CELLS,
+    Choice,
+    ExactCells,
+    Point,
+    as_doubles,
+    exact_array,
+    holds,
+    segment_of,
+)
 from pwscont.proof.interval import Interval, departure, together
 from pwscont.search.enumeration import Solutions
 from pwscont.system.abilities import ExactData, ExactMode, ExactRates, completed_point, shown_points
@@ -60,11 +69,23 @@ class Certificate:
         return f"Certificate({self.statements[0]})"
 
 
+def cells_of(system: Any, rows: Any) -> ExactCells:
+    """Return the cells of the exact rows of a system, or refuse rows that make no sense."""
+    try:
+        cells = ExactCells(*rows)
+    except (TypeError, ValueError, AttributeError, IndexError) as error:
+        raise InvalidSystemError(f"{type(system).__name__}: exact rows fail: {error}") from error
+    if cells.size != system.size:
+        size = f"{system.size} unknowns, but exact rows have {cells.size}"
+        raise InvalidSystemError(f"{type(system).__name__} has {size}")
+    return cells
+
+
 def certified_count(
     system: Any, alpha: float, known: Sequence[Solution], number: float
 ) -> Certificate:
     """Return what is proved of all solutions at alpha, and of the known ones, ``number`` in all."""
-    cells = ExactCells(*system.exact_rows(alpha))
+    cells = cells_of(system, system.exact_rows(alpha))
     if cells.number > MOST_CELLS:
         raise InvalidInputError(
             f"{cells.number} cells are too many: at most {MOST_CELLS} are proved"
@@ -116,7 +137,7 @@ def certified_pieces(
     graph: BranchGraph, rows: tuple[Array, Sequence[Sequence[ExactMode]]]
 ) -> Certificate:
     """Return what is proved of the pieces and transitions of a graph from the exact rows."""
-    proof = _Pieces(graph, ExactCells(*rows))
+    proof = _Pieces(graph, cells_of(graph.system, rows))
     undecided = [f"piece {graph.pieces[k].id}" for k in proof.left_pieces()]
     is_few = proof.cells.number <= MOST_CELLS
     cells = list(proof.left_cells()) if is_few and not undecided else None
@@ -398,11 +419,15 @@ def certified_rates(evolution: Any) -> Certificate:
 
 
 def _doubt(evolution: Any) -> str:
-    paths, losses = len(evolution.paths()), len(evolution.losses())
-    if paths != 1 or losses or not evolution.is_complete:
-        return f"{counted(paths, 'evolution')} found: {evolution.guarantee}"
-    A, N, T, F = evolution.system.exact_rates()
-    rubs = np.flatnonzero(F > 0.0)
+    paths, (lo, hi) = evolution.paths(), evolution.interval
+    if len(paths) != 1 or evolution.losses() or not evolution.is_complete:
+        return f"{counted(len(paths), 'evolution')} found: {evolution.guarantee}"
+    if paths[0].start != lo or (paths[0].end < hi and not paths[0].events[-1].name):
+        return f"the evolution is of [{paths[0].start:.8g}, {paths[0].end:.8g}] only"
+    A, N, T, F = _exact_rates(evolution.system)
+    for t in evolution.strange_times(labels=bool(F.all())):  # no friction: any slip is slip+
+        return f"the piece from t = {t:.8g} on is none of the system"
+    rubs = np.flatnonzero(F)
     rows = np.vstack([N, T[rubs]])
     is_unit = (np.abs(rows).sum(axis=1) == 1.0) & ((rows != 0.0).sum(axis=1) == 1)
     if not is_unit.all() or (np.abs(rows).sum(axis=0) > 1.0).any():
@@ -414,6 +439,19 @@ def _doubt(evolution: Any) -> str:
     return (
         "" if unique else "rates may not be unique at some state: a form is not positive definite"
     )
+
+
+def _exact_rates(system: Any) -> tuple[Array, ...]:
+    """Return A, N, T and F of a system, or refuse data that make no sense."""
+    given = system.exact_rates()
+    A, N, T, F = (exact_array(name, each) for name, each in zip("ANTF", given, strict=True))
+    shapes, n, p = [each.shape for each in (A, N, T, F)], len(A), len(N)
+    if shapes != [(n, n), (p, n), (p, n), (p,)] or (F < 0.0).any():
+        raise InvalidInputError(
+            f"{type(system).__name__}.exact_rates must return A (n, n), N and T (p, n), and F (p,) "
+            f"that is not negative, got shapes {shapes}"
+        )
+    return A, N, T, F
 
 
 def is_unique(A: Array, N: Array, T: Array, friction: Array) -> bool:
