@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from pwscont_coulomb import ContactBody, LoadHistory, QuasiStaticCoulomb
 
-from pwscont import InvalidInputError, evolve, prove
+from pwscont import InvalidInputError, Stop, SystemWithMemory, evolve, prove
 from pwscont.evolution.graph import EvolutionGraph
+from pwscont.extending import ExactRates
 from pwscont.proof.prove import is_unique
 
 
@@ -133,6 +134,45 @@ def test_a_tampered_evolution_is_not_proved(name):
     proof = prove(tampered(TAMPERED[name]))
     assert not proof.holds
     assert "the piece from" in proof.open[0] or "only" in proof.open[0]
+
+
+def test_nodes_that_rest_are_no_rounding():
+    """u_t stays 0 up to rounding, and the body is without load at first."""
+    body = ContactBody([[3.0, -1.0], [-1.0, 3.0]], [[1.0, 0.0]], [[0.0, 1.0]])
+    loads = LoadHistory([[0.0, 0.0], [0.0, 0.0], [4.0, 0.0], [4.0, 0.0]])
+    assert prove(evolve(QuasiStaticCoulomb(body, loads, 0.28), (0.0, 3.0))).holds
+
+
+def test_the_end_of_an_evolution_at_a_stop_is_named():
+    system = evolution(0.3).system
+    stopped = evolve(system, (0.0, 3.0), events={"stop": Stop(lambda z, t: t - 0.75)})
+    assert prove(stopped).statements[0].endswith("followed up to a stop at t = 0.75")
+
+
+class Plain(SystemWithMemory, ExactRates):
+    """The same law without an evolver of its own."""
+
+    def __init__(self, law):
+        self.law = law
+
+    def remembering(self, memory):
+        return self.law.remembering(memory)
+
+    def memory(self, z, t):
+        return self.law.memory(z, t)
+
+    def initial_memory(self):
+        return self.law.initial_memory()
+
+    def exact_rates(self):
+        return self.law.exact_rates()
+
+
+def test_evolutions_by_rays_are_proved_too():
+    system = Plain(evolution(0.3).system)
+    found = evolve(system, (0.0, 3.0))
+    assert prove(found).holds
+    assert not prove(tampered(moved("node", "z", 1e-6), found)).holds
 
 
 def test_a_frictionless_node_has_no_direction_of_slip():

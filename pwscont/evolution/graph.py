@@ -7,17 +7,15 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, final
 
-import numpy as np
-
 from pwscont.basics.arguments import checked_kind
 from pwscont.basics.arrays import finite_array
 from pwscont.basics.errors import InvalidInputError
 from pwscont.basics.printing import card, counted
 from pwscont.basics.quantities import Quantities
 from pwscont.evolution import exports
-from pwscont.evolution.memory import SystemWithMemory, closeness
+from pwscont.evolution.memory import SystemWithMemory
 from pwscont.evolution.paths import Cycle, EvolutionPath, EvolutionPaths, cycle_of
-from pwscont.evolution.rays import HOLDS, is_piece
+from pwscont.evolution.rays import is_piece
 from pwscont.evolution.states import SAME_TIME, EvolutionStructure
 
 if TYPE_CHECKING:
@@ -75,14 +73,11 @@ class EvolutionGraph(EvolutionStructure):
         A piece is straight, from node to node, in one cell of the law with the memory of the first
         node; the cell has the label of the piece, if ``labels`` are compared.
         """
-        states, system = self.events(), self.system
-        size = max(np.abs(state.memory).max(initial=0.0) for state in states)
-        changed = [closeness(system.memory(x.z, x.t), x.memory, size) > HOLDS for x in states]
         for piece in self.pieces:
-            begin, end = states[piece.start], states[piece.end]
-            drawn, label = [begin, *self.along(piece, 3), end], piece.label if labels else None
-            wrong = piece.is_jump or changed[piece.start] or changed[piece.end]
-            if wrong or begin.t > end.t or not is_piece(system, begin.memory, drawn, label):
+            begin, end = self.node(piece.start), self.node(piece.end)
+            states, label = [begin, *self.along(piece, 3), end], piece.label if labels else None
+            goes_on = begin.t <= end.t and not piece.is_jump
+            if not (goes_on and is_piece(self.system, states, self.interval, label)):
                 yield begin.t
 
     # -- what engineers read off -----------------------------------------------------------

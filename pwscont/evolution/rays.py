@@ -31,7 +31,7 @@ from pwscont.curve.magnitudes import rough_magnitudes
 from pwscont.curve.metric import Metric
 from pwscont.curve.newton import newton, uncertainty
 from pwscont.curve.semismooth import semismooth_newton
-from pwscont.evolution.memory import Evolver, Moment, Moments, Way, WaysOn
+from pwscont.evolution.memory import Evolver, Moment, Moments, Way, WaysOn, closeness
 from pwscont.linear.factorise import last_unit
 from pwscont.search.enumeration import solve_surely
 from pwscont.system.abilities import HidesUnknowns, completed, shown_size
@@ -247,18 +247,25 @@ def holds(
 
 
 def is_piece(
-    system: SystemWithMemory, memory: Array, states: Sequence[EvolutionState], label: str | None
+    system: SystemWithMemory,
+    states: Sequence[EvolutionState],
+    interval: tuple[float, float],
+    label: str | None,
 ) -> bool:
-    """Tell whether states of a piece lie in one cell, to which the middle belongs.
+    """Tell whether states, nodes at both ends, lie in one cell, to which the middle belongs.
 
-    The cell is one of the law with a memory, and has a label, or any.
+    The cell is one of the law with the memory of the first node, and has a label, or any.
     """
-    law, middle = system.remembering(memory), len(states) // 2
+    law, middle = system.remembering(states[0].memory), states[len(states) // 2]
     points = [(completed(law, state.z, state.t), state.t) for state in states]
-    sizes, x = typical(law, (states[0].t, states[-1].t)), np.append(*points[middle])
-    terms = abs(law.test_jacobian(*points[middle])) @ (np.abs(x) + np.append(sizes, 0.0))
-    zero = np.flatnonzero(np.abs(law.test_functions(*points[middle])) <= HOLDS * terms)
-    cells = [law.character(*points[middle])]
+    sizes, at = typical(law, interval), (completed(law, middle.z, middle.t), middle.t)
+    large = np.abs(system.memory(sizes[: len(middle.z)], middle.t))
+    for node in (states[0], states[-1]):
+        if closeness(system.memory(node.z, node.t), node.memory, large) > HOLDS:
+            return False
+    terms = abs(law.test_jacobian(*at)) @ (np.abs(np.append(*at)) + np.append(sizes, 0.0))
+    zero = np.flatnonzero(np.abs(law.test_functions(*at)) <= HOLDS * terms)
+    cells = [law.character(*at)]
     for test in zero[:MOST_ZERO].tolist():
         cells += [cell.flip(test) for cell in cells]
     named = (cell for cell in cells if label in (None, law.label(cell)))

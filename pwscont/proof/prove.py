@@ -413,8 +413,12 @@ def prove(given: Any, alpha: float | None = None) -> Certificate:
 def certified_rates(evolution: Any) -> Certificate:
     """Return whether exactly one evolution with finitely many events is proved to exist."""
     doubt = _doubt(evolution)
-    words = "exactly one evolution with finitely many events, proved: rates are unique at every "
-    words = f"not proved: {doubt}" if doubt else words + "state"
+    words = (
+        "exactly one evolution with finitely many events, proved: rates are unique at every state"
+    )
+    if not doubt and (end := evolution.paths()[0].end) < evolution.interval[1]:
+        words += f"; followed up to a stop at t = {end:.8g}"
+    words = f"not proved: {doubt}" if doubt else words
     return Certificate(not doubt, (words, ASSUMED.format("A, N, T and F")), [doubt] * bool(doubt))
 
 
