@@ -66,6 +66,17 @@ def test_a_solution_beyond_the_largest_double_is_counted_and_is_not_the_one_that
     assert (proof.count, proof.holds) == (1, False)
 
 
+@pytest.mark.parametrize("error", [np.inf, 1e3, -1.0])
+def test_solutions_that_state_large_errors_are_the_right_ones_all_the_same(error):
+    game = LCP([[1, 2], [2, 1]], q=[-1, -1], d=[0, 0])
+    for by in (0.0, 1e-3):
+        found = [
+            replace(each, z=each.z + by, error=np.full(3, error))
+            for each in enumerate_solutions(game, 0.0)
+        ]
+        assert prove(Solutions(found, "complete", game, 0.0)).holds == (by == 0.0)
+
+
 @pytest.mark.parametrize(("lower", "upper"), [(0.0, 2e-20), (1e-58, 1e-22), (-1e-20, 1e-20)])
 def test_bounds_closer_than_rounding_of_one_are_two_bounds(lower, upper):
     """z = lower, z = upper and the middle solve the problem of F = middle - z."""

@@ -40,7 +40,8 @@ from pwscont.system.abilities import ExactData, ExactMode, ExactRates, completed
 
 ASSUMED = "assumed: arithmetic of IEEE 754 to nearest; {} count as the doubles that they are"
 #: An end of a cell is the end of a piece within the errors that the graph states, the widths of
-#: enclosures (alpha of few unknowns without) and GUARD * EPS of magnitudes, and never beyond this.
+#: enclosures (alpha of few unknowns without) and GUARD * EPS of magnitudes, and never beyond this
+#: part of magnitudes; so is a solution at one alpha.
 NEAR = 2.0**-20
 #: An unknown that is always smaller than this part of the largest unknown is rounding.
 DUST = 1e-6
@@ -94,7 +95,7 @@ def certified_count(
     whole = [*(each.middle() for each in boxes.values()), *map(as_doubles, points)]
     centres = [shown_points(system, z) for z in whole]
     count = None if undecided else len(centres)
-    found = [with_slack(each, np.abs(each.z).max(initial=0.0), GUARD * EPS) for each in known]
+    found = [with_slack(x, np.abs(x.z).max(initial=0.0), GUARD * EPS, NEAR) for x in known]
     holds = count == number and are_matched([(x, x) for x in centres], found)
     words = f"exactly {counted(len(centres), 'solution')} at alpha = {alpha:.8g}, proved"
     if not holds:
