@@ -198,3 +198,22 @@ def test_a_mode_that_contradicts_what_determines_all_unknowns_has_no_solution():
     found = enumerate_solutions(Given(common=[1.0, 0.0, -5.0]), 0.5)
     assert prove(found).count == 0
     assert not prove(explore(Given(common=[1.0, 0.0, -5.0]), (-1.0, 1.0))).holds
+
+
+NOTHING = np.zeros((0, 3))
+TOO_MANY = {
+    "z = 1/2 and z = 0": ([[2.0, 2.0, -1.0]], [[[1.0, 0.0, 0.0]]], {}),
+    "z = alpha and z = 4 - alpha": ([[1.0, -1.0, 0.0], [1.0, 1.0, -4.0]], [], {2.0: 2.0}),
+    "z = alpha, twice": ([[1.0, -1.0, 0.0]], [[[2.0, -2.0, 0.0]]], {0.0: 0.0, 2.0: 2.0}),
+}
+
+
+@pytest.mark.parametrize("name", TOO_MANY)
+def test_more_equations_than_unknowns_are_solved_together(name):
+    common, equations, truth = TOO_MANY[name]
+    modes = [ExactMode(np.array(each), NOTHING) for each in equations]
+    cells = ExactCells(np.array(common), [modes] if modes else [])
+    for alpha in (0.0, 2.0):
+        boxes, points, undecided = proved_solutions(cells, alpha)
+        assert (boxes, undecided) == ({}, [])
+        assert points == ({(truth[alpha],)} if alpha in truth else set())

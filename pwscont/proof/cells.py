@@ -78,12 +78,15 @@ class ExactCells:
         self.equations = [table([mode.equations for mode in modes], 0) for modes in parts]
         self.sides = [table([mode.sides for mode in modes], 1) for modes in parts]
         self.rows = np.concatenate(blocks)
+        #: Whether cells have as many equations as unknowns: others go to rational numbers.
+        self._is_square = self.size == len(common) + sum(each.shape[1] for each in self.equations)
         with np.errstate(all="ignore"):
             self._order, self._others, self._reduced = self._condensed()
 
     def _condensed(self) -> tuple[Indices, Interval, Interval]:
         """Return an order of unknowns, the first ones by the others, and rows of the others."""
-        count, unknowns = self._common, self.rows[:, :-2]
+        count = self._common * self._is_square
+        unknowns = self.rows[:, :-2]
         pivots = qr(unknowns[:count], mode="r", pivoting=True)[1] if count else range(self.size)
         order = np.append(pivots, [self.size, self.size + 1]).astype(np.intp)
         own, rest = Interval(self.rows[:, order[:count]]), Interval(self.rows[:, order[count:]])
@@ -121,9 +124,8 @@ class ExactCells:
     def lines(self, choices: Indices) -> tuple[Interval, Interval]:
         """Return unknowns and inequalities of B cells as functions of alpha, (B, k, 2)."""
         equations, rows = (self._reduced[each] for each in self._places(choices))
-        x = solved(equations[..., :-2], equations[..., -2:])
-        is_square = equations.lo.shape[1] == x.lo.shape[1]  # else x may have no entry to be nan
-        return x, (rows[..., :-2] @ x + rows[..., -2:]).where(is_square)
+        x = solved(equations[..., :-2], equations[..., -2:]).where(self._is_square)
+        return x, rows[..., :-2] @ x + rows[..., -2:]
 
     def unknowns(self, line: Interval, alphas: Interval) -> Interval:
         """Return all unknowns of a cell at alphas (k,), shape (size, k), from some unknowns."""

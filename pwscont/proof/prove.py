@@ -40,8 +40,8 @@ from pwscont.system.abilities import ExactData, ExactMode, ExactRates, completed
 
 ASSUMED = "assumed: arithmetic of IEEE 754 to nearest; {} count as the doubles that they are"
 #: An end of a cell is the end of a piece within the errors that the graph states, the widths of
-#: enclosures (alpha of few unknowns without) and GUARD * EPS of magnitudes, and never beyond this
-#: part of magnitudes; so is a solution at one alpha.
+#: enclosures (alpha of few unknowns without) and GUARD * EPS of magnitudes, and never beyond this.
+#: Solutions at one alpha have the same limit.
 NEAR = 2.0**-20
 #: An unknown that is always smaller than this part of the largest unknown is rounding.
 DUST = 1e-6
@@ -378,7 +378,7 @@ def prove(given: Any, alpha: float | None = None) -> Certificate:
     system: Any = getattr(given, "system", False)
     if system is None:
         raise SystemNeededError("the graph was read without its system; load it with system=...")
-    if isinstance(system, ExactRates):
+    if isinstance(system, ExactRates) and alpha is None:
         return certified_rates(given)
     is_graph = isinstance(given, BranchGraph)
     if not is_graph and (not isinstance(given, Solutions) or given.alpha is None):
@@ -414,16 +414,15 @@ def prove(given: Any, alpha: float | None = None) -> Certificate:
 def certified_rates(evolution: Any) -> Certificate:
     """Return whether exactly one evolution with finitely many events is proved to exist."""
     doubt = _doubt(evolution)
-    words = (
-        "exactly one evolution with finitely many events, proved: rates are unique at every state"
-    )
+    words = "exactly one evolution with finitely many events, proved: rates are unique at every "
+    words = f"not proved: {doubt}" if doubt else words + "state"
     if not doubt and (end := evolution.paths()[0].end) < evolution.interval[1]:
         words += f"; followed up to a stop at t = {end:.8g}"
-    words = f"not proved: {doubt}" if doubt else words
     return Certificate(not doubt, (words, ASSUMED.format("A, N, T and F")), [doubt] * bool(doubt))
 
 
 def _doubt(evolution: Any) -> str:
+    """Return why not exactly one evolution, the one that is given, is proved to exist."""
     paths, (lo, hi) = evolution.paths(), evolution.interval
     if len(paths) != 1 or evolution.losses() or not evolution.is_complete:
         return f"{counted(len(paths), 'evolution')} found: {evolution.guarantee}"
@@ -432,6 +431,11 @@ def _doubt(evolution: Any) -> str:
     A, N, T, F = _exact_rates(evolution.system)
     for t in evolution.strange_times(labels=bool(F.all())):  # no friction: any slip is slip+
         return f"the piece from t = {t:.8g} on is none of the system"
+    return _doubt_of_rates(A, N, T, F)
+
+
+def _doubt_of_rates(A: Array, N: Array, T: Array, F: Array) -> str:
+    """Return why rates are not proved to be unique at every state."""
     rubs = np.flatnonzero(F)
     rows = np.vstack([N, T[rubs]])
     is_unit = (np.abs(rows).sum(axis=1) == 1.0) & ((rows != 0.0).sum(axis=1) == 1)
@@ -440,10 +444,9 @@ def _doubt(evolution: Any) -> str:
     if len(rubs) > MOST_NODES:
         return f"{len(rubs)} nodes with friction are more than {MOST_NODES}"
     frictions = (np.array(signs) * F[rubs] for signs in product((-1.0, 1.0), repeat=len(rubs)))
-    unique = all(is_unique(A, N[rubs], T[rubs], friction) for friction in frictions)
-    return (
-        "" if unique else "rates may not be unique at some state: a form is not positive definite"
-    )
+    if all(is_unique(A, N[rubs], T[rubs], friction) for friction in frictions):
+        return ""
+    return "rates may not be unique at some state: a form is not positive definite"
 
 
 def _exact_rates(system: Any) -> tuple[Array, ...]:
