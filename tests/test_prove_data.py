@@ -11,6 +11,7 @@ import scipy.sparse as sp
 from pwscont import (
     LCP,
     AbsNormal,
+    BranchGraph,
     Complementarity,
     InvalidInputError,
     InvalidSystemError,
@@ -21,6 +22,7 @@ from pwscont import (
     prove,
 )
 from pwscont.extending import ExactData, ExactMode
+from pwscont.graph.records import Place
 from pwscont.proof.cells import ExactCells
 from pwscont.proof.prove import proved_solutions
 from pwscont.search.enumeration import Solutions
@@ -75,6 +77,17 @@ def test_solutions_that_state_large_errors_are_the_right_ones_all_the_same(error
             for each in enumerate_solutions(game, 0.0)
         ]
         assert prove(Solutions(found, "complete", game, 0.0)).holds == (by == 0.0)
+
+
+@pytest.mark.parametrize("error", [np.inf, 1e3])
+def test_a_graph_that_moved_within_large_errors_is_not_proved(error):
+    graph = explore(LCP([[1, 2], [2, 1]], q=[-1, -1], d=[1, 0]), (-1.0, 2.0))
+    for by in (np.zeros(3), np.array([1e-3, 1e-3, 0.0])):
+        places = [Place(node.place.x + by, np.full(3, error)) for node in graph.nodes]
+        nodes = [replace(n, place=place) for n, place in zip(graph.nodes, places, strict=True)]
+        pieces = [replace(piece, points=piece.points + by) for piece in graph.pieces]
+        moved = BranchGraph(nodes, pieces, graph.interval, system=graph.system)
+        assert prove(moved).holds == (not by.any())
 
 
 @pytest.mark.parametrize(("lower", "upper"), [(0.0, 2e-20), (1e-58, 1e-22), (-1e-20, 1e-20)])

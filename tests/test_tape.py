@@ -39,6 +39,19 @@ def test_arithmetic_in_place_is_written_down():
     assert [graph.proof.count(t) for t in (-0.2, 0.2, 0.7)] == [1, 3, 1]
 
 
+def through_a_view(z, t, sw):
+    r = z**3
+    part = r[:1]
+    part -= t
+    return r
+
+
+def test_what_is_written_through_a_view_is_written_down():
+    graph = explore(Switched(1, through_a_view), (1.0, 2.0), search=Everywhere(box=(-3.0, 3.0)))
+    assert graph.proof.holds
+    assert graph.solutions(1.5)[0].z == pytest.approx([1.5 ** (1 / 3)])
+
+
 def test_roots_of_a_negative_alpha_are_no_complex_numbers():
     """H has no value there, and z^2 = 4 - alpha elsewhere."""
     circle = Switched(1, lambda z, t, sw: np.hypot(z, t**0.5) - 2.0)
