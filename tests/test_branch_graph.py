@@ -477,6 +477,7 @@ def test_where_every_stretch_is_blurred_the_balance_still_counts():
         (lambda graph, path: BranchGraph.load(path, LCP), "system must be a PiecewiseSystem"),
         (lambda graph, path: BranchGraph.load(path, "arch"), "system must be a PiecewiseSystem"),
         (lambda graph, path: graph.path(1, graph.solutions(0.5)[0]), "a must be a Solution"),
+        (lambda graph, path: graph.itinerary(0), "each of component must be a Piece, got 0"),
         (lambda graph, path: plot(graph, ax="left"), "ax must be an Axes"),
         (lambda graph, path: draw_counts(graph, 3), "ax must be an Axes"),
         (lambda graph, path: draw_counts("graph", 3), "graph must be a BranchGraph"),

@@ -2,6 +2,7 @@
 
 import json
 import re
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -130,10 +131,19 @@ def test_more_mistakes():
     network = three_bus_network()
     for wrong in (
         lambda: PowerFlow(network, growing=[1.0, 2.0]),
+        lambda: PowerFlow(network, growing=[1.0]),
         lambda: PowerFlow(network, fixed=np.nan),
     ):
         with pytest.raises(InvalidInputError, match=r"growing|fixed"):
             wrong()
+    with pytest.raises(InvalidInputError, match="network must be a Network, got 3"):
+        PowerFlow(3)
+    for branches in ((1, 2), network.branches[0]):
+        with pytest.raises(InvalidInputError, match=r"branches must be several Branch\(...\), got"):
+            replace(network, branches=branches)
+    for numbers in (("1.0",), (1.0, "0.0"), (1.0, 0.0, None)):
+        with pytest.raises(InvalidInputError, match="generator at bus 2"):
+            Generator(2, *numbers)
     with pytest.raises(InvalidInputError, match="there is no generator at bus 3"):
         network.with_limits(3, 0.0, 1.0)
     with pytest.raises(InvalidInputError, match="cannot be read"):

@@ -120,6 +120,12 @@ def test_terms_that_cancel_in_one_cell_are_not_curved():
 JUMPS = [1e-3, 1e-5, 1e-9, -1e-12]
 
 
+def test_a_jump_at_zero_is_refused_before_the_search():
+    system = one(lambda z, a, on: z + z**3 + (1.0 if on else -1.0) - a, lambda z, a: z)
+    with pytest.raises(InvalidSystemError, match=r"residual jumps by 2 in row 0 .* z = \[0\.\]"):
+        explore(system, (-0.5, 0.5))
+
+
 @pytest.mark.parametrize("jump", JUMPS)
 @pytest.mark.parametrize("base", [PiecewiseSystem, SlicewiseLinearSystem, PiecewiseLinearSystem])
 @pytest.mark.parametrize("force", [1e-6, 1.0, 1e6])

@@ -84,6 +84,8 @@ def test_no_such_range(kind, alphas):
 def test_a_family_must_return_systems():
     with pytest.raises(InvalidSystemError, match=r"the family returned float at mu = 1\.0"):
         TransitionLocus(lambda mu: mu, 0)
+    with pytest.raises(InvalidInputError, match="family must be a function of mu, got 3"):
+        TransitionLocus(3, 0)
 
 
 def test_a_level_through_the_apex_is_refused():

@@ -19,6 +19,8 @@ from pwscont import (
     Switched,
     Tangent,
     TransitionDetector,
+    check_detector,
+    check_search,
     check_stepper,
     explore,
     trace,
@@ -229,6 +231,12 @@ def test_steps_of_no_length(lengths):
 def test_the_first_step_is_no_longer_than_the_longest():
     assert StepSize(largest=0.01).first == 0.01
     assert StepSize(largest=0.5).first == StepSize().first
+
+
+@pytest.mark.parametrize("check", [check_detector, check_search, check_stepper])
+def test_none_is_no_part(check):
+    with pytest.raises(InvalidInputError, match=r"must be a (\w+), got None"):
+        check(None)
 
 
 def test_parts_of_steppers():

@@ -230,6 +230,7 @@ def test_a_graph_without_its_functions_says_how_to_give_them(tmp_path):
         ({"label": "x"}, r"Mine.label must be a method, def label\(self, character\)"),
         ({"degree": lambda self: 1}, "Mine.degree must be a value, not a method"),
         ({"unique": lambda self: True}, "Mine.unique must be a value, not a method"),
+        ({"degree": "1"}, "Mine.degree must be a whole number or None, got '1'"),
         ({"size": 0}, "Mine.size must be an int, the number of unknowns, got 0"),
         (
             {"cells": lambda self: None},

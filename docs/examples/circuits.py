@@ -37,7 +37,16 @@ circuit = Circuit(
     [
         VoltageSource("E", "in", "0", 0.0),
         Resistor("R", "in", "d", 8.0),
-        TunnelDiode("D1", "d", "0", 1.0, 1.0, 2.0, 0.5, resistance=1.0),
+        TunnelDiode(
+            "D1",
+            anode="d",
+            cathode="0",
+            peak_voltage=1.0,
+            peak_current=1.0,
+            valley_voltage=2.0,
+            valley_current=0.5,
+            resistance=1.0,
+        ),
     ]
 )
 graph = explore(circuit.sweep("E"), (0.0, 12.0), parameter="E")
@@ -64,7 +73,7 @@ axes[0].get_legend().remove()
 #
 # Two transistors after Ebers and Moll, each junction in two pieces, share an emitter resistor. The
 # circuit is given as a netlist in the notation of SPICE, with ``.model`` cards for the pieces and a
-# ``.dc`` card for the sweep.
+# ``.dc`` card for the sweep; :func:`~pwscont_circuits.parse_netlist` lists all elements and models.
 read = parse_netlist("""Schmitt trigger
 VCC cc 0 10
 VIN in 0 0

@@ -14,7 +14,8 @@ as continuous piecewise-smooth systems, which are followed like any other.
 # A Filippov system follows :math:`f^+` where :math:`h(x) > 0` and :math:`f^-` where :math:`h(x) <
 # 0`. On the border it slides along the combination :math:`s f^+ + (1-s) f^-` that is tangent to
 # it; where this vanishes with :math:`0 < s < 1` there is a *pseudo-equilibrium*. With one more
-# unknown :math:`y` and :math:`s = \mathrm{clip}(y, 0, 1)` all equilibria are the solutions of
+# unknown :math:`y` and :math:`s = \mathrm{clip}(y, 0, 1)` all equilibria are the solutions of the
+# system :class:`~pwscont_dynamics.FilippovEquilibria` of :math:`f^+`, :math:`f^-` and :math:`h`,
 #
 # .. math:: s f^+(x) + (1 - s) f^-(x) = 0, \qquad h(x) = y - s.
 #

@@ -52,7 +52,7 @@ print(system.names())
 # --------------
 #
 # A flat start, equal voltages and no angles, is good enough to find the upper branch.
-flat = [0, 0, 1, 1, 0]
+flat = [0, 0, 1, 1, 0]  # two angles, two voltages, one reactive power, in the order of names()
 graph = trace(system, (flat, 0.2), (0.2, 3.2), parameter="lambda")
 for point in graph.special_points():
     print(f"{point.kind:11} lambda = {point.alpha:.9f}  V3 = {point['V3']:.6f}  {point.message}")

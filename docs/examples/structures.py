@@ -4,7 +4,7 @@ Structures that snap, soften, touch and buckle
 
 A stop that is reached, a bar that begins to tear, a string that comes to rest, a strut that leans
 on a wall: equilibria of such structures are piecewise smooth. The package ``pwscont_structures``
-has five of them. Each answer on this page is set beside a closed form or a published one.
+has such structures. Each answer on this page is set beside a closed form or a published one.
 """
 
 # %%

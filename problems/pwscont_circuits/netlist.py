@@ -1,22 +1,4 @@
-"""Netlists in the notation of SPICE, for the elements of this package.
-
-The first line is the title. ``*`` begins a line of comment, ``;`` a comment behind a line, and a
-line that begins with ``+`` goes on with the line before. Capital and small letters are alike.
-Numbers may have the suffixes t, g, meg, k, m, u, n, p and f, and letters of a unit after the
-suffix::
-
-    Rname  plus minus resistance
-    Vname  plus minus [DC] value            Iname  plus minus [DC] value
-    Dname  anode cathode model              Qname  collector base emitter model
-    Mname  drain gate source model          Xname  plus minus out model
-    .model name D(von= ron= goff=)          .model name TUNNEL(vp= ip= vv= iv= ron=)
-    .model name NPN(af= ar= vf= vr= rf= rr=), or PNP
-    .model name NMOS(vto= ron=), or PMOS    .model name OPAMP(gain= low= high=)
-    .dc source from to [step]               .end
-
-X is an op-amp: netlists have no letter for op-amps. The step of ``.dc`` is not needed,
-and not used.
-"""
+"""Netlists in the notation of SPICE, for the elements of this package."""
 
 from __future__ import annotations
 
@@ -129,6 +111,23 @@ def read_netlist(path: str | Path) -> Netlist:
 
 def parse_netlist(text: str) -> Netlist:
     r"""Return the title, the circuit and the sweep of a netlist.
+
+    The first line is the title. ``*`` begins a line of comment, ``;`` a comment behind a line, and
+    a line that begins with ``+`` goes on with the line before. Capital and small letters are alike.
+    Numbers may have the suffixes t, g, meg, k, m, u, n, p and f, and letters of a unit after the
+    suffix::
+
+        Rname  plus minus resistance
+        Vname  plus minus [DC] value            Iname  plus minus [DC] value
+        Dname  anode cathode model              Qname  collector base emitter model
+        Mname  drain gate source model          Xname  plus minus out model
+        .model name D(von= ron= goff=)          .model name TUNNEL(vp= ip= vv= iv= ron=)
+        .model name NPN(af= ar= vf= vr= rf= rr=), or PNP
+        .model name NMOS(vto= ron=), or PMOS    .model name OPAMP(gain= low= high=)
+        .dc source from to [step]               .end
+
+    D is a diode or a tunnel diode, as its model says. X is an op-amp. The step of ``.dc`` is not
+    used, and may be left out.
 
     Raises
     ------

@@ -35,6 +35,7 @@ from pwscont.extending import (
     Array,
     BringsSearches,
     Matrix,
+    checked_kind,
     checked_magnitudes,
     finite_array,
 )
@@ -97,6 +98,7 @@ class PowerFlow(PiecewiseSystem, BringsSearches):
     def __init__(
         self, network: Network, growing: Any = None, fixed: Any = 0.0, *, scale: Any = None
     ) -> None:
+        checked_kind("network", network, Network, is_needed=True)
         if growing is None:
             growing = network.generation - network.load
         self.network = network

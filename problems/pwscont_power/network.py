@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from numbers import Real
 from typing import Any, final
 
 import numpy as np
@@ -97,6 +98,11 @@ class Generator:
 
     def __post_init__(self) -> None:
         """Check the numbers."""
+        finite_array(f"V of the generator at bus {self.bus}", self.V, ())
+        for name in ("Q_min", "Q_max"):
+            if not isinstance(value := getattr(self, name), Real):
+                words = f"generator at bus {self.bus}: {name} must be a number, got {value!r}"
+                raise InvalidInputError(words)
         if not 0.0 < self.V < np.inf:
             raise InvalidInputError(f"generator at bus {self.bus}: V must be > 0, got {self.V}")
         if not self.Q_min < self.Q_max:
@@ -148,7 +154,13 @@ class Network:
     shunt: Any = 0.0
 
     def __post_init__(self) -> None:
-        """Check numbers and shapes."""
+        """Check kinds, numbers and shapes."""
+        for name, kind in (("branches", Branch), ("generators", Generator)):
+            given = getattr(self, name)
+            for part in given if isinstance(given, Sequence) else [given]:
+                if not isinstance(given, Sequence) or not isinstance(part, kind):
+                    words = f"{name} must be several {kind.__name__}(...), got {part!r}"
+                    raise InvalidInputError(words)
         if len(set(self.buses)) != len(self.buses):
             raise InvalidInputError("two buses have the same number")
         at = [generator.bus for generator in self.generators]
@@ -217,7 +229,10 @@ def one_each(name: str, values: Any, buses: int) -> Array:
         If the shape does not fit, or a number is not finite.
     """
     try:
-        array = np.array(np.broadcast_to(np.asarray(values, dtype=complex), buses))
+        array = np.asarray(values, dtype=complex)
+        if array.shape == (1,) != (buses,):
+            raise ValueError  # numpy would give the number to every bus
+        array = np.array(np.broadcast_to(array, buses))
     except (TypeError, ValueError) as error:
         raise InvalidInputError(
             f"{name} must be one complex number for each of {buses} buses"

@@ -143,6 +143,8 @@ class ConnectedPieces:
         The component, one of :meth:`components`, has no branch point. The orientation is that of
         Janovsky and Ligursky (2012, Definition 1). Without pieces the list is empty.
         """
+        for piece in component if isinstance(component, Iterable) else [component]:
+            checked_kind("each of component", piece, Piece, is_needed=True)
         nodes = [*(piece.start for piece in component[:1]), *(piece.end for piece in component)]
         return [self.point(node) for node in nodes[::orientation]]
 

@@ -151,7 +151,7 @@ def check_detector(detector: TransitionDetector) -> Report:
     >>> bool(check_detector(SmoothFolds()))
     True
     """
-    checked_kind("detector", detector, TransitionDetector)
+    checked_kind("detector", detector, TransitionDetector, is_needed=True)
     curved = (d for sample in samples() for d in _wrong_readings(detector, sample))
     ways = [(sample, direction) for sample in samples() for direction in (1.0, -1.0)]
     located = (d for way in ways for d in _wrong_locations(detector, *way))
@@ -328,7 +328,7 @@ def check_search(search: Search) -> Report:
     >>> bool(check_search(EndPoints()))
     True
     """
-    checked_kind("search", search, Search)
+    checked_kind("search", search, Search, is_needed=True)
     return report(
         (d for sample in samples() for d in _wrong_starts(search, sample)), len(samples())
     )
@@ -390,7 +390,7 @@ def check_stepper(stepper: Stepper) -> Report:
     >>> check_stepper(ExactLinear())
     Report(0 defects at 6 points)
     """
-    checked_kind("stepper", stepper, Stepper)
+    checked_kind("stepper", stepper, Stepper, is_needed=True)
     tried = [(sample, direction) for sample in samples() for direction in (1.0, -1.0)]
     steps = (d for pair in tried for d in _wrong_steps(stepper, *pair))
     aims = (d for pair in tried for d in _wrong_aim(stepper, *pair))

@@ -196,7 +196,7 @@ def _undrawable(what: object) -> InvalidInputError:
 
 def _check_index(index: int, size: int) -> None:
     if not -size <= index < size:
-        raise InvalidInputError(f"there is no unknown {index}: there are {size}")
+        raise InvalidInputError(f"there is no unknown {index}: the last one is {size - 1}")
 
 
 def _size(graph: BranchGraph, index: int) -> float:

@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterable
 from functools import lru_cache, partial
 from inspect import isfunction, ismethod, signature
 from itertools import pairwise
+from numbers import Integral
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -133,6 +134,8 @@ def check_attributes(system: PiecewiseSystem) -> None:
     for name in VALUES:
         if callable(getattr(system, name)):
             raise broken(system, name, f"must be a value, not a method: {name} = ...")
+    if not isinstance(degree := system.degree, Integral | None):
+        raise broken(system, "degree", f"must be a whole number or None, got {degree!r}")
 
 
 @lru_cache(maxsize=1024)  # signatures cost more than all other checks

@@ -67,6 +67,17 @@ def check_start(
             contract.refuse_wrong_jacobian(system, character, x)
             contract.refuse_wrong_gradients(system, x)
             _refuse_wrong_periods(system, x)
+            _refuse_jump_beside(system, x)
+
+
+def _refuse_jump_beside(system: PiecewiseSystem, x: Array) -> None:
+    """Refuse a jump of H at a point where one test vanishes, as at z = 0: Newton finds nothing."""
+    scale = system.differences(float(x[-1])).scale
+    aside = (EPS**0.5 * scale * arrays.generic(len(x)))[:-1]
+    near = (system.character(x[:-1] + way, float(x[-1])) for way in (aside, -aside))
+    one, other = (Selection(system, character) for character in near)
+    if np.count_nonzero(one.character.array != other.character.array) == 1:
+        refuse_jump(one, other, x, np.zeros(len(x)), scale)
 
 
 def _refuse_wrong_periods(system: PiecewiseSystem, x: Array) -> None:

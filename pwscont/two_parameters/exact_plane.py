@@ -315,7 +315,5 @@ def plane(family: MakeSystem, alphas: tuple[float, float], mus: tuple[float, flo
     >>> found.count(0.0, -1.0), found.guarantee
     (3, 'complete')
     """
-    if not callable(family):
-        raise InvalidInputError(f"family must be a function of mu, got {family!r}")
     shapely()
     return ExactPlane.of(family, Window.of(alphas, mus))

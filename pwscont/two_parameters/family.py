@@ -98,6 +98,8 @@ class Family:
         limits: AlphaRange,
         magnitudes: Array | None = None,
     ) -> None:
+        if not callable(make):
+            raise InvalidInputError(f"family must be a function of mu, got {make!r}")
         self._make, self._sampled_at, self._limits = make, float(sample), limits
         self._magnitudes = magnitudes
         self._sizes: tuple[int, int] | None = None
