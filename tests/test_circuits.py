@@ -428,6 +428,8 @@ def test_a_resistor_of_any_characteristic_may_have_negative_slopes():
 @pytest.mark.parametrize(
     ("make", "words"),
     [
+        (lambda: VoltageSource("E", "a", "0", "5V"), "value of E must be an array of numbers"),
+        (lambda: NonlinearResistor("N", "a", "0", 3), "characteristic of N must be a Polyline"),
         (lambda: Resistor("R", "a", "0", "many"), "resistance of R must be an array of numbers"),
         (lambda: Circuit(3), "elements must be a sequence of elements, got 3"),
         (lambda: parse_netlist(3), "a netlist must be a text, got 3; read_netlist takes a path"),

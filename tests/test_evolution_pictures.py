@@ -198,6 +198,12 @@ def test_pressure_and_shear_are_those_of_the_states(round_body):
         assert np.abs(at_bound).max(initial=0.0) < 1e-12
     with pytest.raises(InvalidInputError, match="no state"):
         draw_contact(system, [])
+    with pytest.raises(InvalidInputError, match="each of states must be an EvolutionState, got 3"):
+        draw_contact(system, 3)
+    with pytest.raises(InvalidInputError, match="system must be a QuasiStaticCoulomb, got 3"):
+        draw_contact(3, states)
+    with pytest.raises(InvalidInputError, match="path must be an EvolutionPath, got EvolutionG"):
+        draw_zones(system, evolution)
     with pytest.raises(InvalidInputError, match="must grow"):
         draw_zones(system, evolution.paths()[0], at=np.zeros(30))
 

@@ -454,6 +454,8 @@ def test_the_scene_of_the_strut():
         (lambda: SofteningBar(1.0, [1.0, 1.1], [1.0] * 3), "numbers of elements"),
         (lambda: SofteningBar(remaining=2.0), "remaining must be from 0 to the modulus, got 2"),
         (lambda: string(0, lambda x: -x), "a string needs a node"),
+        (lambda: string(5, -1.0), "obstacle must be a function of x, got -1"),
+        (lambda: Strut("a"), "a strut needs a whole number of elements, got 'a'"),
         (lambda: ObstacleProblem([[1.0, 2.0], [0.0, 1.0]], [0, 0], [1, 1]), "symmetric"),
         (lambda: ObstacleProblem(1.0, [0], [1]), r"square matrix, shape \(n, n\), got shape \(\)"),
         (lambda: ObstacleProblem(-np.eye(2), [0, 0], [1, 1]), "positive diagonal"),

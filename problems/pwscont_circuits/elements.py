@@ -8,12 +8,12 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from types import MappingProxyType
 from typing import ClassVar, TypeAlias, final
 
 from pwscont import InvalidInputError
-from pwscont.extending import finite_array
+from pwscont.extending import checked_kind, finite_array
 from pwscont_circuits.polyline import Polyline
 from pwscont_circuits.stamps import Stamps
 
@@ -47,8 +47,12 @@ class Element(ABC):
         """Check the numbers."""
         if not self.name or not isinstance(self.name, str):
             raise InvalidInputError(f"the name of an element must be a text, got {self.name!r}")
+        declared = {field.name: field.type for field in fields(self)}
         for field, value in vars(self).items():
+            if declared.get(field) == "Polyline":
+                checked_kind(f"{field} of {self.name}", value, Polyline, is_needed=True)
             is_number = field in (*self.positive, *self.not_negative)
+            is_number = is_number or declared.get(field) == "float"
             if is_number or not isinstance(value, str | Polyline):
                 finite_array(f"{field} of {self.name}", value, ())
             if field in self.positive and not value > 0.0:

@@ -182,6 +182,8 @@ def string(
     >>> table.guarantee
     "complete (unique by the system's promise)"
     """
+    if not callable(obstacle):
+        raise InvalidInputError(f"obstacle must be a function of x, got {obstacle!r}")
     if nodes < 1 or not (length > 0.0 and tension > 0.0):
         raise InvalidInputError("a string needs a node, a positive length and a positive tension")
     h = length / (nodes + 1)

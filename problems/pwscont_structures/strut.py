@@ -88,6 +88,9 @@ class Strut(PiecewiseSystem):
     def __init__(
         self, elements: int = 10, supports: Sequence[Support] = (), bow: Sequence[float] = ()
     ) -> None:
+        if not isinstance(elements, int | np.integer):
+            words = f"a strut needs a whole number of elements, got {elements!r}"
+            raise InvalidInputError(words)
         if elements < 2:
             raise InvalidInputError(f"a strut needs at least two elements, got {elements}")
         self.rod, self.supports = Rod(elements), tuple(supports)

@@ -11,7 +11,6 @@ from collections.abc import Callable, Iterable
 from functools import lru_cache, partial
 from inspect import isfunction, ismethod, signature
 from itertools import pairwise
-from numbers import Integral
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -134,7 +133,7 @@ def check_attributes(system: PiecewiseSystem) -> None:
     for name in VALUES:
         if callable(getattr(system, name)):
             raise broken(system, name, f"must be a value, not a method: {name} = ...")
-    if not isinstance(degree := system.degree, Integral | None):
+    if not isinstance(degree := system.degree, int | np.integer | None):
         raise broken(system, "degree", f"must be a whole number or None, got {degree!r}")
 
 

@@ -51,7 +51,7 @@ def check_start(
 ) -> None:
     """Refuse a system, fitted to the interval, that breaks contract or promises at a start."""
     values = contract.check_contract(system, z, alpha)
-    character, _, _, residual, jacobian = values
+    character, tests, _, residual, jacobian = values
     terms = np.abs(residual) + arrays.product(abs(jacobian), system.differences(alpha).scale)
     small = np.flatnonzero((terms > 0.0) & (terms < LEAST_TERMS))
     if len(small):
@@ -67,7 +67,8 @@ def check_start(
             contract.refuse_wrong_jacobian(system, character, x)
             contract.refuse_wrong_gradients(system, x)
             _refuse_wrong_periods(system, x)
-            _refuse_jump_beside(system, x)
+            if np.count_nonzero(tests == 0.0) == 1:
+                _refuse_jump_beside(system, x)
 
 
 def _refuse_jump_beside(system: PiecewiseSystem, x: Array) -> None:

@@ -19,7 +19,14 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
 from pwscont import InvalidInputError
-from pwscont.extending import Array, EvolutionPath, EvolutionState, Indices, finite_array
+from pwscont.extending import (
+    Array,
+    EvolutionPath,
+    EvolutionState,
+    Indices,
+    checked_kind,
+    finite_array,
+)
 from pwscont_coulomb.modes import Mode, modes_in
 from pwscont_coulomb.quasi_static.system import QuasiStaticCoulomb
 
@@ -72,6 +79,8 @@ def draw_contact(
     >>> evolution = evolve(system, (0.0, 1.0))
     >>> draw_contact(system, evolution.states(0.5)).savefig("contact.png")  # doctest: +SKIP
     """
+    for state in states if isinstance(states, Sequence) else [states]:
+        checked_kind("each of states", state, EvolutionState, is_needed=True)
     if not states:
         raise InvalidInputError("there is no state to draw")
     places, p = _places(system, at), system.body.p
@@ -114,6 +123,7 @@ def draw_zones(system: QuasiStaticCoulomb, path: EvolutionPath, *, at: Any = Non
     >>> evolution = evolve(system, (0.0, 1.0))
     >>> draw_zones(system, evolution.paths()[0]).savefig("zones.png")  # doctest: +SKIP
     """
+    checked_kind("path", path, EvolutionPath, is_needed=True)
     edges = _edges(_places(system, at))
     figure = Figure(figsize=(6.4, 4.2), layout="constrained")
     axes, shown = figure.subplots(), list[Indices]()
@@ -128,6 +138,7 @@ def draw_zones(system: QuasiStaticCoulomb, path: EvolutionPath, *, at: Any = Non
 
 
 def _places(system: QuasiStaticCoulomb, at: Any) -> Array:
+    checked_kind("system", system, QuasiStaticCoulomb, is_needed=True)
     p = system.body.p
     places = np.arange(1.0, p + 1.0) if at is None else finite_array("at", at, (p,))
     if (np.diff(places) <= 0.0).any():
