@@ -66,7 +66,7 @@ BUDGET = {
     "transitions": (13, 3398),
     "graph": (8, 2480),
     "search": (9, 2070),
-    "continuation": (9, 2864),
+    "continuation": (9, 2879),
     "kit": (4, 975),
     "proof": (7, 2011),
     "events": (4, 556),
