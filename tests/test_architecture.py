@@ -65,7 +65,7 @@ BUDGET = {
     "enumeration": (11, 2499),
     "transitions": (13, 3398),
     "graph": (8, 2480),
-    "search": (9, 2070),
+    "search": (9, 2074),
     "continuation": (9, 2879),
     "kit": (4, 975),
     "proof": (7, 2011),
