@@ -61,7 +61,7 @@ BUDGET = {
     "system": (9, 1946),
     "linear": (5, 1092),
     "notation": (13, 2961),
-    "curve": (12, 3441),
+    "curve": (12, 3445),
     "enumeration": (11, 2499),
     "transitions": (13, 3398),
     "graph": (8, 2480),
