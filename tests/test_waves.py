@@ -10,7 +10,7 @@ INTERVAL = (0.1, 1.5)
 
 
 def waves(unit):
-    """No term of H tells the unit at z = 0, which solves H for all alpha, and sin(z) bends often."""
+    """No term of H tells the unit at z = 0, which solves H for all alpha; sin(z) bends often."""
 
     def equations(z, a, sw):
         return [np.sin(z[0] / unit) - a * z[1], z[1] + 0.3 * sw.relu(z[1]) - z[0] / unit]

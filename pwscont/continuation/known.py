@@ -296,7 +296,7 @@ def shift_along_row(nodes: Mapping[int, Node], number: int, scale: Array) -> Arr
 
 
 def shrinking_shift(nodes: Mapping[int, Node], number: int) -> Array | None:
-    """Return the last shift of a path to a node that turns ever more closely; None if it does not.
+    """Return the last shift of a path that turns ever more closely, None of any other path.
 
     Along alpha = sin(z) / z folds follow each other without end, and no period repeats.
     """
