@@ -48,8 +48,6 @@ NEARLY_TOO_SMALL = 4.0
 FIRST_LOOK = 128
 #: Before the first look, an unknown this many magnitudes away is larger, by a factor at most.
 FAR, AHEAD_OF_FARTHEST = 12.0, 4.0
-#: Alpha changes ever less if a change is less than this part of the change before.
-SLOWER = 0.5
 #: How much of the interval a path must have seen before means over alpha say something.
 MUCH = 0.25
 
@@ -227,14 +225,13 @@ class Gauge:
         self._away, self._apart, self._farthest, self._size = np.zeros((4, len(self._scale)))
         self._first: Array | None = None
         self._begun: Array | None = None
-        self._before: tuple[float, float] | None = None  # alpha and distance at the last look
 
     def begin(self) -> None:
         """Take the next step for the first step of another path."""
         self._begun = None
 
     def end(self, steps: int) -> None:
-        """Judge a path that has not run off: its piece of that many steps has an end."""
+        """Judge a path whose piece of that many steps has an end."""
         if steps >= FIRST_LOOK:
             self._judge(TOO_SMALL, math.inf)
 
@@ -255,19 +252,7 @@ class Gauge:
         self._steps += 1
         if self._steps >= self._look:
             self._look *= 2
-            if not self._runs_off():
-                self._judge(TOO_SMALL, math.inf)
-
-    def _runs_off(self) -> bool:
-        """Tell whether alpha changes ever less the farther the path goes; not known at first.
-
-        Then the path leaves for infinity, which says nothing of typical magnitudes.
-        """
-        before, alpha, far = self._before, self._alpha, float((self._farthest / self._scale).max())
-        self._before = alpha, far
-        if before is None:
-            return True
-        return (alpha - before[0]) * before[1] < SLOWER * before[0] * (far - before[1])
+            self._judge(TOO_SMALL, math.inf)
 
     def close(self) -> None:
         """Judge the whole path; may raise a MisjudgedError."""
