@@ -413,3 +413,9 @@ def test_a_fast_reaction_does_not_make_unknowns_seem_tiny():
         w = np.poly1d([1.0, 0.0])
         roots = ((1.0 + e) * x - e - (x - 1.0 + alpha) * w).roots
         assert graph.count(alpha) == int((np.abs(roots.imag) < 1e-7).sum())
+
+
+def test_branches_many_magnitudes_away_from_a_weak_load():
+    """z (z - 1) (z - 3) = alpha / 1000 has three roots, and the load moves z by 1/3000."""
+    graph = explore(Curve(lambda z, a: z * (z - 1.0) * (z - 3.0) - 1e-3 * a), (-1.0, 1.0))
+    assert graph.multiplicity() == [(-1.0, 1.0, 3)]

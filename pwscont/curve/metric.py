@@ -7,7 +7,7 @@ and alpha.
 
 On the path (:class:`Gauge`) magnitudes that are far too small lead to thousands of steps, and
 magnitudes that are far too large make a fold as sharp as a kink. Magnitudes grow by the distances
-from the beginning of each path alone, and shrink only if all paths are close together, too.
+from the beginning of each path, and shrink only after the last path.
 """
 
 from __future__ import annotations
@@ -222,8 +222,7 @@ class Gauge:
     def __init__(self, metric: Metric) -> None:
         self._scale, self._width = metric.scale[:-1], metric.width
         self._steps, self._look, self._alpha = 0, FIRST_LOOK, 0.0
-        self._away, self._apart, self._farthest, self._size = np.zeros((4, len(self._scale)))
-        self._first: Array | None = None
+        self._away, self._farthest, self._size = np.zeros((3, len(self._scale)))
         self._begun: Array | None = None
 
     def begin(self) -> None:
@@ -237,16 +236,11 @@ class Gauge:
 
     def see(self, x: Array, y: Array) -> None:
         """Add a step from x to y, each of shape (n + 1,); may raise a MisjudgedError."""
-        self._first = x if self._first is None else self._first
         self._begun = x if self._begun is None else self._begun
         change, x, y = abs(float(y[-1] - x[-1])), x[:-1], y[:-1]
-        middle = 0.5 * (x + y)
-        away = np.abs(middle - self._begun[:-1])
-        weighted = change * away
+        away = np.abs(0.5 * (x + y) - self._begun[:-1])
         self._alpha += change
-        self._away += weighted
-        is_first = self._begun is self._first
-        self._apart += weighted if is_first else change * np.abs(middle - self._first[:-1])
+        self._away += change * away
         self._size = np.maximum(self._size, np.abs(y))
         self._farthest = np.maximum(self._farthest, away)
         self._steps += 1
@@ -262,8 +256,7 @@ class Gauge:
     def _judge(self, small: float, large: float) -> None:
         if self._alpha >= MUCH * self._width:
             typical = 2.0 * self._away / self._alpha
-            apart = np.maximum(typical, 2.0 * self._apart / self._alpha)
-            wrong = (typical > small * self._scale) | (large * apart < self._scale)
+            wrong = (typical > small * self._scale) | (large * typical < self._scale)
         else:
             ahead = self._width * self._farthest / max(self._alpha, SHORTEST)
             typical = np.minimum(ahead, AHEAD_OF_FARTHEST * self._farthest)
