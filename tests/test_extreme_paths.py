@@ -24,6 +24,7 @@ from pwscont import (
     PiecewiseLinearSystem,
     PiecewiseSystem,
     PseudoArclength,
+    Switched,
     explore,
     trace,
 )
@@ -403,7 +404,7 @@ class TestInvariance:
 
 
 class NearlyDependent(PiecewiseSystem):
-    """P (z - g(alpha)) = 0, where P has singular values 1 and 1e-12: rounding moves z by 1e-4 or more."""
+    """P (z - g(alpha)) = 0 with singular values 1 and 1e-12 of P: rounding moves z by 1e-4."""
 
     size = 2
     turn = np.array([[np.cos(1.0), -np.sin(1.0)], [np.sin(1.0), np.cos(1.0)]])
@@ -431,3 +432,16 @@ def test_steps_are_as_true_as_rounding_allows():
         (found,) = graph.solutions(alpha)
         assert (np.abs(found.z - system.path(alpha)) <= 10.0 * found.error[:-1]).all()
         assert found.error[:-1].max() < 0.2
+
+
+@pytest.mark.slow
+def test_constants_that_cancel_in_the_equation_of_another_unknown():
+    """x^3 / 3 - x = alpha has folds at x = 1 and -1; (y + 1e6) - 1e6 = sin(3 x) rounds y."""
+    system = Switched(
+        2,
+        lambda z, a, sw: [z[0] ** 3 / 3 - z[0] - a, (z[1] + 1e6) - 1e6 - np.sin(3.0 * z[0])],
+    )
+    graph = trace(system, ([0.0, 0.0], 0.0), (-2.0, 2.0))
+    folds = sorted(point.alpha for point in graph.special_points("fold"))
+    assert folds == pytest.approx([-2.0 / 3.0, 2.0 / 3.0], abs=1e-6)
+    assert [graph.count(alpha) for alpha in (-1.5, -0.5, 0.1, 1.5)] == [1, 3, 3, 1]
