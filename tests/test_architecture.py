@@ -58,28 +58,28 @@ LONGEST_FILE = 500
 #: becomes smaller, its budget becomes smaller.
 BUDGET = {
     "basics": (11, 1252),
-    "system": (9, 1946),
+    "system": (9, 1961),
     "linear": (5, 1092),
     "notation": (13, 2961),
     "curve": (12, 3401),
-    "enumeration": (11, 2499),
+    "enumeration": (11, 2483),
     "transitions": (13, 3382),
-    "graph": (8, 2480),
-    "search": (9, 2070),
-    "continuation": (9, 2864),
+    "graph": (8, 2492),
+    "search": (9, 2081),
+    "continuation": (9, 2868),
     "kit": (4, 975),
-    "proof": (7, 2011),
+    "proof": (7, 2069),
     "events": (4, 556),
     "scenes": (14, 2667),
     "view": (6, 934),
-    "evolution": (14, 3040),
-    "two_parameters": (16, 3654),
-    "studies": (11, 2252),
+    "evolution": (14, 3087),
+    "two_parameters": (16, 3656),
+    "studies": (11, 2254),
     "bench": (15, 1840),
     "commands": (10, 1158),
 }
 #: Most files and classes that the README's arch meets; a change that needs more says why.
-MOST_FILES_MET, MOST_CLASSES_MET = 51, 55
+MOST_FILES_MET, MOST_CLASSES_MET = 50, 55
 
 
 def module_of(path):

@@ -2,20 +2,27 @@
 
 import math
 from dataclasses import replace
+from fractions import Fraction
 
 import numpy as np
 import pytest
+import scipy.sparse as sp
 
 from pwscont import (
     LCP,
     AbsNormal,
+    BranchGraph,
     Complementarity,
     InvalidInputError,
+    InvalidSystemError,
+    PiecewiseLinearSystem,
     Switched,
     enumerate_solutions,
     explore,
     prove,
 )
+from pwscont.extending import ExactData, ExactMode
+from pwscont.graph.records import Place
 from pwscont.proof.cells import ExactCells
 from pwscont.proof.prove import proved_solutions
 from pwscont.search.enumeration import Solutions
@@ -59,6 +66,28 @@ def test_a_solution_beyond_the_largest_double_is_counted_and_is_not_the_one_that
     )
     proof = prove(Solutions([place], "complete", far, 0.0))
     assert (proof.count, proof.holds) == (1, False)
+
+
+@pytest.mark.parametrize("error", [np.inf, 1e3, -1.0])
+def test_solutions_that_state_large_errors_are_the_right_ones_all_the_same(error):
+    game = LCP([[1, 2], [2, 1]], q=[-1, -1], d=[0, 0])
+    for by in (0.0, 1e-3):
+        found = [
+            replace(each, z=each.z + by, error=np.full(3, error))
+            for each in enumerate_solutions(game, 0.0)
+        ]
+        assert prove(Solutions(found, "complete", game, 0.0)).holds == (by == 0.0)
+
+
+@pytest.mark.parametrize("error", [np.inf, 1e3])
+def test_a_graph_that_moved_within_large_errors_is_not_proved(error):
+    graph = explore(LCP([[1, 2], [2, 1]], q=[-1, -1], d=[1, 0]), (-1.0, 2.0))
+    for by in (np.zeros(3), np.array([1e-3, 1e-3, 0.0])):
+        places = [Place(node.place.x + by, np.full(3, error)) for node in graph.nodes]
+        nodes = [replace(n, place=place) for n, place in zip(graph.nodes, places, strict=True)]
+        pieces = [replace(piece, points=piece.points + by) for piece in graph.pieces]
+        moved = BranchGraph(nodes, pieces, graph.interval, system=graph.system)
+        assert prove(moved).holds == (not by.any())
 
 
 @pytest.mark.parametrize(("lower", "upper"), [(0.0, 2e-20), (1e-58, 1e-22), (-1e-20, 1e-20)])
@@ -109,3 +138,95 @@ def test_equations_without_switches_that_are_singular_have_no_proved_solution(na
     graph = explore(system, (-1.0, 1.0))
     assert graph.count(0.0) == (math.inf if count is None else count)
     assert prove(graph).is_complete == (count is not None)
+
+
+class Given(PiecewiseLinearSystem, ExactData):
+    """abs(z) = alpha, with rows that the test makes of the right ones."""
+
+    size = 1
+
+    def __init__(self, made=np.array, common=()):
+        self.made, self.common = made, np.reshape(common, (-1, 3))
+
+    def test_functions(self, z, alpha):
+        return z
+
+    def residual(self, z, alpha, character):
+        return (z if character.signs[0] else -z) - alpha
+
+    def exact_rows(self, alpha):
+        rows = [([[s, -1.0, 0.0]], [[s, 0.0, 0.0]]) for s in (1.0, -1.0)]
+        modes = [ExactMode(*map(self.made, pair)) for pair in rows]
+        return self.common, iter([iter(modes)])
+
+    def exact_lines(self):
+        return self.exact_rows(0.0)
+
+
+SAME = {
+    "single": lambda rows: np.array(rows, dtype=np.float32),
+    "whole": lambda rows: np.array(rows, dtype=int),
+    "objects": lambda rows: np.array(rows, dtype=object),
+    "other order": lambda rows: np.asfortranarray(rows)[:, ::-1][:, ::-1],
+}
+
+
+@pytest.mark.parametrize("name", SAME)
+def test_the_same_numbers_of_another_type_are_proved(name):
+    system = Given(SAME[name])
+    assert prove(enumerate_solutions(system, 0.5)).holds
+    assert prove(explore(system, (-1.0, 1.0))).is_complete
+
+
+THIRD = Fraction(1, 3)
+WRONG = {
+    "not a number": (lambda rows: np.array(rows) * np.nan, "finite"),
+    "infinite": (lambda rows: np.array(rows) + np.inf, "finite"),
+    "complex": (lambda rows: np.array(rows, dtype=complex), "complex"),
+    "fractions": (lambda rows: np.array([[Fraction(x) * THIRD for x in rows[0]]]), "no doubles"),
+    "large": (lambda rows: np.array(rows, dtype=int) * (2**60 + 1), "no doubles"),
+    "sparse": (lambda rows: sp.csr_array(np.array(rows)), "exact rows fail"),
+    "too wide": (lambda rows: np.append(rows, [[0.0]], axis=1), "exact rows fail"),
+    "empty": (lambda rows: rows[0][0], "exact rows fail"),
+}
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_rows_that_make_no_sense_are_refused_in_words(name):
+    made, words = WRONG[name]
+    for given in (enumerate_solutions(Given(made), 0.5), explore(Given(made), (-1.0, 1.0))):
+        with pytest.raises((InvalidInputError, InvalidSystemError), match=words):
+            prove(given)
+
+
+def test_rows_of_another_number_of_unknowns_are_refused():
+    wide = Given(lambda rows: np.append(rows, [[0.0]], axis=1))
+    wide.common = np.zeros((0, 4))
+    with pytest.raises(InvalidSystemError, match="1 unknowns, but exact rows have 2"):
+        prove(enumerate_solutions(wide, 0.5))
+
+
+def test_a_mode_that_contradicts_what_determines_all_unknowns_has_no_solution():
+    """z = 5 for every mode: abs(z) = 0.5 has no solution then."""
+    found = enumerate_solutions(Given(common=[1.0, 0.0, -5.0]), 0.5)
+    assert prove(found).count == 0
+    assert not prove(explore(Given(common=[1.0, 0.0, -5.0]), (-1.0, 1.0))).holds
+
+
+NOTHING = np.zeros((0, 3))
+TOO_MANY = {
+    "z = 1/2 and z = 0": ([[2.0, 2.0, -1.0]], [[[1.0, 0.0, 0.0]]], {}),
+    "z = alpha and z = 4 - alpha": ([[1.0, -1.0, 0.0], [1.0, 1.0, -4.0]], [], {2.0: 2.0}),
+    "z = alpha, twice": ([[1.0, -1.0, 0.0]], [[[2.0, -2.0, 0.0]]], {0.0: 0.0, 2.0: 2.0}),
+}
+
+
+@pytest.mark.parametrize("name", TOO_MANY)
+def test_more_equations_than_unknowns_are_solved_together(name):
+    common, equations, truth = TOO_MANY[name]
+    modes = [ExactMode(np.array(each), NOTHING) for each in equations]
+    cells = ExactCells(np.array(common), [modes] if modes else [])
+    for alpha in (0.0, 2.0):
+        boxes, points, undecided = proved_solutions(cells, alpha)
+        assert (boxes, undecided) == ({}, [])
+        assert points == ({(truth[alpha],)} if alpha in truth else set())

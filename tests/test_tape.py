@@ -5,8 +5,16 @@ import copy
 import numpy as np
 import pytest
 
-from pwscont import Everywhere, InvalidInputError, PiecewiseSystem, Switched, explore
-from pwscont.proof.tape import tape_of, traced
+from pwscont import (
+    Complementarity,
+    Everywhere,
+    InvalidInputError,
+    PiecewiseSystem,
+    Switched,
+    explore,
+)
+from pwscont.proof.interval import Interval
+from pwscont.proof.tape import tape_of, traced, with_slopes
 
 
 class Stop(PiecewiseSystem):
@@ -29,6 +37,19 @@ def test_arithmetic_in_place_is_written_down():
     graph = explore(Stop(), (-0.5, 1.0), search=Everywhere(box=(-5.0, 5.0)))
     assert graph.guarantee == "complete in the box, proved; balanced"
     assert [graph.proof.count(t) for t in (-0.2, 0.2, 0.7)] == [1, 3, 1]
+
+
+def through_a_view(z, t, sw):
+    r = z**3
+    part = r[:1]
+    part -= t
+    return r
+
+
+def test_what_is_written_through_a_view_is_written_down():
+    graph = explore(Switched(1, through_a_view), (1.0, 2.0), search=Everywhere(box=(-3.0, 3.0)))
+    assert graph.proof.holds
+    assert graph.solutions(1.5)[0].z == pytest.approx([1.5 ** (1 / 3)])
 
 
 def test_roots_of_a_negative_alpha_are_no_complex_numbers():
@@ -156,3 +177,48 @@ def test_a_class_that_writes_to_its_unknowns_is_refused():
 
     with pytest.raises(InvalidInputError, match="read-only"):
         tape_of(Writing())
+
+
+OTHERS = {
+    "positive": lambda z, t: +z,
+    "conjugate": lambda z, t: np.conj(z),
+    "square": lambda z, t: np.square(z),
+    "reciprocal": lambda z, t: np.reciprocal(z),
+    "hypot": np.hypot,
+    "log2": lambda z, t: np.log2(z),
+    "log10": lambda z, t: np.log10(z),
+    "exp2": lambda z, t: np.exp2(z),
+    "tan": lambda z, t: np.tan(z),
+    "the root of a power": lambda z, t: z**0.5,
+}
+
+
+@pytest.mark.parametrize("name", OTHERS)
+def test_functions_that_are_written_down_as_others(name):
+    f, x, h = OTHERS[name], np.array([0.7, 1.3]), 1e-6
+    tape = traced(lambda z, t, sw: f(z, t), 1).slopes
+    value, slopes = with_slopes(tape, Interval(x[np.newaxis]))
+    assert value.lo <= f(*x) <= value.hi
+    steps = [f(*(x + d)) - f(*(x - d)) for d in h * np.eye(2)]
+    assert slopes.middle()[0, 0] == pytest.approx(np.array(steps) / (2 * h), abs=1e-8)
+
+
+def test_bounds_may_be_infinite_for_some_unknowns():
+    """z = -1 - alpha, where the constant exceeds no bound, and z = max(alpha, 0)."""
+    mixed = Complementarity(
+        lambda z, t: np.array([z[0] + z[1] ** 3 * 0.0 + 1.0 + t, z[1] - t]),
+        lower=[-np.inf, 0.0],
+        upper=[1.0, np.inf],
+        n=2,
+    )
+    graph = explore(mixed, (-0.9, 0.9), search=Everywhere(box=(-5.0, 5.0)))
+    assert graph.proof.holds
+    assert [graph.count(t) for t in (-0.5, 0.5)] == [1, 1]
+    assert graph.solutions(0.5)[0].z == pytest.approx([-1.5, 0.5])
+
+
+def test_clips_may_be_open():
+    half = Switched(1, lambda z, t, sw: sw.clip(z, -np.inf, t + 0.5) + z**3 - 0.2)
+    graph = explore(half, (-1.0, 1.0), search=Everywhere(box=(-3.0, 3.0)))
+    assert graph.proof.holds
+    assert graph.count(0.0) == 1

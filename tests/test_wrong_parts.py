@@ -264,6 +264,46 @@ def test_what_predictors_and_correctors_must_return(result):
         explore(Bent(), (0.0, 1.0), stepper=PseudoArclength(Tangent(), part))
 
 
+class Judged:
+    """A proof that says something."""
+
+    def __init__(self, words):
+        self.words = words
+
+    def judged(self, graph, words):
+        return self.words
+
+
+class Claims(Search):
+    """A search that proves something anew in every run."""
+
+    def __init__(self, thing):
+        self.answers = iter([None, thing])
+
+    def starts(self, system, metric, interval):
+        return iter(())
+
+    def proved(self, system, interval):
+        return next(self.answers)
+
+
+@pytest.mark.parametrize("thing", [1, "proved", False, [], np.zeros(2), Judged])
+def test_what_a_search_proves_must_be_a_proof(thing):
+    with pytest.raises(InvalidInputError, match=r"proved must return None, or an object with judg"):
+        explore(Bent(), (0.0, 1.0), search=EndPoints() + Claims(thing))
+
+
+def test_a_proof_must_say_words():
+    graph = explore(Bent(), (0.0, 1.0), search=EndPoints())
+    graph.proof = Judged("complete in the box, proved")
+    assert "complete in the box, proved" in str(graph)
+    for said in (None, 3, True):
+        graph = explore(Bent(), (0.0, 1.0), search=EndPoints())
+        graph.proof = Judged(said)
+        with pytest.raises(InvalidInputError, match=r"Judged.judged must return words, got"):
+            str(graph)
+
+
 class Repeating(Stepper):
     """A stepper that returns its first step again and again."""
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from pathlib import Path
 from typing import Any
+from warnings import catch_warnings, simplefilter
 
 import numpy as np
 import scipy.sparse as sp
@@ -65,7 +66,9 @@ def read_matrices(path: str | Path) -> dict[str, Matrix]:
 
 def _matrix(file: Path) -> Matrix:
     try:
-        found: Any = mmread(file)
+        with catch_warnings():  # of the kind of sparse matrix: either kind is fine
+            simplefilter("ignore", DeprecationWarning)
+            found: Any = mmread(file)
     except (OSError, ValueError, TypeError, EOFError) as error:
         raise InvalidInputError(f"cannot read {file} as a matrix: {error}") from error
     if file.suffix == ".mtx" and (word := _no_number(file)):

@@ -7,6 +7,7 @@ kappa1 and x. Only rows of nodes that slip depend on friction.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from functools import cached_property
 from typing import final
 
 import numpy as np
@@ -34,12 +35,19 @@ class States(ABC):
     """
 
     def __init__(self, body: ContactBody, kappa1: Matrix, x: Matrix) -> None:
-        self._kappa1, self._x = kappa1, x
+        self._kappa1, self._x, self._n = kappa1, x, body.n
         self._free = without_contact(body)
         self._slides = ~body.guided
-        held = -sp.vstack([sp.csr_matrix(kappa1), sp.csr_matrix(x)]).tocsr()[:, : body.n]
-        #: The rows without contact, and below the normal and the tangential rows of nodes held.
-        self._rows = _above_held(self._free, held)
+
+    @cached_property
+    def _rows(self) -> Matrix:
+        """The rows without contact, and below the normal and the tangential rows of nodes held."""
+        held = -sp.vstack([sp.csr_matrix(self._kappa1), sp.csr_matrix(self._x)]).tocsr()
+        held = held[:, : self._n]  # by displacements only
+        held.resize(held.shape[0], self._free.shape[1])
+        if sp.issparse(self._free):
+            return sp.vstack([self._free, held]).tocsr()
+        return np.vstack([self._free, dense(held)])
 
     @abstractmethod
     def at(self, mode: Indices, friction: Array) -> Matrix:
@@ -55,12 +63,6 @@ class States(ABC):
         np.copyto(normal, push, where=TOUCHES.take(mode))
         np.copyto(tangential, drag, where=STICKS.take(mode) & self._slides)
         return product
-
-
-def _above_held(free: Matrix, held: Matrix) -> Matrix:
-    """Return rows for z above rows for displacements, dense or sparse as the rows for z."""
-    held.resize(held.shape[0], free.shape[1])
-    return sp.vstack([free, held]).tocsr() if sp.issparse(free) else np.vstack([free, dense(held)])
 
 
 @final

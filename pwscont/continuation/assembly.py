@@ -240,6 +240,8 @@ def _piece(
         det_sign = edge.det_sign
     if is_level and not det_sign:  # a vertical piece, with ends that differ by rounding only
         points[:, -1] = points[0, -1]
+    else:  # the same numbers are in memory once
+        edge.first.x, edge.last.x = points[0], points[-1]
     character = whole(character) if whole else character
     start, end = numbers[edge.start], numbers[edge.end]
     return Piece(number, start, end, character, system.label, points, det_sign)

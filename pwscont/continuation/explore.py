@@ -39,7 +39,7 @@ from pwscont.graph import BranchGraph
 from pwscont.graph.proved import Proof
 from pwscont.graph.structure import NOT_SEARCHED
 from pwscont.search import Search
-from pwscont.search.search import scope_of, starts_of
+from pwscont.search.search import checked_proof, scope_of, starts_of
 from pwscont.system.abilities import shown_size
 from pwscont.system.promises import refuse_undefined
 from pwscont.system.system import PiecewiseLinearSystem, PiecewiseSystem
@@ -321,7 +321,7 @@ def explore(
         graph, plan = follow_measured(
             plan, guess, lambda plan: _found(plan, given, chosen), searched
         )
-        graph.proof = _proof(chosen, plan, before)
+        graph.proof = checked_proof(chosen, _proof(chosen, plan, before))
         graph.searched = replace(graph.searched, spent=graph.searched.spent or budget.spent)
     if not graph.pieces and not budget.spent:
         refuse_undefined(plan.system, plan.interval)

@@ -175,7 +175,9 @@ class Journal:
         self._count = 0
         name = self.path.absolute()  # SQLite would make no file for ":memory:" alone
         try:
-            self._data = sqlite3.connect(name, 0.0, isolation_level=None, check_same_thread=False)
+            self._data = sqlite3.connect(
+                name, timeout=0.0, isolation_level=None, check_same_thread=False
+            )
             try:
                 self._open()
             except BaseException:

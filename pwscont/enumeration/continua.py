@@ -20,9 +20,8 @@ import numpy as np
 from numpy.linalg import norm
 from scipy.linalg import lstsq, null_space, svd
 
-from pwscont.basics.arrays import Array, are_finite, dense, generic
+from pwscont.basics.arrays import Array, dense, generic
 from pwscont.basics.budget import check_budget
-from pwscont.basics.character import Character
 from pwscont.basics.rounding import HALF_DIGITS
 from pwscont.curve.crossing import FULL_RANK
 from pwscont.curve.metric import Metric
@@ -32,7 +31,7 @@ from pwscont.enumeration.polyhedron import Polyhedron, inside_of
 from pwscont.enumeration.slices import solve_slice
 from pwscont.enumeration.tree import leaves
 from pwscont.system.box import Box
-from pwscont.system.contract import jacobian_at, residual_at
+from pwscont.system.contract import equations_in_magnitudes, residual_at
 from pwscont.system.system import (
     PiecewiseLinearSystem,
     PiecewiseSystem,
@@ -241,21 +240,6 @@ def _beside(
             yield Continuum(lo, hi, False, False, 0.0)
     for alpha in filled:
         yield Continuum(alpha, alpha, True, True, 0.0)
-
-
-def equations_in_magnitudes(
-    system: PiecewiseSystem, z: Array, alpha: float, scale: Array, cell: Character | None = None
-) -> tuple[Array, Array, Array] | None:
-    """Return scaled H and dH/dz, or dH/d(z, alpha), and the divisors of rows; None if infinite."""
-    character = cell or system.character(z, alpha)
-    residual = residual_at(system, z, alpha, character)
-    jacobian = dense(jacobian_at(system, z, alpha, character))[:, : len(scale)] * scale
-    rows = np.abs(jacobian).max(axis=1)
-    rows[rows == 0.0] = 1.0
-    if not np.isfinite(rows).all():
-        return None
-    residual, jacobian = residual / rows, jacobian / rows[:, np.newaxis]
-    return (residual, jacobian, rows) if are_finite(residual) else None
 
 
 def _is_singular(system: PiecewiseSystem, scale: Array, y: Array, alpha: float) -> bool:

@@ -15,6 +15,7 @@ from pwscont.basics.quantities import Quantities
 from pwscont.evolution import exports
 from pwscont.evolution.memory import SystemWithMemory
 from pwscont.evolution.paths import Cycle, EvolutionPath, EvolutionPaths, cycle_of
+from pwscont.evolution.rays import is_piece
 from pwscont.evolution.states import SAME_TIME, EvolutionStructure
 
 if TYPE_CHECKING:
@@ -65,6 +66,19 @@ class EvolutionGraph(EvolutionStructure):
         Evolutions may be very many: each evolution is made when asked for.
         """
         return EvolutionPaths(self)
+
+    def strange_times(self, *, labels: bool = True) -> Iterator[float]:
+        """Yield when pieces begin that are none of the system, asked anew, or end elsewhere.
+
+        A piece is straight, from node to node, in one cell of the law with the memory of the first
+        node; the cell has the label of the piece, if ``labels`` are compared.
+        """
+        for piece in self.pieces:
+            begin, end = self.node(piece.start), self.node(piece.end)
+            states, label = [begin, *self.along(piece, 3), end], piece.label if labels else None
+            goes_on = begin.t <= end.t and not piece.is_jump
+            if not (goes_on and is_piece(self.system, states, self.interval, label)):
+                yield begin.t
 
     # -- what engineers read off -----------------------------------------------------------
 

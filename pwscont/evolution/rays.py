@@ -31,7 +31,7 @@ from pwscont.curve.magnitudes import rough_magnitudes
 from pwscont.curve.metric import Metric
 from pwscont.curve.newton import newton, uncertainty
 from pwscont.curve.semismooth import semismooth_newton
-from pwscont.evolution.memory import Evolver, Moment, Moments, Way, WaysOn
+from pwscont.evolution.memory import Evolver, Moment, Moments, Way, WaysOn, closeness
 from pwscont.linear.factorise import last_unit
 from pwscont.search.enumeration import solve_surely
 from pwscont.system.abilities import HidesUnknowns, completed, shown_size
@@ -44,10 +44,15 @@ from pwscont.transitions.rays import Ray
 from pwscont.transitions.zeros import ratio_test
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from pwscont.evolution.memory import SystemWithMemory
+    from pwscont.evolution.states import EvolutionState
 
 #: A restated law holds in a state where its residual is below this part of its terms.
 HOLDS = EPS**0.5
+#: Most tests that vanish along a piece, whose signs are all tried.
+MOST_ZERO = 12
 #: Most Newton iterations on an affine selection: one solves, the rest mends rounding.
 REFINEMENTS = 3
 
@@ -231,12 +236,40 @@ def typical(law: PiecewiseLinearSystem, interval: tuple[float, float]) -> Array:
     return law.scale(*interval) if given else rough_magnitudes(law, interval, np.zeros(law.size))
 
 
-def holds(law: PiecewiseLinearSystem, z: Array, t: float, sizes: Array) -> bool:
-    """Tell whether a law holds in a state, in one of the cells to which the state belongs."""
+def holds(
+    law: PiecewiseLinearSystem, z: Array, t: float, sizes: Array, cell: Character | None = None
+) -> bool:
+    """Tell whether a law holds in a state, in a cell; default one to which the state belongs."""
     x = np.append(z, t)
-    selection = Selection(law, law.character(z, t))
+    selection = Selection(law, cell or law.character(z, t))
     terms = abs(selection.jacobian(x)) @ (np.abs(x) + np.append(sizes, 0.0))
     return bool((np.abs(selection.residual_and(x, 0.0)[:-1]) <= HOLDS * terms).all())
+
+
+def is_piece(
+    system: SystemWithMemory,
+    states: Sequence[EvolutionState],
+    interval: tuple[float, float],
+    label: str | None,
+) -> bool:
+    """Tell whether states, nodes at both ends, lie in one cell, to which the middle belongs.
+
+    The cell is one of the law with the memory of the first node, and has a label, or any.
+    """
+    law, middle = system.remembering(states[0].memory), states[len(states) // 2]
+    points = [(completed(law, state.z, state.t), state.t) for state in states]
+    sizes, at = typical(law, interval), (completed(law, middle.z, middle.t), middle.t)
+    large = np.abs(system.memory(sizes[: len(middle.z)], middle.t))
+    for node in (states[0], states[-1]):
+        if closeness(system.memory(node.z, node.t), node.memory, large) > HOLDS:
+            return False
+    terms = abs(law.test_jacobian(*at)) @ (np.abs(np.append(*at)) + np.append(sizes, 0.0))
+    zero = np.flatnonzero(np.abs(law.test_functions(*at)) <= HOLDS * terms)
+    cells = [law.character(*at)]
+    for test in zero[:MOST_ZERO].tolist():
+        cells += [cell.flip(test) for cell in cells]
+    named = (cell for cell in cells if label in (None, law.label(cell)))
+    return any(all(holds(law, *point, sizes, cell) for point in points) for cell in named)
 
 
 def _rays(

@@ -17,8 +17,9 @@ import numpy as np
 
 from pwscont.basics.arguments import checked_kind, pandas_for
 from pwscont.basics.arrays import Array
+from pwscont.basics.errors import InvalidInputError
 from pwscont.basics.outcome import NOTHING_FOUND, Guarantee
-from pwscont.basics.printing import apart, counted, number
+from pwscont.basics.printing import apart, counted, number, short
 from pwscont.basics.quantities import Function
 from pwscont.graph import balance as signs
 from pwscont.graph import queries, storage
@@ -114,7 +115,11 @@ class BranchGraph(ConnectedPieces):
         the number of solutions found is not the number proved.
         """
         words = verdict(self)
-        return words if self.proof is None else str(self.proof.judged(self, words))
+        said = words if self.proof is None else self.proof.judged(self, words)
+        if not isinstance(said, str):
+            kind = type(self.proof).__name__
+            raise InvalidInputError(f"{kind}.judged must return words, got {short(repr(said))}")
+        return said
 
     @property
     def is_complete(self) -> bool:
@@ -283,7 +288,7 @@ class BranchGraph(ConnectedPieces):
             counts = ((counted(row[2], "solution"), row.ends) for row in self.multiplicity())
             lines += [f"  {count} for {name} in {ends}" for count, ends in counts]
         lines.append(f"  {words}")
-        if self.pieces and "in the box, proved" in words:
+        if self.pieces and isinstance(self.proof, BoxProof) and "in the box, proved" in words:
             lines.append(f"  {self.proof.where}")
         return "\n".join(lines)
 

@@ -253,11 +253,17 @@ def _widest(ranges: list[Range]) -> float:
     return max((hi - lo for lo, hi in ranges), default=0.0)
 
 
-def with_slack(solution: Solution, typical: Any, part: float = NEAR_A_PROVED_SOLUTION) -> Corners:
-    """Return the unknowns of a solution, and their slack: the error and a part of magnitudes."""
-    z, error = solution.z, solution.error[: len(solution.z)]
-    near = part * np.maximum(typical, np.abs(z))
-    return z, near + CONFIDENCE * error if len(error) else near
+def with_slack(
+    solution: Solution, typical: Any, part: float = NEAR_A_PROVED_SOLUTION, most: float = np.inf
+) -> Corners:
+    """Return the unknowns of a solution, and their slack: the error and a part of magnitudes.
+
+    The slack is never more than ``most`` of the magnitudes.
+    """
+    z, error = solution.z, np.abs(solution.error[: len(solution.z)])
+    size = np.maximum(typical, np.abs(z))
+    slack = part * size + CONFIDENCE * error if len(error) else part * size
+    return z, np.minimum(slack, most * size) if most < np.inf else slack
 
 
 @np.errstate(invalid="ignore")

@@ -44,7 +44,8 @@ def write_archive(path: str | Path, header: Mapping[str, Any], arrays: Mapping[s
     # not compressed: digits are random, and compressing them takes ten times as long as all else
     np.savez(content, **named)
     try:
-        write_file(path, content.getbuffer())
+        with content.getbuffer() as data:
+            write_file(path, data)
     except (OSError, TypeError, ValueError) as error:  # the last two: no path of a file
         why = getattr(error, "strerror", None) or error
         raise GraphFileError(f"cannot write {path}: {why}") from error

@@ -13,7 +13,8 @@ from typing import Any, final
 import numpy as np
 from scipy.linalg import qr
 
-from pwscont.basics.arrays import Array, Indices, Signs
+from pwscont.basics.arrays import Array, Indices, Signs, finite_array
+from pwscont.basics.errors import InvalidInputError
 from pwscont.curve.metric import Range
 from pwscont.enumeration.echelon import Echelon, integers
 from pwscont.proof.interval import INF, Interval, solved, together
@@ -42,6 +43,14 @@ def ends_of(sides: Interval, interval: Range) -> tuple[Interval, Signs]:
     return ends, fails | (first > last)
 
 
+def exact_array(name: str, given: Any) -> Array:
+    """Return numbers as doubles, or refuse numbers that are not finite doubles."""
+    array, own = finite_array(name, given), np.asarray(given)
+    if own.dtype != array.dtype and (array.astype(object) != own.astype(object)).any():
+        raise InvalidInputError(f"{name}: some numbers are no doubles, and would be rounded")
+    return array
+
+
 @final
 class ExactCells:
     """All cells, ``number`` of them, of exact rows, as :class:`ExactData` hands them over.
@@ -51,8 +60,9 @@ class ExactCells:
     """
 
     def __init__(self, common: Array, parts: Sequence[Sequence[ExactMode]]) -> None:
+        common = exact_array("exact rows", common)
         self.size, self._common = common.shape[1] - 2, len(common)
-        parts = parts or [[ExactMode(common[:0], common[:0])]]
+        parts = [list(modes) for modes in parts] or [[ExactMode(common[:0], common[:0])]]
         self.number = prod(map(len, parts))
         fillers = np.zeros((2, self.size + 2))
         fillers[1, -1] = 1.0
@@ -62,18 +72,21 @@ class ExactCells:
             places = np.full((len(own), max(map(len, own))), self._common + filler)
             for line, rows in zip(places, own, strict=True):
                 line[: len(rows)] = sum(map(len, blocks)) + np.arange(len(rows))
-                blocks.append(rows)
+                blocks.append(exact_array("exact rows", rows).reshape(len(rows), self.size + 2))
             return places
 
         self.equations = [table([mode.equations for mode in modes], 0) for modes in parts]
         self.sides = [table([mode.sides for mode in modes], 1) for modes in parts]
         self.rows = np.concatenate(blocks)
+        #: Whether cells have as many equations as unknowns: others go to rational numbers.
+        self._is_square = self.size == len(common) + sum(each.shape[1] for each in self.equations)
         with np.errstate(all="ignore"):
             self._order, self._others, self._reduced = self._condensed()
 
     def _condensed(self) -> tuple[Indices, Interval, Interval]:
         """Return an order of unknowns, the first ones by the others, and rows of the others."""
-        count, unknowns = self._common, self.rows[:, :-2]
+        count = self._common * self._is_square
+        unknowns = self.rows[:, :-2]
         pivots = qr(unknowns[:count], mode="r", pivoting=True)[1] if count else range(self.size)
         order = np.append(pivots, [self.size, self.size + 1]).astype(np.intp)
         own, rest = Interval(self.rows[:, order[:count]]), Interval(self.rows[:, order[count:]])
@@ -111,7 +124,7 @@ class ExactCells:
     def lines(self, choices: Indices) -> tuple[Interval, Interval]:
         """Return unknowns and inequalities of B cells as functions of alpha, (B, k, 2)."""
         equations, rows = (self._reduced[each] for each in self._places(choices))
-        x = solved(equations[..., :-2], equations[..., -2:])
+        x = solved(equations[..., :-2], equations[..., -2:]).where(self._is_square)
         return x, rows[..., :-2] @ x + rows[..., -2:]
 
     def unknowns(self, line: Interval, alphas: Interval) -> Interval:

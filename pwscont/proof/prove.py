@@ -16,7 +16,7 @@ from typing import Any, final
 import numpy as np
 
 from pwscont.basics.arrays import Array, Indices, finite_array
-from pwscont.basics.errors import InvalidInputError, SystemNeededError
+from pwscont.basics.errors import InvalidInputError, InvalidSystemError, SystemNeededError
 from pwscont.basics.printing import counted
 from pwscont.basics.rounding import CONFIDENCE, EPS, GUARD
 from pwscont.enumeration.echelon import independent
@@ -24,7 +24,16 @@ from pwscont.graph.branch_graph import BranchGraph
 from pwscont.graph.proved import are_matched, with_slack
 from pwscont.graph.queries import stray_alpha
 from pwscont.graph.records import Piece, Solution
-from pwscont.proof.cells import MOST_CELLS, Choice, ExactCells, Point, as_doubles, holds, segment_of
+from pwscont.proof.cells import (
+    MOST_CELLS,
+    Choice,
+    ExactCells,
+    Point,
+    as_doubles,
+    exact_array,
+    holds,
+    segment_of,
+)
 from pwscont.proof.interval import Interval, departure, together
 from pwscont.search.enumeration import Solutions
 from pwscont.system.abilities import ExactData, ExactMode, ExactRates, completed_point, shown_points
@@ -32,6 +41,7 @@ from pwscont.system.abilities import ExactData, ExactMode, ExactRates, completed
 ASSUMED = "assumed: arithmetic of IEEE 754 to nearest; {} count as the doubles that they are"
 #: An end of a cell is the end of a piece within the errors that the graph states, the widths of
 #: enclosures (alpha of few unknowns without) and GUARD * EPS of magnitudes, and never beyond this.
+#: Solutions at one alpha have the same limit.
 NEAR = 2.0**-20
 #: An unknown that is always smaller than this part of the largest unknown is rounding.
 DUST = 1e-6
@@ -60,11 +70,23 @@ class Certificate:
         return f"Certificate({self.statements[0]})"
 
 
+def cells_of(system: Any, rows: Any) -> ExactCells:
+    """Return the cells of the exact rows of a system, or refuse rows that make no sense."""
+    try:
+        cells = ExactCells(*rows)
+    except (TypeError, ValueError, AttributeError, IndexError) as error:
+        raise InvalidSystemError(f"{type(system).__name__}: exact rows fail: {error}") from error
+    if cells.size != system.size:
+        size = f"{system.size} unknowns, but exact rows have {cells.size}"
+        raise InvalidSystemError(f"{type(system).__name__} has {size}")
+    return cells
+
+
 def certified_count(
     system: Any, alpha: float, known: Sequence[Solution], number: float
 ) -> Certificate:
     """Return what is proved of all solutions at alpha, and of the known ones, ``number`` in all."""
-    cells = ExactCells(*system.exact_rows(alpha))
+    cells = cells_of(system, system.exact_rows(alpha))
     if cells.number > MOST_CELLS:
         raise InvalidInputError(
             f"{cells.number} cells are too many: at most {MOST_CELLS} are proved"
@@ -73,7 +95,7 @@ def certified_count(
     whole = [*(each.middle() for each in boxes.values()), *map(as_doubles, points)]
     centres = [shown_points(system, z) for z in whole]
     count = None if undecided else len(centres)
-    found = [with_slack(each, np.abs(each.z).max(initial=0.0), GUARD * EPS) for each in known]
+    found = [with_slack(x, np.abs(x.z).max(initial=0.0), GUARD * EPS, NEAR) for x in known]
     holds = count == number and are_matched([(x, x) for x in centres], found)
     words = f"exactly {counted(len(centres), 'solution')} at alpha = {alpha:.8g}, proved"
     if not holds:
@@ -116,7 +138,7 @@ def certified_pieces(
     graph: BranchGraph, rows: tuple[Array, Sequence[Sequence[ExactMode]]]
 ) -> Certificate:
     """Return what is proved of the pieces and transitions of a graph from the exact rows."""
-    proof = _Pieces(graph, ExactCells(*rows))
+    proof = _Pieces(graph, cells_of(graph.system, rows))
     undecided = [f"piece {graph.pieces[k].id}" for k in proof.left_pieces()]
     is_few = proof.cells.number <= MOST_CELLS
     cells = list(proof.left_cells()) if is_few and not undecided else None
@@ -356,7 +378,7 @@ def prove(given: Any, alpha: float | None = None) -> Certificate:
     system: Any = getattr(given, "system", False)
     if system is None:
         raise SystemNeededError("the graph was read without its system; load it with system=...")
-    if isinstance(system, ExactRates):
+    if isinstance(system, ExactRates) and alpha is None:
         return certified_rates(given)
     is_graph = isinstance(given, BranchGraph)
     if not is_graph and (not isinstance(given, Solutions) or given.alpha is None):
@@ -394,15 +416,27 @@ def certified_rates(evolution: Any) -> Certificate:
     doubt = _doubt(evolution)
     words = "exactly one evolution with finitely many events, proved: rates are unique at every "
     words = f"not proved: {doubt}" if doubt else words + "state"
+    if not doubt and (end := evolution.paths()[0].end) < evolution.interval[1]:
+        words += f"; followed up to a stop at t = {end:.8g}"
     return Certificate(not doubt, (words, ASSUMED.format("A, N, T and F")), [doubt] * bool(doubt))
 
 
 def _doubt(evolution: Any) -> str:
-    paths, losses = len(evolution.paths()), len(evolution.losses())
-    if paths != 1 or losses or not evolution.is_complete:
-        return f"{counted(paths, 'evolution')} found: {evolution.guarantee}"
-    A, N, T, F = evolution.system.exact_rates()
-    rubs = np.flatnonzero(F > 0.0)
+    """Return why not exactly one evolution, the one that is given, is proved to exist."""
+    paths, (lo, hi) = evolution.paths(), evolution.interval
+    if len(paths) != 1 or evolution.losses() or not evolution.is_complete:
+        return f"{counted(len(paths), 'evolution')} found: {evolution.guarantee}"
+    if paths[0].start != lo or (paths[0].end < hi and not paths[0].events[-1].name):
+        return f"the evolution is of [{paths[0].start:.8g}, {paths[0].end:.8g}] only"
+    A, N, T, F = _exact_rates(evolution.system)
+    for t in evolution.strange_times(labels=bool(F.all())):  # no friction: any slip is slip+
+        return f"the piece from t = {t:.8g} on is none of the system"
+    return _doubt_of_rates(A, N, T, F)
+
+
+def _doubt_of_rates(A: Array, N: Array, T: Array, F: Array) -> str:
+    """Return why rates are not proved to be unique at every state."""
+    rubs = np.flatnonzero(F)
     rows = np.vstack([N, T[rubs]])
     is_unit = (np.abs(rows).sum(axis=1) == 1.0) & ((rows != 0.0).sum(axis=1) == 1)
     if not is_unit.all() or (np.abs(rows).sum(axis=0) > 1.0).any():
@@ -410,10 +444,22 @@ def _doubt(evolution: Any) -> str:
     if len(rubs) > MOST_NODES:
         return f"{len(rubs)} nodes with friction are more than {MOST_NODES}"
     frictions = (np.array(signs) * F[rubs] for signs in product((-1.0, 1.0), repeat=len(rubs)))
-    unique = all(is_unique(A, N[rubs], T[rubs], friction) for friction in frictions)
-    return (
-        "" if unique else "rates may not be unique at some state: a form is not positive definite"
-    )
+    if all(is_unique(A, N[rubs], T[rubs], friction) for friction in frictions):
+        return ""
+    return "rates may not be unique at some state: a form is not positive definite"
+
+
+def _exact_rates(system: Any) -> tuple[Array, ...]:
+    """Return A, N, T and F of a system, or refuse data that make no sense."""
+    given = system.exact_rates()
+    A, N, T, F = (exact_array(name, each) for name, each in zip("ANTF", given, strict=True))
+    shapes, n, p = [each.shape for each in (A, N, T, F)], len(A), len(N)
+    if shapes != [(n, n), (p, n), (p, n), (p,)] or (F < 0.0).any():
+        raise InvalidInputError(
+            f"{type(system).__name__}.exact_rates must return A (n, n), N and T (p, n), and F (p,) "
+            f"that is not negative, got shapes {shapes}"
+        )
+    return A, N, T, F
 
 
 def is_unique(A: Array, N: Array, T: Array, friction: Array) -> bool:

@@ -33,12 +33,12 @@ from pwscont.curve.magnitudes import nonlinear_reach
 from pwscont.curve.metric import Metric, Range, deflation, stretch
 from pwscont.curve.newton import newton
 from pwscont.curve.semismooth import semismooth_newton
-from pwscont.enumeration.continua import equations_in_magnitudes, is_one_of_many, underflows
+from pwscont.enumeration.continua import is_one_of_many, underflows
 from pwscont.linear.factorise import last_unit
 from pwscont.search.search import KnownBranches
 from pwscont.system.abilities import completed, shown_size
 from pwscont.system.box import Box
-from pwscont.system.contract import NOT_ON_CHANCE, residual_at
+from pwscont.system.contract import NOT_ON_CHANCE, equations_in_magnitudes, residual_at
 from pwscont.system.selection import Selection
 from pwscont.system.system import PiecewiseSystem
 from pwscont.system.values import broken

@@ -190,6 +190,17 @@ class CombinedSearch(Search):
         return SearchScope(f"{a.what}; {b.what}", max(a.promise, b.promise))
 
 
+def checked_proof(search: Search, proof: Any) -> Proof | None:
+    """Return what a search proved, or refuse what is no proof."""
+    is_object = not isinstance(proof, type) and callable(getattr(proof, "judged", None))
+    if proof is None or is_object:
+        return proof
+    raise InvalidInputError(
+        f"{type(search).__name__}.proved must return None, or an object with judged(graph, words), "
+        f"got {short(repr(proof))}"
+    )
+
+
 def scope_of(search: Search, system: PiecewiseSystem) -> SearchScope:
     """Return the scope of a search for a system, or refuse what is no SearchScope."""
     scope = search.searched(system)

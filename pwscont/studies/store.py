@@ -68,7 +68,9 @@ class Store:
         place = ":memory:" if self.path is None else self.path.absolute()
         self._error = sqlite3.Error
         try:
-            self._data = sqlite3.connect(place, 0.0, isolation_level=None, check_same_thread=False)
+            self._data = sqlite3.connect(
+                place, timeout=0.0, isolation_level=None, check_same_thread=False
+            )
             finalize(self, self._data.close)
             try:
                 self._open()

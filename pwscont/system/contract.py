@@ -176,6 +176,21 @@ def jacobian_at(system: PiecewiseSystem, z: Array, alpha: float, character: Char
     return values.own_matrix(values.checked_matrix(system, "jacobian", jacobian, shape))
 
 
+def equations_in_magnitudes(
+    system: PiecewiseSystem, z: Array, alpha: float, scale: Array, cell: Character | None = None
+) -> tuple[Array, Array, Array] | None:
+    """Return scaled H and dH/dz, or dH/d(z, alpha), and the divisors of rows; None if infinite."""
+    character = cell or system.character(z, alpha)
+    residual = residual_at(system, z, alpha, character)
+    jacobian = arrays.dense(jacobian_at(system, z, alpha, character))[:, : len(scale)] * scale
+    rows = np.abs(jacobian).max(axis=1)
+    rows[rows == 0.0] = 1.0
+    if not np.isfinite(rows).all():
+        return None
+    residual, jacobian = residual / rows, jacobian / rows[:, np.newaxis]
+    return (residual, jacobian, rows) if arrays.are_finite(residual) else None
+
+
 #: Distance from a point at which derivatives are compared, in typical magnitudes.
 DISTANCE_TO_POINT = 0.01
 #: Lengths of steps, in typical magnitudes; the first length nearly always confirms the derivative.

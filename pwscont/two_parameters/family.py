@@ -64,9 +64,10 @@ class AlphaRange:
 #: mu -> a system; all systems have equal sizes and the same tests in the same order.
 MakeSystem: TypeAlias = Callable[[float], PiecewiseSystem]
 
-#: Number of systems that are remembered: a Newton step needs the system at a value of mu several
-#: times, and systems at two neighbouring values for differences.
-REMEMBERED = 8
+#: Least and most systems that are remembered: a Newton step needs the system at a value of mu
+#: several times, and systems at two neighbouring values for differences; solutions on one step of a
+#: locus need most of these systems again. Between both numbers, dH/dz has this many entries in all.
+REMEMBERED, REMEMBERED_ENTRIES = (8, 128), 10**6
 
 
 @final
@@ -99,9 +100,10 @@ class Family:
     ) -> None:
         self._make, self._sampled_at, self._limits = make, float(sample), limits
         self._magnitudes = magnitudes
-        self.at = lru_cache(REMEMBERED)(self._checked)
         self._sizes: tuple[int, int] | None = None
-        self.sample = self.at(self._sampled_at)
+        self.sample = self._checked(self._sampled_at)
+        (least, most), many = REMEMBERED, REMEMBERED_ENTRIES // max(self.sample.size, 1) ** 2
+        self.at = lru_cache(min(max(least, many), most))(self._checked)
 
     def __reduce__(self) -> tuple[type[Family], tuple[MakeSystem, float, AlphaRange, Array | None]]:
         """Return the arguments for a pickle; a copy builds the systems anew."""
