@@ -38,13 +38,7 @@ from pwscont.basics.character import Character
 from pwscont.basics.rounding import CONFIDENCE, HALF_DIGITS
 from pwscont.curve.error_samples import Found, magnitude
 from pwscont.curve.metric import Metric, Range
-from pwscont.linear.factorise import (
-    balanced,
-    balanced_columns,
-    bordered,
-    entry_sizes,
-    last_unit,
-)
+from pwscont.linear.factorise import balanced, balanced_columns, bordered, entry_sizes, last_unit
 from pwscont.system.box import Box
 from pwscont.system.contract import jacobian_at, residual_at
 from pwscont.system.system import PiecewiseLinearSystem, PiecewiseSystem
