@@ -213,7 +213,7 @@ def press_after(calls):
     return press
 
 
-@pytest.mark.parametrize("calls", [1, 5, 60, 500, 2000])
+@pytest.mark.parametrize("calls", [1, 5, 60, 2000, 4000])
 def test_the_graph_found_so_far_comes_back_after_ctrl_c(calls):
     system = Helix(press_after(calls))
     graph = trace(system, (np.zeros(2), 0.5), (-1.0, 1.0))
@@ -437,6 +437,18 @@ def test_a_path_that_repeats_itself_is_stopped_without_limits(make):
         assert ("accumulate" in stopped.message) == (make is Spiral)
     assert "a piece was stopped" in graph.guarantee
     assert graph.special_points("stopped")
+
+
+@pytest.mark.slow
+def test_folds_without_end_that_come_ever_closer_are_left_after_some():
+    ring = Switched(1, lambda z, a, sw: np.sin(3 * z) - a * np.sqrt(1 + z**2))
+    graph = explore(ring, (-0.5, 0.9))
+    assert "repeats itself" in "".join(point.message for point in graph.special_points("stopped"))
+    assert accumulates_at(graph.guarantee) == pytest.approx(0.0, abs=0.01)
+    places = np.linspace(-8.0, 8.0, 100_001)
+    for alpha in (0.2, 0.47):
+        below = np.sin(3 * places) < alpha * np.sqrt(1 + places**2)
+        assert graph.count(alpha) == np.count_nonzero(np.diff(below))
 
 
 class Teeth(PiecewiseSystem):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pwscont import LCP, AllTransitions, Switched, explore
+from pwscont import LCP, AllTransitions, PiecewiseSystem, Switched, explore
 from pwscont.curve.metric import Metric
 
 
@@ -88,6 +88,24 @@ def test_what_underflows_is_no_continuum(factor):
     graph = explore(Switched(2, competing), (0.6, 1.5))
     assert not graph.infinite
     assert [graph.count(alpha) for alpha in (0.7, 1.0, 1.4)] == [4, 4, 4]
+
+
+class Underflowing(PiecewiseSystem):
+    """exp(-z^2) (z - alpha) is zero in floating point where z is large."""
+
+    size = 1
+
+    def test_functions(self, z, alpha):
+        return np.zeros(0)
+
+    def residual(self, z, alpha, character):
+        return np.exp(-(z**2)) * (z - alpha)
+
+
+@pytest.mark.slow
+def test_a_factor_that_underflows_adds_no_solutions():
+    graph = explore(Underflowing(), (-1.0, 1.0))
+    assert [graph.count(alpha) for alpha in (-0.9, -0.6, 0.3, 0.6)] == [1, 1, 1, 1]
 
 
 def bertrand(u, v):

@@ -24,6 +24,7 @@ from pwscont import (
     PiecewiseLinearSystem,
     PiecewiseSystem,
     PseudoArclength,
+    Switched,
     explore,
     trace,
 )
@@ -400,3 +401,47 @@ class TestInvariance:
             for one in traced:
                 expected = BranchGraph(graph.special_points(), component, (lo, hi))
                 self.assert_same(expected, one)
+
+
+class NearlyDependent(PiecewiseSystem):
+    """P (z - g(alpha)) = 0 with singular values 1 and 1e-12 of P: rounding moves z by 1e-4."""
+
+    size = 2
+    turn = np.array([[np.cos(1.0), -np.sin(1.0)], [np.sin(1.0), np.cos(1.0)]])
+    P = turn @ np.diag([1.0, 1e-12]) @ turn @ turn
+
+    def path(self, alpha):
+        return np.array([np.sin(3.0 * alpha), np.cos(2.0 * alpha)])
+
+    def test_functions(self, z, alpha):
+        return np.zeros(0)
+
+    def residual(self, z, alpha, character):
+        return self.P @ z - self.P @ self.path(alpha)
+
+    def jacobian(self, z, alpha, character):
+        along = np.array([3.0 * np.cos(3.0 * alpha), -2.0 * np.sin(2.0 * alpha)])
+        return np.column_stack([self.P, -self.P @ along])
+
+
+def test_steps_are_as_true_as_rounding_allows():
+    """Rounding refuses no step, and the stated errors cover the errors."""
+    system = NearlyDependent()
+    graph = trace(system, (system.path(0.0), 0.0), (-1.0, 1.0))
+    for alpha in (-0.9, -0.3, 0.2, 0.7):
+        (found,) = graph.solutions(alpha)
+        assert (np.abs(found.z - system.path(alpha)) <= 10.0 * found.error[:-1]).all()
+        assert found.error[:-1].max() < 0.2
+
+
+@pytest.mark.slow
+def test_constants_that_cancel_in_the_equation_of_another_unknown():
+    """x^3 / 3 - x = alpha has folds at x = 1 and -1; (y + 1e6) - 1e6 = sin(3 x) rounds y."""
+    system = Switched(
+        2,
+        lambda z, a, sw: [z[0] ** 3 / 3 - z[0] - a, (z[1] + 1e6) - 1e6 - np.sin(3.0 * z[0])],
+    )
+    graph = trace(system, ([0.0, 0.0], 0.0), (-2.0, 2.0))
+    folds = sorted(point.alpha for point in graph.special_points("fold"))
+    assert folds == pytest.approx([-2.0 / 3.0, 2.0 / 3.0], abs=1e-6)
+    assert [graph.count(alpha) for alpha in (-1.5, -0.5, 0.1, 1.5)] == [1, 3, 3, 1]

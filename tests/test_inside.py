@@ -378,3 +378,44 @@ def test_a_load_that_vanishes_at_both_ends_tells_the_unit_inside(unit):
     (found,) = graph.solutions(0.3)
     i = np.arange(1.0, 41.0)
     np.testing.assert_allclose(found.z, unit * np.sin(0.3 * np.pi) * i * (41.0 - i) / 2.0)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("unit", [1e-6, 1e6])
+def test_a_jump_of_h_at_an_end_says_nothing_of_the_unit(unit):
+    """alpha^y jumps at alpha = y = 0, however small y is; alpha^y = 1/2 at one y for each alpha."""
+    graph = explore(Curve(lambda z, a: np.power(a, z / unit) - 0.5), (0.0, 0.9))
+    for alpha in (0.1, 0.5, 0.8):
+        (found,) = graph.solutions(alpha)
+        assert found.z == pytest.approx(unit * np.log(0.5) / np.log(alpha))
+
+
+class FastReaction(PiecewiseSystem):
+    """A reaction of rate 1e9 keeps z0 near z1 z2; only the sum of two rows tells the sizes."""
+
+    size, rate = 3, 1e9
+
+    def test_functions(self, z, alpha):
+        return np.zeros(0)
+
+    def residual(self, z, alpha, character):
+        x, y, w = z
+        fast = self.rate * (x - y * w)
+        return np.array([fast - 1.0 + x, -fast + alpha - y, w**3 - 3.0 * w + x - 1.0])
+
+
+@pytest.mark.slow
+def test_a_fast_reaction_does_not_make_unknowns_seem_tiny():
+    """With x = 1 + 3 w - w^3 and y = x - 1 + alpha a polynomial in w is left."""
+    graph = explore(FastReaction(), (-2.0, 2.0))
+    for alpha in (-1.5, -0.5, 0.5, 1.0, 1.9):
+        x, e = np.poly1d([-1.0, 0.0, 3.0, 1.0]), 1.0 / FastReaction.rate
+        w = np.poly1d([1.0, 0.0])
+        roots = ((1.0 + e) * x - e - (x - 1.0 + alpha) * w).roots
+        assert graph.count(alpha) == int((np.abs(roots.imag) < 1e-7).sum())
+
+
+def test_branches_many_magnitudes_away_from_a_weak_load():
+    """z (z - 1) (z - 3) = alpha / 1000 has three roots, and the load moves z by 1/3000."""
+    graph = explore(Curve(lambda z, a: z * (z - 1.0) * (z - 3.0) - 1e-3 * a), (-1.0, 1.0))
+    assert graph.multiplicity() == [(-1.0, 1.0, 3)]

@@ -126,6 +126,14 @@ def test_a_jump_at_zero_is_refused_before_the_search():
         explore(system, (-0.5, 0.5))
 
 
+def test_constants_that_cancel_are_no_jump_at_zero():
+    def residual(z, a, on):
+        return z + z**3 - a + ((0.1 + 1e8) - 1e8 if on else 0.1)  # apart by 1.5e-9
+
+    graph = explore(one(residual, lambda z, a: z), (-1.0, 0.0), starts=[([-0.6], -0.716)])
+    assert graph.count(-0.5) == 1
+
+
 @pytest.mark.parametrize("jump", JUMPS)
 @pytest.mark.parametrize("base", [PiecewiseSystem, SlicewiseLinearSystem, PiecewiseLinearSystem])
 @pytest.mark.parametrize("force", [1e-6, 1.0, 1e6])

@@ -28,7 +28,7 @@ def from_a_solution(system, z, directions):
     """Return the states to which side paths lead from a solution at alpha = 0.5."""
     interval, known, found = (0.0, 1.0), KnownBranches(), [np.append(z, 0.5)]
     metric = Metric(np.ones(len(z) + 1), interval)
-    pursuit = Pursuit(system, metric, interval, known)
+    pursuit = Pursuit(system, metric, known, np.ones(len(z)))
     pursuit.solutions = lambda alpha: found
     for number in range(directions):
         paths = SidePaths(system, metric, pursuit, steps=2000)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from sweeps import swept
 
-from pwscont import NaturalParameter, PiecewiseSystem, PseudoArclength, trace
+from pwscont import NaturalParameter, PiecewiseSystem, PseudoArclength, Switched, trace
 from pwscont.curve.stepper import StepSize
 
 pytestmark = pytest.mark.sweep(2)  # the others take too long for the README's command
@@ -184,3 +184,16 @@ def test_a_dip_is_seen_whatever_the_units_of_other_tests(units, centres):
     for centre in np.linspace(-0.8, 0.8, centres):
         graph = trace(DipInOtherUnits(centre, units), ([-1.0], -1.0), (-1.0, 1.0))
         assert len(graph.special_points("transition")) == 2
+
+
+def test_a_test_that_returns_to_zero_late_within_the_first_step():
+    """y - alpha (1 - (alpha / h)^8) vanishes; with c max(-y, 0) there are kinks at 0, h and -h."""
+    h = 0.017
+
+    def kinked(z, a, sw):
+        return z[0] + 0.2 * sw.max(-z[0], 0.0) - a * (1.0 - (a / h) ** 8)
+
+    graph = trace(Switched(1, kinked), ([0.0], 0.0), (-0.5, 0.5))
+    kinks = [point.alpha for point in graph.special_points("transition")]
+    assert sorted(kinks) == pytest.approx([-h, 0.0, h], abs=1e-12)
+    assert [graph.count(alpha) for alpha in (-0.3, -0.01, 0.01, 0.3)] == [1, 1, 1, 1]

@@ -31,6 +31,7 @@ from pwscont.continuation.known import (
     match,
     repeated_shift,
     shift_along_row,
+    shrinking_shift,
 )
 from pwscont.curve.crossing import loses_rank
 from pwscont.curve.error_samples import magnitude
@@ -128,7 +129,7 @@ class Discovery:
         #: Rays that leave the interval.
         self.leaving: list[Ray] = []
         self._starts: list[Place] = []  # where tracing began on pieces that were forgotten
-        self._repeats = False
+        self._left_at: list[tuple[Array, Array]] = []  # where endless paths were left, and ways on
         self._first = 0  # number of the first node of the component that is followed
         self._endless: list[Ray] = []  # back from where paths to infinity were left
         self._in_vain = 0  # number of steps that led next to nowhere
@@ -169,10 +170,7 @@ class Discovery:
         """Tell whether a start lies farther out, on an endless path that has been followed."""
         if any(_is_past(x, back) for back in self._endless):
             return True
-        if not self._repeats:
-            return False
-        points = np.vstack([edge.points for edge in self.edges])[:, :-1]
-        return bool(((x[:-1] < points.min(axis=0)) | (x[:-1] > points.max(axis=0))).any())
+        return any((x - place)[:-1] @ way > 0.0 for place, way in self._left_at)
 
     def spans(self, lo: float, hi: float) -> bool:
         """Tell whether at every alpha from lo to hi there is a piece."""
@@ -242,7 +240,6 @@ class Discovery:
         """Return why a ray of a node is not followed, empty if the ray is."""
         is_due = (len(self.edges) + 1) % EVERY == 0 and not self._budget.is_limited
         if is_due and self._repeats_itself(number, ray.curve.metric.scale):
-            self._repeats = True
             return Remark.REPEATS.value
         return FailureReason.TWICE.value if self._is_in_vain(ray) else ""
 
@@ -267,9 +264,13 @@ class Discovery:
             near = {key: node for key, node in self.nodes.items() if key >= self._first}
             shift = shift_along_row(near, number, scale)
             self.is_net |= shift is not None and bounds is None
-        if shift is None or bounds is None:
-            return shift is not None
-        return bounds.shifts_within(self.nodes[number].place.x, shift) > MOST_SHIFTS
+        if shift is None:
+            shift = shrinking_shift(self.nodes, number)
+        place = self.nodes[number].place.x
+        if shift is None or (bounds and bounds.shifts_within(place, shift) <= MOST_SHIFTS):
+            return False
+        self._left_at.append((place, (shift / scale**2)[:-1]))
+        return True
 
     def _inside(self, arrival: SpecialPointFound, back: int) -> SpecialPointFound:
         """Return a special point without the rays that leave interval or bounds at once.

@@ -235,6 +235,8 @@ PERIODS, LONGEST = 8, 8
 IN_A_ROW = 6
 #: Two shifts are one up to this part of their length.
 SAME_SHIFT = 1e-5
+#: Special points in few cells, after which a path whose special points accumulate has no end.
+NO_END = 64
 
 
 def _way_to(nodes: Mapping[int, Node], number: int, most: int) -> list[tuple[Place, object]]:
@@ -291,6 +293,18 @@ def shift_along_row(nodes: Mapping[int, Node], number: int, scale: Array) -> Arr
         if off <= SAME_SHIFT * float(np.linalg.norm(shift)):
             return np.asarray(-shift * scale)
     return None
+
+
+def shrinking_shift(nodes: Mapping[int, Node], number: int) -> Array | None:
+    """Return the last shift of a path that turns ever more closely, None of any other path.
+
+    Along alpha = sin(z) / z folds follow each other without end, and no period repeats.
+    """
+    way = _way_to(nodes, number, NO_END)
+    few = len(way) == NO_END and len({names for _, names in way[1:]}) <= LONGEST
+    if not few or accumulation([place.alpha for place, _ in way]) is None:
+        return None
+    return np.asarray(way[-1][0].x - way[-1 - MOST_TURNS][0].x)
 
 
 def accumulating(nodes: Mapping[int, Node], number: int) -> str:

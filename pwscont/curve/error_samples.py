@@ -12,14 +12,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from pwscont.basics.arrays import (
-    Array,
-    Matrix,
-    are_finite,
-    is_everywhere,
-    largest,
-    product,
-)
+from pwscont.basics.arrays import Array, Matrix, are_finite, is_everywhere, largest, product
 from pwscont.basics.rounding import CONFIDENCE, EPS
 from pwscont.curve.metric import Metric
 from pwscont.linear.factor import Factor

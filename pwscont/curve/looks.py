@@ -21,12 +21,7 @@ from math import ceil, inf, sqrt
 
 import numpy as np
 
-from pwscont.basics.arrays import (
-    GOLDEN,
-    Array,
-    largest,
-    smallest,
-)
+from pwscont.basics.arrays import GOLDEN, Array, largest, smallest
 from pwscont.basics.outcome import Failure, FailureReason
 from pwscont.basics.rounding import CONVERGED, EPS, GUARD
 from pwscont.curve.stepper import CurvedSegment, StepSize

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from functools import reduce
-from itertools import product
+from itertools import islice, product
 from typing import final
 
 import numpy as np
@@ -38,13 +38,7 @@ from pwscont.basics.character import Character
 from pwscont.basics.rounding import CONFIDENCE, HALF_DIGITS
 from pwscont.curve.error_samples import Found, magnitude
 from pwscont.curve.metric import Metric, Range
-from pwscont.linear.factorise import (
-    balanced,
-    balanced_columns,
-    bordered,
-    entry_sizes,
-    last_unit,
-)
+from pwscont.linear.factorise import balanced, balanced_columns, bordered, entry_sizes, last_unit
 from pwscont.system.box import Box
 from pwscont.system.contract import jacobian_at, residual_at
 from pwscont.system.system import PiecewiseLinearSystem, PiecewiseSystem
@@ -251,7 +245,11 @@ class _Probe:
 
             once, twice = changes(BASE**-POWERS), changes(2.0 * BASE**-POWERS)
             grows = np.where(once != 0.0, twice / once, 2.0)  # 4 for a product: no unit either
-            power = _first(is_bent, -POWERS, POWERS)
+            power, lower = POWERS, [POWERS]
+            while lower:  # bisection goes astray along functions such as sin(z)
+                power = _first(is_bent, -POWERS, lower[0])
+                beneath = range(power - STRIDE, power - FAR_BELOW, -STRIDE)
+                lower = list(islice(filter(is_bent, beneath), 1))
             if power == POWERS and alpha == self.alphas[len(self.alphas) // 2]:
                 # z - tanh(z): straight far away
                 power = next(filter(is_bent, range(POWERS, -POWERS, -STRIDE)), POWERS)

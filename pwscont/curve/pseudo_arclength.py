@@ -334,27 +334,20 @@ def _strain(
 
     ``off``: the distance of the curve from the cubic of the step.
     """
-    measured = off, correction, corrected.contraction, length
-    strain = _strain_beside(HALF_DIGITS, *measured)
-    return _strain_beside(_noise(curve, corrected), *measured) if strain > 1.0 else strain
 
+    def beyond(noise: float) -> float:
+        by_contraction = corrected.contraction / STALLED if correction > noise else 0.0
+        by_correction = correction / (FARTHEST * length + noise)
+        allowed = OFF * length * min(1.0, CLOSE * length / max(correction, noise))
+        return max(off / (allowed + noise), by_contraction, by_correction)  # nan comes first
 
-def _strain_beside(
-    noise: float, off: float, correction: float, contraction: float, length: float
-) -> float:
-    """Return the strain, as far as corrections and distances are larger than the noise."""
-    by_contraction = contraction / STALLED if correction > noise else 0.0
-    by_correction = correction / (FARTHEST * length + noise)
-    allowed = OFF * length * min(1.0, CLOSE * length / max(correction, noise))
-    return max(off / (allowed + noise), by_contraction, by_correction)  # nan comes first
-
-
-def _noise(curve: Curve, corrected: Corrected) -> float:
-    """Return how far a corrected point may be off because of rounding."""
+    strain = beyond(HALF_DIGITS)
+    if not strain > 1.0:
+        return strain  # nearly always
     state, metric = corrected.state, curve.metric
     jacobian, row = curve.selection.jacobian(state.x), metric.covector(state.tangent)
     root = Root(state.x, state.error[0], jacobian, row, corrected.factor, metric.scale)
-    return HALF_DIGITS + CONFIDENCE * metric.norm(magnitude(state.x, uncertainty(root)))
+    return beyond(HALF_DIGITS + CONFIDENCE * metric.norm(magnitude(state.x, uncertainty(root))))
 
 
 def land_on_end(

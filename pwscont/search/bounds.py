@@ -83,12 +83,14 @@ def on_bounds(
     metric: Metric,
     interval: Range,
     known: KnownBranches,
+    reach: Array,
     count: int,
     turn: int,
 ) -> Iterator[Found]:
     """Yield solutions on bounds of unknowns from ``count`` starts in all, others in each turn.
 
-    If there are more bounds than starts, the first bounds have one start each.
+    Starts ``reach`` so far. If there are more bounds than starts, the first bounds have one start
+    each.
     """
     box, scale = Box.of(system), metric.scale[:-1]
     ends = np.array([box.lower, box.upper])
@@ -99,7 +101,7 @@ def on_bounds(
         bound, slack = float(ends[side, place]), SAME_SOLUTION * scale[place]
         if any((np.abs(x[:, place] - bound) <= slack).sum() > 1 for x in known.pieces()):
             continue  # a branch lies on the bound
-        yield from _on_bound(system, metric, interval, known, place, bound, numbers)
+        yield from _on_bound(system, metric, interval, known, reach, place, bound, numbers)
 
 
 def _on_bound(
@@ -107,6 +109,7 @@ def _on_bound(
     metric: Metric,
     interval: Range,
     known: KnownBranches,
+    reach: Array,
     place: int,
     bound: float,
     numbers: Iterable[int],
@@ -118,7 +121,8 @@ def _on_bound(
     seen = KnownBranches()
     seen.followed = lambda: ((cell, other.exchanged(x)) for cell, x in known.followed())
     periods = Box.of(other).period
-    pursuit = Pursuit(other, Metric(other.magnitudes, inside, periods), inside, seen)
+    own = other.exchanged(np.append(reach, metric.width))[:-1]
+    pursuit = Pursuit(other, Metric(other.magnitudes, inside, periods), seen, own)
     for found in pursuit.at(bound, map(pursuit.guess, numbers)):
         if _is_crossed(other, found[0]):
             x, error = map(other.exchanged, found)

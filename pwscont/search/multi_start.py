@@ -22,6 +22,7 @@ from pwscont.basics.errors import InvalidInputError
 from pwscont.basics.outcome import Guarantee, SearchScope
 from pwscont.basics.printing import counted
 from pwscont.curve.error_samples import Found
+from pwscont.curve.magnitudes import nonlinear_reach
 from pwscont.curve.metric import Metric, Range
 from pwscont.search.bounds import on_bounds
 from pwscont.search.enumeration import starts_at
@@ -188,8 +189,8 @@ class Throughout(Search):
         """Yield solutions that are not on known branches."""
         for alpha in interval if self.in_cells else ():
             yield from starts_at(system, metric, alpha)
-        pursuit = Pursuit(system, metric, interval, known)
-        spread = pursuit.reach / metric.scale[:-1]
+        reach = nonlinear_reach(system, metric)
+        pursuit, spread = Pursuit(system, metric, known, reach), reach / metric.scale[:-1]
         rough = rough_starts(system, metric, self.at_ends, self.around, seed=0, spread=spread)
         for alpha in interval:
             yield from pursuit.at(alpha, rough)
@@ -205,7 +206,7 @@ class Throughout(Search):
                 all_found = chain(_on_side_paths(paths, interval, turn), all_found)
             if Box.of(system).is_bounded:
                 starts = self.slices * self.count
-                on = on_bounds(system, metric, interval, known, starts, turn)
+                on = on_bounds(system, metric, interval, known, reach, starts, turn)
                 all_found = chain(all_found, on)
             for count, found in enumerate(all_found, before + 1):
                 yield found

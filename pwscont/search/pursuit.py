@@ -29,8 +29,7 @@ from pwscont.basics.outcome import Failure
 from pwscont.basics.rounding import CONVERGED, EPS
 from pwscont.curve.curve import LEAN, Curve
 from pwscont.curve.error_samples import Found, has_digits, is_inside
-from pwscont.curve.magnitudes import nonlinear_reach
-from pwscont.curve.metric import Metric, Range, deflation, stretch
+from pwscont.curve.metric import Metric, deflation, stretch
 from pwscont.curve.newton import newton
 from pwscont.curve.semismooth import semismooth_newton
 from pwscont.enumeration.continua import is_one_of_many, underflows
@@ -112,17 +111,17 @@ MOST_STANDING, MOST_CELLS = 8, 4
 
 @final
 class Pursuit:
-    """Pursuits of the solutions of a system in a single run, beside known branches."""
+    """Pursuits of solutions beside known branches; starts ``reach`` so far."""
 
     def __init__(
-        self, system: PiecewiseSystem, metric: Metric, interval: Range, known: KnownBranches
+        self, system: PiecewiseSystem, metric: Metric, known: KnownBranches, reach: Array
     ) -> None:
         self._system, self._metric, self._scale = system, metric, metric.scale
-        self._interval, self._known = interval, known
-        self._ends = interval[0] / metric.width, interval[1] / metric.width
+        self._interval, self._known = metric.interval, known
+        self._ends = metric.interval[0] / metric.width, metric.interval[1] / metric.width
         self._box, self._shown = Box.of(system), shown_size(system)
         self._roots: tuple[float, dict[bytes, Array]] = math.nan, {}  # by places beside the roots
-        self.reach = nonlinear_reach(system, metric)  # grows with the reach of known branches
+        self.reach = reach  # grows with the reach of known branches
         self._farthest = RUN_AWAY * float((self.reach / metric.scale[:-1]).max())
         self.filled = 0  # number of slices at which one of infinitely many solutions was found
 

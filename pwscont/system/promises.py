@@ -40,6 +40,8 @@ LEAST_TERMS = float(np.finfo(float).tiny) / EPS
 AFFINE_DEFECT = EPS**0.5
 #: Largest value, as a part of the test's terms, of tests that may vanish at the same corner.
 AT_CORNER = EPS**0.5
+#: Least jump before a run, as a part of the terms: constants that cancel leave less by rounding.
+GROSS = 1e-3
 #: Number of points at which H is evaluated if a search found nothing.
 PROBES = 8
 #: Number of cells in which the size of a row is asked for.
@@ -67,17 +69,21 @@ def check_start(
             contract.refuse_wrong_jacobian(system, character, x)
             contract.refuse_wrong_gradients(system, x)
             _refuse_wrong_periods(system, x)
-            if np.count_nonzero(tests == 0.0) == 1:
+            if not isinstance(system, SlicewiseLinearSystem) and (tests == 0.0).any():
                 _refuse_jump_beside(system, x)
 
 
 def _refuse_jump_beside(system: PiecewiseSystem, x: Array) -> None:
-    """Refuse a jump of H at a point where one test vanishes, as at z = 0: Newton finds nothing."""
+    """Refuse a jump of H at a point where tests vanish, as at z = 0: Newton finds nothing."""
     scale = system.differences(float(x[-1])).scale
     aside = (EPS**0.5 * scale * arrays.generic(len(x)))[:-1]
     near = (system.character(x[:-1] + way, float(x[-1])) for way in (aside, -aside))
     one, other = (Selection(system, character) for character in near)
-    if np.count_nonzero(one.character.array != other.character.array) == 1:
+    if one.character == other.character:
+        return
+    here = one.residual(x)
+    terms = np.abs(here) + arrays.product(abs(one.jacobian(x)), scale)
+    if (np.abs(other.residual(x) - here) > GROSS * terms).any():
         refuse_jump(one, other, x, np.zeros(len(x)), scale)
 
 

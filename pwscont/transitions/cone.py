@@ -362,7 +362,7 @@ def _cone_table(
     constant = np.where(corner.tests >= 0.0, 1.0, -1.0)
     constant[list(corner.zero)] = 0.0
     gradients = +dense(system.test_jacobian(x[:-1], float(x[-1])))
-    gradients[corner.flat | (constant != 0.0)] = 0.0
+    gradients[constant != 0.0] = 0.0
     rows, right = list[tuple[Array, Array]](), last_unit(len(x)) if right is None else right
     for k in range(max((len(block.modes) for block in blocks), default=1)):
         cell = here

@@ -18,7 +18,7 @@ from pwscont.basics.arrays import Array, Indices, Matrix, Signs, generic, joined
 from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidSystemError
 from pwscont.basics.rounding import EPS, GUARD
-from pwscont.curve.error_samples import magnitude, slack_by_constants, zero_up_to
+from pwscont.curve.error_samples import slack_by_constants, zero_up_to
 from pwscont.curve.metric import Metric
 from pwscont.linear.factorise import bordered, last_unit
 from pwscont.system.selection import Selection
@@ -83,22 +83,6 @@ class Corner:
         return Character.of(self.tests)
 
     @property
-    def flat(self) -> Signs:
-        """Tell which tests, shape (m,), are as flat as at a double zero, such as z**2 at z = 0.
-
-        Their gradients there change by as much as they are within the rounding of the place. Tests
-        of systems that are linear at fixed alpha are not flat.
-        """
-        flat = np.zeros(len(self.tests), dtype=bool)
-        if isinstance(self.system, SlicewiseLinearSystem) or not self.zero:
-            return flat
-        scale, here = self.metric.scale, self.gradients
-        aside = GUARD * (magnitude(self.x, self.error) + EPS * scale) * generic(len(scale))
-        there = replace(self, x=self.x + aside).gradients
-        flat[self.which] = abs(here) @ scale <= abs(there - here) @ scale
-        return flat
-
-    @property
     def which(self) -> Indices:
         """The tests that vanish, in order, shape (k,)."""
         return np.array(sorted(self.zero), dtype=np.intp)
@@ -142,8 +126,8 @@ class Corner:
 
     def slopes_along(self, selection: Selection, direction: Array) -> Array:
         """Return the slopes along d of vanishing bounding tests, 0 for slopes within rounding."""
-        tests, rows = self.vanishing(selection)
-        slopes: Array = (rows @ direction) * ~self.flat[tests]
+        rows = self.vanishing(selection)[1]
+        slopes: Array = rows @ direction
         least = zero_up_to(rows, np.abs(direction) + NOISE * self.metric.scale, part=SLANT)
         return np.where(np.abs(slopes) > least, slopes, 0.0)
 
