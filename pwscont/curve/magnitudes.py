@@ -246,7 +246,7 @@ class _Probe:
             once, twice = changes(BASE**-POWERS), changes(2.0 * BASE**-POWERS)
             grows = np.where(once != 0.0, twice / once, 2.0)  # 4 for a product: no unit either
             power, lower = POWERS, [POWERS]
-            while lower:  # bisection goes astray along functions such as sin(z)
+            while lower and lower[0] > -POWERS:  # bisection goes astray along sin(z)
                 power = _first(is_bent, -POWERS, lower[0])
                 beneath = range(power - STRIDE, power - FAR_BELOW, -STRIDE)
                 lower = list(islice(filter(is_bent, beneath), 1))
