@@ -233,8 +233,3 @@ def test_a_kink_on_the_boundary_and_a_misspelt_method_are_named():
 def test_a_character_has_signs_only(signs):
     with pytest.raises(InvalidInputError, match="True or False"):
         Character(signs)
-
-
-def test_no_points_prove_nothing():
-    with pytest.raises(InvalidInputError, match=r"points must be pairs \(z, alpha\), got \[\]"):
-        check_system(Plain(), [])

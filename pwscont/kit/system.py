@@ -135,7 +135,7 @@ def _shown(system: PiecewiseSystem, found: Defect) -> Defect:
 
 def _checked_points(system: PiecewiseSystem, points: Any) -> list[Array]:
     """Return points (z, alpha) as vectors, or say which entry is no point."""
-    if not isinstance(points, Iterable) or not (points := list(points)):
+    if not isinstance(points, Iterable):
         raise InvalidInputError(f"points must be pairs (z, alpha), got {points!r}")
     size = shown_size(system)
     checked = (_checked_point(f"points[{i}]", point, size) for i, point in enumerate(points))
