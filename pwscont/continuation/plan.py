@@ -30,7 +30,7 @@ from pwscont.search.default_search import default_search
 from pwscont.search.search import KnownBranches, scope_of
 from pwscont.system.abilities import Reducible, Reduction, completed, formula_of, shown_size
 from pwscont.system.box import Box
-from pwscont.system.contract import check_attributes, check_declaration, residual_at
+from pwscont.system.contract import check_attributes, check_cells, check_declaration, residual_at
 from pwscont.system.promises import check_start
 from pwscont.system.system import PiecewiseLinearSystem, PiecewiseSystem
 from pwscont.transitions import TransitionDetector
@@ -227,6 +227,7 @@ def checked_plan(
     check_declaration(system)
     check_stepper_fits(system, stepper)
     plan = Plan.of(system, interval, stepper, watched, budget, **options)
+    check_cells(plan.system)
     check_start(plan.system, interval, *start)
     return plan
 

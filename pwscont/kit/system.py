@@ -25,7 +25,7 @@ from pwscont.kit.inspection import (
 )
 from pwscont.system.abilities import ABILITIES, completed_point, end_of, shown_size
 from pwscont.system.box import Box
-from pwscont.system.contract import check_contract, check_declaration, checked_scale
+from pwscont.system.contract import check_cells, check_contract, check_declaration, checked_scale
 from pwscont.system.selection import Selection
 from pwscont.system.system import PiecewiseLinearSystem, PiecewiseSystem
 
@@ -109,6 +109,7 @@ def check_system(
     no defects found at 1 point
     """
     check_declaration(system)
+    check_cells(system)
     if not 0.0 < finite_array("radius", radius, ()) < np.inf:
         raise InvalidInputError(f"radius must be positive, got {radius}")
     defects: list[Defect] = []

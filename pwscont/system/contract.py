@@ -108,12 +108,16 @@ def check_declaration(system: PiecewiseSystem) -> None:
         names = Counter(checked_names(tuple(found), size))
         if twice := [name for name, number in names.items() if number > 1]:
             raise broken(system, "names()", f"gives several unknowns the name {twice[0]!r}")
+    check_abilities(system)
+
+
+def check_cells(system: PiecewiseSystem) -> None:
+    """Refuse cells() that yields no characters; cells() may ask for tests within the interval."""
     if getattr(system.cells, "__func__", None) is not PiecewiseSystem.cells:
         cells = system.cells()
         first = next(iter(cells), Character([])) if isinstance(cells, Iterable) else cells
         if not isinstance(first, Character):
             raise broken(system, "cells()", f"must yield a Character for each cell, got {first!r}")
-    check_abilities(system)
 
 
 def check_attributes(system: PiecewiseSystem) -> None:
