@@ -97,9 +97,10 @@ def test_limits_that_are_not_reached_change_nothing():
 
 
 def test_a_path_that_never_ends_comes_back_after_so_many_seconds():
-    graph = helix(limits=Limits(seconds=0.3))
-    assert "the limit of 0.3 seconds was reached" in graph.guarantee
-    assert len(graph.special_points("stopped")) == 2
+    graph = helix(limits=Limits(seconds=0.9))
+    assert "the limit of 0.9 seconds was reached" in graph.guarantee
+    # a machine that is busy may not come to the end of the first piece, and the start is the end
+    assert len(graph.special_points("stopped")) in (1, 2)
     on_the_helix(graph)
 
 
