@@ -4,9 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from plain_laws import Plain
 from pwscont_coulomb import ContactBody, LoadHistory, QuasiStaticCoulomb
 
-from pwscont import InvalidInputError, Stop, SystemWithMemory, evolve, prove
+from pwscont import InvalidInputError, Stop, evolve, prove
 from pwscont.evolution.graph import EvolutionGraph
 from pwscont.extending import ExactRates
 from pwscont.proof.prove import is_unique
@@ -149,27 +150,15 @@ def test_the_end_of_an_evolution_at_a_stop_is_named():
     assert prove(stopped).statements[0].endswith("followed up to a stop at t = 0.75")
 
 
-class Plain(SystemWithMemory, ExactRates):
-    """The same law without an evolver of its own."""
-
-    def __init__(self, law):
-        self.law = law
-
-    def remembering(self, memory):
-        return self.law.remembering(memory)
-
-    def memory(self, z, t):
-        return self.law.memory(z, t)
-
-    def initial_memory(self):
-        return self.law.initial_memory()
+class PlainWithRates(Plain, ExactRates):
+    """The same law without an evolver of its own, with the data of the law."""
 
     def exact_rates(self):
-        return self.law.exact_rates()
+        return self.system.exact_rates()
 
 
 def test_evolutions_by_rays_are_proved_too():
-    system = Plain(evolution(0.3).system)
+    system = PlainWithRates(evolution(0.3).system)
     found = evolve(system, (0.0, 3.0))
     assert prove(found).holds
     assert not prove(tampered(moved("node", "z", 1e-6), found)).holds

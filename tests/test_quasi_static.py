@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 from evolution_truth import TooManyError, evolutions, random_problem
 from integer_problems import integer_problem
+from plain_laws import Plain
 from pwscont_coulomb import ContactBody, LoadHistory, QuasiStaticCoulomb
 from pwscont_coulomb.quasi_static.active import ActiveInverse
 from pwscont_coulomb.quasi_static.scenes import cattaneo, shakedown
 from scipy.optimize import linprog
 from sweeps import swept
 
-from pwscont import InvalidInputError, Limits, SystemWithMemory, evolve
+from pwscont import InvalidInputError, Limits, evolve
 
 pytestmark = pytest.mark.sweep(2)  # the others take too long for the README's command
 
@@ -62,22 +63,6 @@ def test_brute_force_meets_branchings_and_losses():
     truths = [evolutions(random_problem(seed)) for seed in range(80)]
     assert sum(truth.branchings > 0 for truth in truths) >= 2
     assert sum(bool(truth.losses) for truth in truths) >= 10
-
-
-class Plain(SystemWithMemory):
-    """The same law without the evolver that knows contact."""
-
-    def __init__(self, system):
-        self.system = system
-
-    def remembering(self, memory):
-        return self.system.remembering(memory)
-
-    def memory(self, z, t):
-        return self.system.memory(z, t)
-
-    def initial_memory(self):
-        return self.system.initial_memory()
 
 
 @pytest.mark.parametrize("seed", swept(range(12), range(12, 200)))

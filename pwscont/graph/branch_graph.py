@@ -15,11 +15,10 @@ from typing import TYPE_CHECKING, Any, final
 
 import numpy as np
 
-from pwscont.basics.arguments import checked_kind, pandas_for
+from pwscont.basics.arguments import checked_kind, pandas_for, wrong_result
 from pwscont.basics.arrays import Array
-from pwscont.basics.errors import InvalidInputError
 from pwscont.basics.outcome import NOTHING_FOUND, Guarantee
-from pwscont.basics.printing import apart, counted, number, short
+from pwscont.basics.printing import apart, counted, number
 from pwscont.basics.quantities import Function
 from pwscont.graph import balance as signs
 from pwscont.graph import queries, storage
@@ -117,8 +116,7 @@ class BranchGraph(ConnectedPieces):
         words = verdict(self)
         said = words if self.proof is None else self.proof.judged(self, words)
         if not isinstance(said, str):
-            kind = type(self.proof).__name__
-            raise InvalidInputError(f"{kind}.judged must return words, got {short(repr(said))}")
+            raise wrong_result(self.proof, "judged", "words", said)
         return said
 
     @property

@@ -9,6 +9,7 @@ from typing import Any, final
 
 import numpy as np
 
+from pwscont.basics.arguments import wrong_result
 from pwscont.basics.arrays import Array, finite_array
 from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidInputError
@@ -195,10 +196,8 @@ def checked_proof(search: Search, proof: Any) -> Proof | None:
     is_object = not isinstance(proof, type) and callable(getattr(proof, "judged", None))
     if proof is None or is_object:
         return proof
-    raise InvalidInputError(
-        f"{type(search).__name__}.proved must return None, or an object with judged(graph, words), "
-        f"got {short(repr(proof))}"
-    )
+    wanted = "None, or an object with judged(graph, words)"
+    raise wrong_result(search, "proved", wanted, proof)
 
 
 def scope_of(search: Search, system: PiecewiseSystem) -> SearchScope:
