@@ -16,10 +16,10 @@ import numpy as np
 from pwscont.basics.arrays import finite_array, generic, product
 from pwscont.basics.budget import check_budget
 from pwscont.basics.errors import InvalidInputError
-from pwscont.basics.outcome import Guarantee, Kind, SearchScope
+from pwscont.basics.outcome import Failure, Guarantee, Kind, SearchScope
 from pwscont.basics.printing import counted
 from pwscont.basics.quantities import Quantities
-from pwscont.curve.corrector import BorderedNewton, Corrected
+from pwscont.curve.corrector import BorderedNewton
 from pwscont.curve.curve import Curve
 from pwscont.curve.error_samples import (
     Found,
@@ -162,13 +162,13 @@ def _is_seen(system: SlicewiseLinearSystem, metric: Metric, point: Point) -> boo
 
 def _leaves_doubt(system: SlicewiseLinearSystem, metric: Metric, found: Slice) -> bool:
     """Tell whether rounding may have changed the number of solutions of a slice."""
-    if found.undecided:
+    points = found.points  # digits are lost, or a point lies on an interface and in a single cell
+    lost = (_digits(p, metric) < FEW_DIGITS or is_in_doubt(system, metric, p) for p in points)
+    if found.undecided or any(lost):
         return True
-    if any(_digits(p, metric) < FEW_DIGITS or is_in_doubt(system, metric, p) for p in found.points):
-        return True  # digits are lost, or the solution lies on an interface and in a single cell
     if system.degree is None or found.faces:
         return False
-    return sum(_index(system, metric, point)[0] for point in found.points) != system.degree
+    return sum(_index(system, metric, point)[0] for point in points) != system.degree
 
 
 def _guarantee(system: SlicewiseLinearSystem, found: Slice, balance: int) -> str:
@@ -201,14 +201,11 @@ def _guarantee(system: SlicewiseLinearSystem, found: Slice, balance: int) -> str
 
 
 def _solution(system: SlicewiseLinearSystem, metric: Metric, point: Point) -> Solution:
-    alpha, character = float(point.x[-1]), point.characters[0]
-    index, kind = _index(system, metric, point)
-    label = system.label(character)
-    error = magnitude(point.x, point.error)
-    digits = significant(error, point.x, metric.scale)
-    named = Quantities(system.names)
-    z, error = shown_points(system, point.x)[:-1], shown_points(system, error)
-    return Solution(z, alpha, character, label, index, -1, kind, error, digits, named)
+    character, (index, kind) = point.characters[0], _index(system, metric, point)
+    error = shown_points(system, magnitude(point.x, point.error))
+    known = kind, error, _digits(point, metric), Quantities(system.names)
+    z, alpha = shown_points(system, point.x)[:-1], float(point.x[-1])
+    return Solution(z, alpha, character, system.label(character), index, -1, *known)
 
 
 def _index(system: PiecewiseSystem, metric: Metric, point: Point) -> tuple[int, Kind | None]:
@@ -238,7 +235,13 @@ def starts_at(system: PiecewiseSystem, metric: Metric, alpha: float) -> Iterator
     every cell, and solutions may be missed.
     """
     if not isinstance(system, SlicewiseLinearSystem):
-        yield from _once_per_cell(system, metric, alpha)
+        known, box = list[Found](), Box.of(system)
+        for character in system.cells():
+            check_budget()
+            solution = _in_cell(Curve(Selection(system, character), metric), box, alpha)
+            if solution and not any(is_same(metric, solution, other) for other in known):
+                known.append(solution)
+                yield solution
         return
     found, size = solve_surely(system, metric, alpha), len(metric.scale)
     yield from ((point.x, point.error) for point in found.points)
@@ -249,32 +252,16 @@ def starts_at(system: PiecewiseSystem, metric: Metric, alpha: float) -> Iterator
     yield from [unknown] * found.undecided
 
 
-def _once_per_cell(system: PiecewiseSystem, metric: Metric, alpha: float) -> Iterator[Found]:
-    """Yield the solutions of all selections at ``alpha`` that Newton finds in their own cells."""
-    known, box = list[Found](), Box.of(system)
-    for character in system.cells():
-        check_budget()
-        solution = _in_cell(Curve(Selection(system, character), metric), box, alpha)
-        if solution and not any(is_same(metric, solution, other) for other in known):
-            known.append(solution)
-            yield solution
-
-
 def _in_cell(curve: Curve, box: Box, alpha: float) -> Found | None:
     """Return the solution of a selection at ``alpha``, None if outside of the closed cell."""
-    x = np.append(box.centre(curve.metric.scale[:-1]), alpha)
-    along_alpha = last_unit(len(x)) * curve.metric.scale[-1]
-    corrected = BorderedNewton(most_iterations=30).correct(curve, x, along_alpha)
-    if not isinstance(corrected, Corrected):
-        return None
-    state = corrected.state
-    if not has_digits(state.x, state.error, curve.metric.scale):
+    selection, scale = curve.selection, curve.metric.scale
+    x = np.append(box.centre(scale[:-1]), alpha)
+    found = BorderedNewton(most_iterations=30).correct(curve, x, last_unit(len(x)) * scale[-1])
+    if isinstance(found, Failure) or not has_digits(found.state.x, found.state.error, scale):
         return None  # Newton ran off
-    x = np.append(box.wrapped(state.x[:-1]), alpha)
-    gradients = curve.selection.test_gradients(x)
-    slack = slack_of_values(gradients, x, state.error, curve.metric.scale)
-    inside = (curve.selection.tests(x) >= -slack).all()
-    return (x, state.error) if inside else None
+    x, error = np.append(box.wrapped(found.state.x[:-1]), alpha), found.state.error
+    slack = slack_of_values(selection.test_gradients(x), x, error, scale)
+    return (x, error) if (selection.tests(x) >= -slack).all() else None
 
 
 #: Most values of alpha that the scope of a search names; more values are counted.
@@ -367,19 +354,18 @@ class Slices(Search):
             If a slice lies outside the interval.
         """
         lo, hi = interval
-        outside = [float(alpha) for alpha in self.alphas if not lo <= alpha <= hi]
-        if outside:
-            raise InvalidInputError(f"Slices: {outside[0]} lies outside the interval [{lo}, {hi}]")
+        for alpha in self.alphas:
+            if not lo <= alpha <= hi:
+                where = f"{float(alpha)} lies outside the interval [{lo}, {hi}]"
+                raise InvalidInputError(f"Slices: {where}")
         for alpha in self.alphas:
             yield from starts_at(system, metric, alpha)
 
     def searched(self, system: PiecewiseSystem) -> SearchScope:
         """Promise nothing beyond the slices."""
-        linear = isinstance(system, SlicewiseLinearSystem)
+        linear, alphas = isinstance(system, SlicewiseLinearSystem), self.alphas
         what = "all solutions" if linear else "Newton once per cell"
-        if len(self.alphas) > MANY_LISTED:
-            first, last = min(self.alphas), max(self.alphas)
-            where = f"{len(self.alphas)} values of alpha from {first:.6g} to {last:.6g}"
-        else:
-            where = "alpha = " + ", ".join(f"{alpha:.6g}" for alpha in self.alphas)
+        where = "alpha = " + ", ".join(f"{alpha:.6g}" for alpha in alphas)
+        if len(alphas) > MANY_LISTED:
+            where = f"{len(alphas)} values of alpha from {min(alphas):.6g} to {max(alphas):.6g}"
         return SearchScope(f"{what} at {where}", Guarantee.NOTHING)

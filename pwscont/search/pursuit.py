@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import suppress
 from itertools import chain
 from typing import final
 
@@ -70,11 +71,9 @@ FAR_IN_MAGNITUDES, ALMOST = 3.0, 1e-3
 #: Distance by which a point is moved aside before alpha is set free, as a part of 1 plus the length
 #: of the point, because a minimum of the merit may lie where H is flat by symmetry.
 MOVED_ASIDE = 1e-3
-#: Distance below which two solutions coincide, in typical magnitudes, as a part of 1 plus the
-#: length of a solution.
-SAME_SOLUTION = EPS**0.5
-#: Distance below which two rough known solutions coincide, measured in the same way.
-DISTINCT = 1e-5
+#: Distances below which two solutions, and two rough known solutions, coincide, in typical
+#: magnitudes, as a part of 1 plus the length of a solution.
+SAME_SOLUTION, DISTINCT = EPS**0.5, 1e-5
 #: Most known branches, the nearest first, that a solution found with alpha free is compared with.
 MOST_NEAR = 16
 #: Most solutions from a start.
@@ -116,8 +115,7 @@ class Pursuit:
     def __init__(
         self, system: PiecewiseSystem, metric: Metric, known: KnownBranches, reach: Array
     ) -> None:
-        self._system, self._metric, self._scale = system, metric, metric.scale
-        self._interval, self._known = metric.interval, known
+        self._system, self._metric, self._scale, self._known = system, metric, metric.scale, known
         self._ends = metric.interval[0] / metric.width, metric.interval[1] / metric.width
         self._box, self._shown = Box.of(system), shown_size(system)
         self._roots: tuple[float, dict[bytes, Array]] = math.nan, {}  # by places beside the roots
@@ -140,7 +138,10 @@ class Pursuit:
             z = completed(self._system, rough[: self._shown], alpha)
             y = np.append(z, alpha) / self._scale
             for _ in range(MOST_FROM_ONE):
-                reached, arrived = self._at_alpha(y, self._distinct(known))
+                apart: list[Array] = []  # a solution deflated away twice attracts from afar
+                for x in known:
+                    apart += [x] if is_new(self._metric, x, apart, DISTINCT) else []
+                reached, arrived = self._at_alpha(y, apart)
                 found = self._corrected(reached, alpha) if arrived else None
                 if not (found and is_new(self._metric, found[0], known)):
                     break
@@ -172,6 +173,7 @@ class Pursuit:
         system, reach, box = self._system, float(self.reach[0]), self._box
         if self._shown != 1:
             return
+        from scipy.optimize import bisect  # noqa: PLC0415  importing takes as long as all else
 
         def equation(z: float) -> float:
             full = completed(system, np.array([z]), alpha)
@@ -189,8 +191,6 @@ class Pursuit:
         is_far, sizes = np.abs(places) > reach * wide[-1], np.abs(values)
         grows = sizes > GROWN * sizes.max(where=~is_far & np.isfinite(sizes), initial=0.0)
         signs = np.where(is_far & ~grows, 0.0, np.sign(values))
-        from scipy.optimize import bisect  # noqa: PLC0415  importing takes as long as all else
-
         is_known = np.histogram(own, places)[0] > 0
         for i in np.flatnonzero((signs[1:] * signs[:-1] < 0.0) & ~is_known):
             a, b = places[i : i + 2]
@@ -205,13 +205,14 @@ class Pursuit:
 
     def _freely(self, y: Array, number: int) -> Found | None:
         """Return the new solution to which a free alpha leads from where a pursuit stalled."""
-        free = self._free(y, generic(len(y), float(number)))
-        lo, hi = self._interval
-        if free is None or not lo <= free[-1] * self._metric.width <= hi:
+        metric, (lo, hi) = self._metric, self._metric.interval
+        aside = y + self._slack(y, MOVED_ASIDE) * generic(len(y), float(number))
+        free, arrived = self._pursued(aside, self._freed_step, ())
+        if not (arrived and lo <= free[-1] * metric.width <= hi):
             return None
         if (found := self._standing(self._along(free))) is None:
             return None
-        metric, x, alpha = self._metric, found[0], float(found[0][-1])
+        x, alpha = found[0], float(found[0][-1])
         near = self._known.in_cells_at(alpha)
         near.sort(key=lambda each: metric.norm(metric.difference(each[1], x)))  # most are known
         roots = (self._known_root(*each, alpha) for each in near[:MOST_NEAR])
@@ -274,20 +275,12 @@ class Pursuit:
             if root is not None and self._system.character(root[:-1], alpha) == beyond:
                 yield root[:-1]
 
-    def _distinct(self, points: list[Array]) -> list[Array]:
-        """Return points, each once: a solution that is deflated away twice attracts from afar."""
-        found: list[Array] = []
-        for x in points:
-            found += [x] if is_new(self._metric, x, found, DISTINCT) else []
-        return found
-
     def solution_near(self, z: Array, alpha: float) -> Found | None:
         """Return the solution to which Newton leads from a state, None if not found."""
         y, arrived = self._at_alpha(np.append(z, alpha) / self._scale, ())
         return self._corrected(y, alpha) if arrived else None
 
     def _corrected(self, y: Array, alpha: float) -> Found | None:
-        """Return the solution near a rough solution, None if not found or without a digit."""
         x = y * self._scale
         found = solution_from(self._system, self._metric, x[:-1], alpha, ())
         return found and self._usable(found, x)
@@ -306,10 +299,7 @@ class Pursuit:
     # -- pursuits by rough Newton steps, all in typical magnitudes ------------------------------
 
     def _at_alpha(self, y: Array, known: Sequence[Array]) -> tuple[Array, bool]:
-        """Return where Newton's method at fixed alpha leads, and whether a solution is there.
-
-        ``known``: solutions (z, alpha) that are deflated away.
-        """
+        """Return where Newton at fixed alpha leads, and whether a solution is there."""
 
         def step_at(y: Array, residual: Array, jacobian: Array) -> Array:
             step = np.append(_newton_step(jacobian[:, :-1], residual), 0.0)
@@ -317,59 +307,46 @@ class Pursuit:
 
         return self._pursued(y, step_at, known)
 
-    def _free(self, y: Array, direction: Array) -> Array | None:
-        """Return the point of a curve to which steps of least length lead, within the interval.
-
-        The steps begin aside of a point, in a direction.
-        """
-
-        def step_at(y: Array, residual: Array, jacobian: Array) -> Array:
-            step = _shortest_step(jacobian, residual)
-            if self._ends[0] <= y[-1] + _limit(step, y) * step[-1] <= self._ends[1]:
-                return step
-            rise = self._ends[0 if step[-1] < 0.0 else 1] - y[-1]  # to the end that is left
-            rest = residual + jacobian[:, -1] * rise
-            return np.append(_newton_step(jacobian[:, :-1], rest), rise)
-
-        aside = y + self._slack(y, MOVED_ASIDE) * direction
-        found, arrived = self._pursued(aside, step_at, ())
-        return found if arrived else None
+    def _freed_step(self, y: Array, residual: Array, jacobian: Array) -> Array:
+        """Return the step of least length to a curve, at most to the end of the interval."""
+        step = _shortest_step(jacobian, residual)
+        if self._ends[0] <= y[-1] + _limit(step, y) * step[-1] <= self._ends[1]:
+            return step
+        rise = self._ends[0 if step[-1] < 0.0 else 1] - y[-1]  # to the end that is left
+        rest = residual + jacobian[:, -1] * rise
+        return np.append(_newton_step(jacobian[:, :-1], rest), rise)
 
     def _pursued(
         self, y: Array, step_at: Callable[[Array, Array, Array], Array], known: Sequence[Array]
     ) -> tuple[Array, bool]:
-        """Return where steps lead, and whether a solution is there."""
+        """Return where steps lead, and whether a solution is there; ``known`` are deflated away."""
         for _ in range(MOST_PURSUIT_STEPS):
             here = self._linear(y)
-            if here is None:
-                return y, False
-            step = step_at(y, *here)
-            if not are_finite(step):
-                return y, False
+            if here is None or not are_finite(step := step_at(y, *here)):
+                break
             if _length(step) <= self._slack(y, LAST_STEP):
                 return y + step, True
             moved = self._moved(y, here[0], step, known)
             if moved is None or _length(moved[:-1]) > self._farthest:
-                return y, False
+                break
             y = moved
         return y, False
 
-    def _across(self, start: Array, y: Array, direction: Array) -> Array | None:
-        """Return the point of a curve to which Newton leads in the plane normal to a direction.
-
-        The plane passes through ``y``.
-        """
+    def _across(self, y: Array, direction: Array) -> Array | None:
+        """Return where Newton leads in the plane through a point normal to a direction."""
+        there = y
         for _ in range(MOST_IN_PLANE):
-            here = self._linear(start)
+            here = self._linear(there)
             if here is None:
                 return None
-            matrix, off = np.vstack([here[1], direction]), direction.dot(self._apart(start, y))
+            apart = self._metric.difference(there * self._scale, y * self._scale) / self._scale
+            matrix, off = np.vstack([here[1], direction]), direction.dot(apart)
             step = _newton_step(matrix, np.append(here[0], off))
             if not are_finite(step):
                 return None
-            start = start + step
+            there = there + step
             if _length(step) <= self._slack(y, LAST_STEP):
-                return start
+                return there
         return None
 
     def _along(self, y: Array) -> Array:
@@ -381,21 +358,17 @@ class Pursuit:
             beside = y + self._slack(y, MOVED_ALONG) * way
             if not self._ends[0] <= beside[-1] <= self._ends[1]:
                 continue
-            found = self._across(beside, beside, direction)
+            found = self._across(beside, direction)
             if found is not None and self._ends[0] <= found[-1] <= self._ends[1]:
                 return found
         return y
 
     def _direction(self, y: Array) -> Array | None:
-        """Return the direction of the curve at a point, None where H is not finite."""
         here = self._linear(y)
         return None if here is None else np.asarray(np.linalg.svd(here[1])[2][-1])
 
     def _is_flat(self, y: Array, direction: Array) -> bool:
-        """Tell whether alpha hardly changes along the curve, at a point and farther out.
-
-        Far away, alpha hardly changes if a pursuit has run to infinity.
-        """
+        """Tell whether alpha hardly changes along the curve, as where a pursuit ran to infinity."""
         outwards = direction if direction.dot(y) > 0.0 else -direction
         far = _length(y[:-1]) > FAR_IN_MAGNITUDES
         least, way = (ALMOST, 0.5 * _length(y[:-1])) if far else (LEAN, MOVED_ASIDE)
@@ -415,17 +388,13 @@ class Pursuit:
         return residual, jacobian
 
     def _place(self, y: Array) -> tuple[Array, float] | None:
-        """Return z and alpha of a point; None outside the interval by more than rounding."""
         x = y * self._scale
         return (x[:-1], float(x[-1])) if self._metric.admits(x) else None
 
     def _moved(
         self, y: Array, residual: Array, step: Array, known: Sequence[Array]
     ) -> Array | None:
-        """Return the first of y + step, y + step / 2, ... that reduces the merit enough.
-
-        A step is shortened first if much longer than the way from zero to the point.
-        """
+        """Return the first of y + step, y + step / 2, ... that reduces the merit enough."""
 
         def merit(y: Array, residual: Array) -> float:
             return _length(residual) * deflation(self._metric, known, y * self._scale)
@@ -442,10 +411,6 @@ class Pursuit:
 
     def _slack(self, y: Array, tolerance: float) -> float:
         return self._metric.slack(y * self._scale, tolerance)
-
-    def _apart(self, y: Array, other: Array) -> Array:
-        apart: Array = self._metric.difference(y * self._scale, other * self._scale)
-        return apart / self._scale
 
 
 def solution_from(
@@ -466,17 +431,16 @@ def is_new(metric: Metric, x: Array, known: Sequence[Array], same: float = SAME_
 
 def _with_tails(even: Array) -> Array:
     """Return numbers between -1 and 1 spread over all numbers, ever sparser farther out."""
-    spread: Array = even * np.sqrt(2.0 / (1.0 - even**2))
-    return spread
+    return even * np.sqrt(2.0 / (1.0 - even**2))
 
 
 def _newton_step(jacobian: Array, residual: Array) -> Array:
     """Return Newton's step, for a singular Jacobian the step of Levenberg and Marquardt."""
-    try:
+    with suppress(np.linalg.LinAlgError):
         step: Array = np.asarray(np.linalg.solve(jacobian, -residual), dtype=float)
-    except np.linalg.LinAlgError:
-        return _shortest_step(jacobian, residual)
-    return step if are_finite(step) else _shortest_step(jacobian, residual)
+        if are_finite(step):
+            return step
+    return _shortest_step(jacobian, residual)
 
 
 def _shortest_step(jacobian: Array, residual: Array) -> Array:
@@ -484,10 +448,9 @@ def _shortest_step(jacobian: Array, residual: Array) -> Array:
     square = jacobian.dot(jacobian.T)
     square.flat[:: len(square) + 1] += DAMPED**2 * min(1.0, float(residual.dot(residual))) + EPS
     try:
-        step: Array = -jacobian.T.dot(np.linalg.solve(square, residual))
+        return -jacobian.T.dot(np.linalg.solve(square, residual))
     except np.linalg.LinAlgError:
         return np.full(jacobian.shape[1], np.inf)
-    return step
 
 
 def _limit(step: Array, y: Array) -> float:
