@@ -6,7 +6,7 @@ may be short. On a bound, the unknown is given and alpha is not.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from typing import Any, final
 
 import numpy as np
@@ -77,6 +77,12 @@ class Exchanged(PiecewiseSystem):
         """Return the periods; alpha has none."""
         return self.exchanged(np.append(self._box.period, np.inf))[:-1]
 
+    def branches(self, known: KnownBranches) -> KnownBranches:
+        """Return known branches of the system as branches of this system."""
+        seen = KnownBranches()
+        seen.followed = lambda: ((cell, self.exchanged(x)) for cell, x in known.followed())
+        return seen
+
 
 def on_bounds(
     system: PiecewiseSystem,
@@ -93,40 +99,22 @@ def on_bounds(
     each.
     """
     box, scale = Box.of(system), metric.scale[:-1]
-    ends = np.array([box.lower, box.upper])
+    ends = lower, upper = np.array([box.lower, box.upper])
     near = np.argwhere(np.abs(ends) <= FARTHEST_START * scale)[:count]
     each = count // max(len(near), 1)
-    numbers = range(turn * each, (turn + 1) * each)
     for side, place in near.tolist():
         bound, slack = float(ends[side, place]), SAME_SOLUTION * scale[place]
         if any((np.abs(x[:, place] - bound) <= slack).sum() > 1 for x in known.pieces()):
             continue  # a branch lies on the bound
-        yield from _on_bound(system, metric, interval, known, reach, place, bound, numbers)
-
-
-def _on_bound(
-    system: PiecewiseSystem,
-    metric: Metric,
-    interval: Range,
-    known: KnownBranches,
-    reach: Array,
-    place: int,
-    bound: float,
-    numbers: Iterable[int],
-) -> Iterator[Found]:
-    """Yield solutions on a bound of the unknown at a place."""
-    other, box = Exchanged(system, place, metric, interval), Box.of(system)
-    width = INWARDS * metric.scale[place]
-    inside = max(box.lower[place], bound - width), min(box.upper[place], bound + width)
-    seen = KnownBranches()
-    seen.followed = lambda: ((cell, other.exchanged(x)) for cell, x in known.followed())
-    periods = Box.of(other).period
-    own = other.exchanged(np.append(reach, metric.width))[:-1]
-    pursuit = Pursuit(other, Metric(other.magnitudes, inside, periods), seen, own)
-    for found in pursuit.at(bound, map(pursuit.guess, numbers)):
-        if _is_crossed(other, found[0]):
-            x, error = map(other.exchanged, found)
-            yield x, error
+        other, width = Exchanged(system, place, metric, interval), INWARDS * scale[place]
+        inside = max(lower[place], bound - width), min(upper[place], bound + width)
+        own = other.exchanged(np.append(reach, metric.width))[:-1]
+        there = Metric(other.magnitudes, inside, Box.of(other).period)
+        pursuit = Pursuit(other, there, other.branches(known), own)
+        starts = map(pursuit.guess, range(turn * each, (turn + 1) * each))
+        for x, error in pursuit.at(bound, starts):
+            if _is_crossed(other, x):
+                yield other.exchanged(x), other.exchanged(error)
 
 
 def _is_crossed(other: Exchanged, y: Array) -> bool:

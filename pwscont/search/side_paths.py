@@ -79,24 +79,18 @@ class SidePaths:
     def at(self, alpha: float, number: int) -> Iterator[Found]:
         """Yield new solutions at an alpha; other numbers lead along other d."""
         d = np.cos((1.0 + number) * generic_angles(self._system.size))
-        self._alpha, self._d = alpha, d / np.linalg.norm(d)
-        passed = list[Array]()
-        while (start := self._not_passed(passed)) is not None:
-            if not passed:
-                self._set_rows(start)
+        self._alpha, self._d, passed = alpha, d / np.linalg.norm(d), list[Array]()
+        while self._left > 0:
+            known = self._pursuit.solutions(alpha)
+            start = next((x for x in known if is_new(self._metric, x, passed, DISTINCT)), None)
+            if start is None:
+                return
+            if not passed:  # rows of H are divided by their largest coefficients at a solution
+                cell = Selection(self._system, self._system.character(start[:-1], alpha))
+                rows = np.abs(dense(cell.jacobian(start))[:, :-1] * self._scale).max(axis=1)
+                self._rows = np.where((rows > 0.0) & np.isfinite(rows), rows, 1.0)
             passed.append(start)
             yield from self._through(start, passed)
-
-    def _not_passed(self, passed: list[Array]) -> Array | None:
-        """Return a known solution that no side path has passed; None if there is none."""
-        known = self._pursuit.solutions(self._alpha) if self._left > 0 else []
-        return next((x for x in known if is_new(self._metric, x, passed, DISTINCT)), None)
-
-    def _set_rows(self, x: Array) -> None:
-        """Divide all rows of H by the largest coefficients at a solution."""
-        cell = Selection(self._system, self._system.character(x[:-1], self._alpha))
-        rows = np.abs(dense(cell.jacobian(x))[:, :-1] * self._scale).max(axis=1)
-        self._rows = np.where((rows > 0.0) & np.isfinite(rows), rows, 1.0)
 
     def _through(self, start: Array, passed: list[Array]) -> Iterator[Found]:
         """Yield the new solutions on the side path through a solution."""
@@ -116,7 +110,11 @@ class SidePaths:
         """Yield rough states at which mu changes its sign on the side path from a solution."""
         known = np.array(self._pursuit.solutions(self._alpha))[:, :-1] / self._scale
         farthest = FARTHER_OUT * (1.0 + float(np.linalg.norm(known, axis=1).max()))
-        here, length = self._start(z, way), FIRST_SIDE_STEP
+        cell = Selection(self._system, self._system.character(z, self._alpha))
+        w, length = joined(z / self._scale, 0.0), FIRST_SIDE_STEP
+        if not are_finite(jacobian := self._jacobian(w, cell)):
+            return
+        here = self._place(w, cell, way * np.linalg.svd(jacobian)[2][-1])
         for _ in range(MOST_SIDE_STEPS):
             if here is None or self._left <= 0 or length < SHORTEST_STEP:
                 return
@@ -129,20 +127,11 @@ class SidePaths:
                 yield (here.w + part * (there.w - here.w))[:-1] * self._scale
             is_straight = there.direction.dot(here.direction) > HARDLY_TURNED
             here, size = there, float(np.linalg.norm(there.w[:-1]))
-            length = min(
-                length * (SIDE_GROWS if is_straight else 1.0), LONGEST_SIDE_STEP * (1.0 + size)
-            )
+            length *= SIDE_GROWS if is_straight else 1.0
+            length = min(length, LONGEST_SIDE_STEP * (1.0 + size))
             inside = self._box.contains(here.w[:-1] * self._scale, OUTSIDE * self._scale)
             if size > farthest or not inside:
                 return
-
-    def _start(self, z: Array, way: float) -> _Place | None:
-        cell = Selection(self._system, self._system.character(z, self._alpha))
-        w = joined(z / self._scale, 0.0)
-        jacobian = self._jacobian(w, cell)
-        if not are_finite(jacobian):
-            return None
-        return self._place(w, cell, way * np.linalg.svd(jacobian)[2][-1])
 
     def _step(self, here: _Place, length: float) -> _Place | None:
         """Return the place after a step, None for a failure.
@@ -169,8 +158,8 @@ class SidePaths:
         self._left -= 1
         check_budget()
         jacobian = self._jacobian(w, cell)
+        matrix = np.vstack([jacobian, near])
         try:
-            matrix = np.vstack([jacobian, near])
             direction: Array = np.linalg.inv(matrix)[:, -1]
             direction = direction / np.linalg.norm(direction)
             if (own := float(np.linalg.slogdet(matrix)[0])) * sign < 0.0:
@@ -197,8 +186,7 @@ class SidePaths:
         return joined(w[:-1] * self._scale, self._alpha)
 
     def _residual(self, w: Array, cell: Selection) -> Array:
-        residual: Array = cell.residual(self._point(w)) / self._rows - w[-1] * self._d
-        return residual
+        return cell.residual(self._point(w)) / self._rows - w[-1] * self._d
 
     def _jacobian(self, w: Array, cell: Selection) -> Array:
         by_z = dense(cell.jacobian(self._point(w)))[:, :-1] * self._scale
