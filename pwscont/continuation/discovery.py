@@ -17,6 +17,7 @@ import numpy as np
 from pwscont.basics.arrays import Array
 from pwscont.basics.budget import Budget
 from pwscont.basics.outcome import CROSSED, FailureReason, Kind, Remark, says
+from pwscont.basics.printing import counted
 from pwscont.basics.rounding import SAME_ALPHA
 from pwscont.continuation.follow import LONG_CHANGE, Followed, PieceFollower, is_cut
 from pwscont.continuation.known import (
@@ -82,9 +83,8 @@ def _leads_nowhere(points: Sequence[Array], arrival: SpecialPointFound, ray: Ray
     """Tell whether a curved piece is hardly longer than a point, or one of a double root."""
     if ray.curve.selection.is_straight:
         return False
-    why, metric = worded(arrival.said), ray.curve.metric
-    gone = metric.norm(metric.difference(points[-1], points[0])) if len(points) > 1 else 0.0
-    return gone < NOWHERE or says(why, FailureReason.TWICE)
+    gone = ray.curve.metric.norm(ray.curve.metric.difference(points[-1], points[0]))
+    return gone < NOWHERE or says(worded(arrival.said), FailureReason.TWICE)
 
 
 def _is_a_point(left: KnownRay, points: Sequence[Array], ray: Ray) -> bool:
@@ -123,21 +123,17 @@ class Discovery:
         self._piece_from = follow or follower.follow
         self._queue: deque[KnownRay] = deque()
         self._known_rays: dict[bytes, list[KnownRay]] = defaultdict(list)  # by cell
-        self._next = 0
+        self._next = self._first = 0  # numbers of the next node, and of the component's first node
         self.nodes: dict[int, Node] = {}
         self.edges: list[Edge] = []
-        #: Rays that leave the interval.
-        self.leaving: list[Ray] = []
+        self.leaving: list[Ray] = []  # rays that leave the interval
         self._starts: list[Place] = []  # where tracing began on pieces that were forgotten
         self._left_at: list[tuple[Array, Array]] = []  # where endless paths were left, and ways on
-        self._first = 0  # number of the first node of the component that is followed
         self._endless: list[Ray] = []  # back from where paths to infinity were left
         self._in_vain = 0  # number of steps that led next to nowhere
-        #: Whether paths that branch repeat themselves in several directions.
-        self.is_net = False
-        #: Number of starts that were not followed, because as many paths led next to nowhere.
-        self.left_out = 0
-        self.unsolved = 0  # starts that are no solutions
+        self.is_net = False  # whether paths that branch repeat themselves in several directions
+        #: Numbers of starts left out because many paths led next to nowhere, and of no solutions.
+        self.left_out = self.unsolved = 0
 
     def add(self, arrival: SpecialPointFound, start: Corner | None = None) -> None:
         """Start from a special point, and follow everything that can be reached from it."""
@@ -168,9 +164,8 @@ class Discovery:
 
     def is_beyond(self, x: Array) -> bool:
         """Tell whether a start lies farther out, on an endless path that has been followed."""
-        if any(_is_past(x, back) for back in self._endless):
-            return True
-        return any((x - place)[:-1] @ way > 0.0 for place, way in self._left_at)
+        farther = any((x - place)[:-1] @ way > 0.0 for place, way in self._left_at)
+        return farther or any(_is_past(x, back) for back in self._endless)
 
     def spans(self, lo: float, hi: float) -> bool:
         """Tell whether at every alpha from lo to hi there is a piece."""
@@ -183,12 +178,11 @@ class Discovery:
 
     def close(self, why: str) -> None:
         """Mark the nodes with rays that were not followed, and say why; ends the discovery."""
-        for node in self.nodes.values():
-            if left := sum(known.ray is not None for known in node.rays):
-                why = why or "special points were passed over"
-                node.stop(f"{why}, {left} piece{'' if left == 1 else 's'} not followed", left)
-                node.kind = Kind.STOPPED
+        why = why or "special points were passed over"
         for number, node in self.nodes.items():
+            if left := sum(known.ray is not None for known in node.rays):
+                node.stop(f"{why}, {counted(left, 'piece')} not followed", left)
+                node.kind = Kind.STOPPED
             if node.kind == Kind.STOPPED:
                 node.said = node.message + accumulating(self.nodes, number)
 
@@ -202,10 +196,7 @@ class Discovery:
     def _follow(self, left: KnownRay) -> None:
         """Follow a ray to the end of its piece, if no piece has arrived on the ray."""
         here, ray = self.nodes[left.node], left.ray
-        if ray is None:
-            return
-        if why := self._is_useless(left.node, ray):
-            self._leave(left, why)
+        if ray is None or self._is_useless(left, ray):
             return
         points, arrival = self._piece_from(ray)
         self._in_vain += len(points) if _leads_nowhere(points, arrival, ray) else 0
@@ -236,19 +227,18 @@ class Discovery:
             self._keep_shorter(self.edges[-1], left, ray)
         self._report(len(self.edges), float(points[-1][-1]))
 
-    def _is_useless(self, number: int, ray: Ray) -> str:
-        """Return why a ray of a node is not followed, empty if the ray is."""
+    def _is_useless(self, left: KnownRay, ray: Ray) -> bool:
+        """Tell whether a ray is not followed, and say why at its node; in a net, no ray is."""
         is_due = (len(self.edges) + 1) % EVERY == 0 and not self._budget.is_limited
-        if is_due and self._repeats_itself(number, ray.curve.metric.scale):
-            return Remark.REPEATS.value
-        return FailureReason.TWICE.value if self._is_in_vain(ray) else ""
-
-    def _leave(self, left: KnownRay, why: str) -> None:
-        """Say at the node of a ray why the ray is not followed; in a net, all rays are left."""
-        for known in (left, *self._queue) if why == Remark.REPEATS and self.is_net else (left,):
+        repeats = is_due and self._repeats_itself(left.node, ray.curve.metric.scale)
+        if not (repeats or self._is_in_vain(ray)):
+            return False
+        why = Remark.REPEATS if repeats else FailureReason.TWICE
+        for known in (left, *self._queue) if repeats and self.is_net else (left,):
             if known.ray is not None:
-                self.nodes[known.node].stop(why)
+                self.nodes[known.node].stop(why.value)
                 known.ray = None
+        return True
 
     def _is_in_vain(self, ray: Ray) -> bool:
         """Tell whether a ray would lead next to nowhere, as rays before from such points did.
@@ -278,20 +268,18 @@ class Discovery:
         The first ``back`` rays stay. A transition that only rounding tells from an end may be met
         before the end.
         """
-        (lo, hi), bounds, whys = self._follower.interval, self._follower.bounds, []
-        rays = arrival.rays[:back]
+        (lo, hi), bounds = self._follower.interval, self._follower.bounds
+        rays, why = arrival.rays[:back], None
         for ray in arrival.rays[back:]:
-            why = bounds and bounds.left_by(ray)
-            if points_inside(ray, lo, hi) and not why:
+            left_by = bounds and bounds.left_by(ray)
+            if points_inside(ray, lo, hi) and not left_by:
                 rays = (*rays, ray)
-            else:
-                whys.append(why)
-        if not whys:
+            why = why or left_by
+        if len(rays) == len(arrival.rays):
             return arrival  # nearly always
-        why = next(filter(None, whys), None)
         if len(rays) == 1 and (why or (back and arrival.kind != Kind.END)):
             return SpecialPointFound(Kind.END, arrival.x, why or "end of the interval", rays)
-        if why is None:
+        if not why:
             return arrival.leading(rays)
         said = f"{worded(arrival.said)}; {Remark.ON_BOUND}: {why}"
         return SpecialPointFound(arrival.kind, arrival.x, said, rays)
@@ -306,11 +294,11 @@ class Discovery:
         """
         rays = [KnownRay.of(ray, place) for ray in arrival.rays]
         left, node = None, self._node_of(arrival, rays)
-        back = arrival.rays[0]
-        if node is not None and _is_a_point(begun, points, back):
+        if node is not None and _is_a_point(begun, points, arrival.rays[0]):
             left, node = begun, self._node_of(arrival, rays, left=begun)
         if node is None:
-            node = self._new(arrival, place, rays, first=1)
+            rays[0].ray = None
+            node = self._new(arrival, place, rays)
             self._remember(rays)
             return node
         self._absorb(node, arrival, rays, left if node == begun.node else None)
@@ -351,12 +339,10 @@ class Discovery:
 
         Transitions apart by rounding may look like one corner, or from the other side like two.
         """
-        news = [ray for ray in rays if not match(self._known_rays, ray, left)]
-        if not news:
-            return
-        self.nodes[node].kind, self.nodes[node].said = arrival.kind, arrival.said
-        self._let_leave(node, news)
-        self._remember(news)
+        if news := [ray for ray in rays if not match(self._known_rays, ray, left)]:
+            self.nodes[node].kind, self.nodes[node].said = arrival.kind, arrival.said
+            self._let_leave(node, news)
+            self._remember(news)
 
     def _remember(self, rays: Iterable[KnownRay]) -> None:
         """Let pieces arrive on rays."""
@@ -371,13 +357,8 @@ class Discovery:
         self.nodes[node].rays += rays
         self._queue += [known for known in rays if known.ray is not None]
 
-    def _new(
-        self, arrival: SpecialPointFound, place: Place, rays: Sequence[KnownRay], first: int = 0
-    ) -> int:
-        """Add a node whose rays will be followed, from the first one on that was not."""
+    def _new(self, arrival: SpecialPointFound, place: Place, rays: Sequence[KnownRay]) -> int:
         node, self._next = self._next, self._next + 1
-        for known in rays[:first]:
-            known.ray = None
         self.nodes[node] = Node(arrival.kind, place, arrival.said)
         self._let_leave(node, rays)
         return node
@@ -388,8 +369,7 @@ class Discovery:
         The rest of the longer piece is followed from that end. A longer piece that comes second is
         forgotten: another piece will arrive on its ray.
         """
-        beside = [e for e in self.edges if edge.end in (e.start, e.end) and e is not edge]
-        for other in beside:
+        for other in [e for e in self.edges if edge.end in (e.start, e.end) and e is not edge]:
             if self._passes_over(other, edge, ray):
                 self._forget(other)
             elif self._passes_over(edge, other, ray):

@@ -166,7 +166,13 @@ class PieceFollower:
 
     def follow(self, ray: Ray) -> Followed:
         """Return the piece that ``ray`` begins, as far as the budget of the run allows."""
-        self._begin(ray)
+        self._curve, self._state, self._points = ray.curve, ray.state, [ray.state.x]
+        self._before: State | None = None
+        self._step_before: CurvedSegment | None = None
+        self._blocked = self._tiny = self._shortened = 0
+        self._flips = 0  # changes of sign that no detector took for a special point
+        self._part = part_of_steps(ray.curve)
+        self._stops: EventsAlong | None = None
         try:
             check_budget()
             if arrival := self._straight and self._straight.next(ray, self.interval):
@@ -177,16 +183,6 @@ class PieceFollower:
             return self._to_the_end()
         except KeyboardInterrupt as why:
             return self._stopped(current_budget().end(why))
-
-    def _begin(self, ray: Ray) -> None:
-        """Forget the last piece, and begin a piece with a ray."""
-        self._curve, self._state, self._points = ray.curve, ray.state, [ray.state.x]
-        self._before: State | None = None
-        self._step_before: CurvedSegment | None = None
-        self._blocked = self._tiny = self._shortened = 0
-        self._part = part_of_steps(ray.curve)
-        self._stops: EventsAlong | None = None
-        self._flips = 0  # changes of sign that no detector took for a special point
 
     def _to_the_end(self) -> Followed:
         """Return the piece, step after step."""
@@ -240,13 +236,14 @@ class PieceFollower:
             return Failure(FailureReason.ENDLESS)
         if self._tiny > MOST_TINY:
             return Failure(FailureReason.CREEPING)
-        if number % CRAWL_CHECK_EVERY == 0 and self._crawls():
-            return Failure(FailureReason.TWICE)
-        if number > MANY_STEPS:
-            factor = self._curve.metric.norm(self._state.x - self._points[0]) / STRETCHED_FROM
-            stepper = stepper.stretched(factor) if factor > 1.0 else stepper
-        interval, before = self.interval, self._step_before
-        step = stepper.step(self._curve, interval, self._state, before, longest)
+        if number >= CRAWL_CHECK_EVERY:
+            gone = self._curve.metric.norm(self._state.x - self._points[0])
+            is_due = number % CRAWL_CHECK_EVERY == 0  # rounding may flip the determinant's sign
+            if is_due and self._flips > MOST_FLIPS and gone < CRAWLING * number:
+                return Failure(FailureReason.TWICE)
+            if number > MANY_STEPS and gone > STRETCHED_FROM:
+                stepper = stepper.stretched(gone / STRETCHED_FROM)
+        step = stepper.step(self._curve, self.interval, self._state, self._step_before, longest)
         if isinstance(step, CurvedSegment) and not stepper.takes_rays:
             largest = (step_size_of(stepper) or StepSize()).largest
             self._tiny = self._tiny + 1 if step.length < TINY_PART * largest else 0
@@ -261,13 +258,14 @@ class PieceFollower:
 
     def _aimed(self, longest: float, reading: Reading) -> tuple[CurvedSegment, Event] | None:
         """Return the step to the event that seems to come next, None if that event is not next."""
-        curve, watch, stepper = self._curve, self._watch, self._stepper
+        curve, watch = self._curve, self._watch
         ahead = watch.ahead(reading)
         if ahead is None or ahead[0] > longest:
             return None
         distance, detector, index = ahead
-        border = detector.border(curve, index)
-        step = border and stepper.aim(curve, self._state, self._step_before, distance, border)
+        if (border := detector.border(curve, index)) is None:
+            return None
+        step = self._stepper.aim(curve, self._state, self._step_before, distance, border)
         if step is None:
             return None
         if not isinstance(step, CurvedSegment):
@@ -285,9 +283,8 @@ class PieceFollower:
     def _go_to(self, step: CurvedSegment) -> None:
         """Add the end of a step; the step may be shorter than the step before suggested."""
         before, self._step_before = self._step_before, step
-        self._state = step.end
+        self._before, self._state = step.start, step.end
         self._points.append(step.end.x)
-        self._before = step.start
         self._flips += step.start.orientation != step.end.orientation
         if before and step.length < SHORTENED * before.suggestion:
             self._shortened += 1
@@ -313,23 +310,21 @@ class PieceFollower:
             self._gauge.end(len(self._points))
         # before the arrival, while the system still keeps the factorisation at the end
         points = self._points_to(step, event.position, event.state)
-        arrival, events = event.arrive(self._curve), self._events
-        arrival = events.ended(arrival) if events else arrival
+        arrival = event.arrive(self._curve)
+        arrival = self._events.ended(arrival) if self._events else arrival
         arrival = arrival.adding(f"; {Remark.TWOFOLD}") if self._flips else arrival
         final = ended_by_system(arrival)
-        arrival = arrival if final is arrival else final.leading(final.rays[:1])
-        return points, arrival
+        return points, arrival if final is arrival else final.leading(final.rays[:1])
 
     def _ended_by_user(self, step: Segment, length: float) -> Followed | None:
         """Return the piece up to the event of a user that ends the branch on a stretch, if any."""
-        events = self._events
-        if not (events and self._stops and length > 0.0):
+        if not (self._events and self._stops and length > 0.0):
             return None
         marks = self._stops.look(step, length, len(self._points))
         if not marks:
             return None
         points = self._points_to(step, marks[0].position, marks[0].state)
-        return points, events.stopped(self._curve, marks[0])
+        return points, self._events.stopped(self._curve, marks[0])
 
     def _points_to(self, step: Segment, position: float, end: State) -> list[Array]:
         """Return the points of a piece that ends on a step; a curved piece has at least three."""
@@ -340,11 +335,6 @@ class PieceFollower:
                     self._gauge.see(self._state.x, middle)
                 return [*self._points, middle, end.x]
         return [*self._points, end.x]
-
-    def _crawls(self) -> bool:
-        """Tell whether a piece hardly moves while rounding flips the sign of the determinant."""
-        gone = self._curve.metric.norm(self._state.x - self._points[0])
-        return self._flips > MOST_FLIPS and gone < CRAWLING * len(self._points)
 
     def _is_endless(self) -> bool:
         """Tell whether a piece leads to infinity while alpha stays inside the interval.
@@ -378,8 +368,7 @@ class PieceFollower:
         if len(self._points) > 2 and (is_end or not self._ends_on_solution()):
             self._end_inside(part)
         back = Ray(self._curve, self._state).reversed()
-        arrival = SpecialPointFound(Kind.STOPPED, self._state.x, why, (back,))
-        return self._points, arrival
+        return self._points, SpecialPointFound(Kind.STOPPED, self._state.x, why, (back,))
 
     def _up_to_crossing(self) -> Followed | None:
         """Return the piece up to a crossing of curves on an end of the interval, None without one.
@@ -389,8 +378,7 @@ class PieceFollower:
         if len(self._points) == 1 or not (point := crossing_on_end(self._curve, self._state.x)):
             return None  # a start at a crossing is recognised as one
         metric = self._curve.metric
-        far = [x for x in self._points if metric.norm(x - point.x) > NEARBY]
-        points = far or self._points[:1]
+        points = [x for x in self._points if metric.norm(x - point.x) > NEARBY] or self._points[:1]
         way = metric.covector(point.x - points[-1])
         rays = sorted(point.rays, key=lambda ray: float(way.dot(ray.state.tangent)))
         return [*points, point.x], point.leading(tuple(rays))
