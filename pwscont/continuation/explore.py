@@ -58,8 +58,7 @@ def corrected(plan: Plan, start: Start, name: str) -> Found:
         advice = "start closer to a solution, or let explore() search for starts"
         words = f"no solution found near {name} at alpha = {alpha}"
         raise StartNotFoundError(f"{words}: {found}; {advice}")
-    on_curve = settled(plan.reduced_system, plan.metric, found)
-    if on_curve is None:
+    if (on_curve := settled(plan.reduced_system, plan.metric, found)) is None:
         words = f"the solution nearest to {name} lies outside the interval {plan.interval}"
         raise StartNotFoundError(words)
     x, error = on_curve
@@ -123,7 +122,9 @@ def _measured(
         starts = starts_of(plan)
         for count in counts:
             first += islice(starts, count - len(first))
-            sizes = _sizes(plan, first)
+            if not first:
+                continue
+            sizes = rounded_to_one(magnitudes_of(plan.system, plan.metric, first))
             if not are_alike(sizes, plan.metric.scale[:-1]):
                 plan = plan.with_magnitudes(sizes)
                 starts = starts_of(plan)
@@ -132,13 +133,6 @@ def _measured(
         # a journal begins with magnitudes that the run that goes on measures as well
         return replace(plan, journal=None), chain(first, _raising(why))
     return plan, chain(first, starts)
-
-
-def _sizes(plan: Plan, first: list[Found]) -> Array:
-    """Return magnitudes of the unknowns, those of the plan before any solution is known."""
-    if not first:
-        return plan.metric.scale[:-1]
-    return rounded_to_one(magnitudes_of(plan.system, plan.metric, first))
 
 
 def _raising(error: BaseException) -> Iterator[Found]:

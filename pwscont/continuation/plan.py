@@ -117,15 +117,6 @@ def checked_detectors(system: PiecewiseSystem, detectors: Any, events: Any) -> W
     return added, checked_events(events, shown_size(system))
 
 
-def check_stepper_fits(system: PiecewiseSystem, stepper: Any) -> None:
-    """Refuse what is no stepper, and a stepper that takes rays where pieces are curved."""
-    checked_kind("stepper", stepper, Stepper)
-    if stepper is None or not stepper.takes_rays or isinstance(system, PiecewiseLinearSystem):
-        return
-    words = f"{type(stepper).__name__} needs a PiecewiseLinearSystem, and {type(system).__name__}"
-    raise InvalidInputError(f"{words} is none; use PseudoArclength")
-
-
 @final
 @dataclass(frozen=True)
 class Plan:
@@ -145,29 +136,6 @@ class Plan:
     journal: Journal | None = None
     gauge: Gauge | None = None  # judges the typical magnitudes by the path
     branches: KnownBranches = field(default_factory=KnownBranches)  # for searches
-
-    @classmethod
-    def of(
-        cls,
-        system: PiecewiseSystem,
-        interval: Range,
-        stepper: Stepper | None,
-        watched: Watched,
-        budget: Budget,
-        **options: Any,
-    ) -> Plan:
-        """Choose the parts for a system on an interval that was checked; options are fields."""
-        if stepper is None:
-            is_straight = isinstance(system, PiecewiseLinearSystem)
-            stepper = STRAIGHT if is_straight else CURVED
-        metric = Metric.of(system, interval)  # refuses magnitudes to which no system can be fitted
-        fitted = system.within(*interval)
-        plan = cls(fitted, interval, metric, None, stepper, *watched, budget, **options)
-        # a reduced system has neither a box nor the states that detectors expect
-        free = not (plan.box.is_bounded or plan.box.is_periodic or any(watched))
-        reduction = fitted.reduction(*interval) if isinstance(fitted, Reducible) and free else None
-        checked_kind(f"what {type(system).__name__}.reduction() returns", reduction, Reduction)
-        return replace(plan, reduction=reduction) if reduction else plan
 
     @cached_property
     def reduced_system(self) -> PiecewiseSystem:
@@ -217,7 +185,7 @@ class Plan:
 def checked_plan(
     system: PiecewiseSystem,
     interval: Range,
-    start: Start,
+    start: Start | None,
     budget: Budget,
     watched: Watched,
     stepper: Stepper | None,
@@ -225,11 +193,23 @@ def checked_plan(
 ) -> Plan:
     """Return the plan for a system that keeps its promises at a start; options are of a Plan."""
     check_declaration(system)
-    check_stepper_fits(system, stepper)
-    plan = Plan.of(system, interval, stepper, watched, budget, **options)
-    check_cells(plan.system)
-    check_start(plan.system, interval, *start)
-    return plan
+    checked_kind("stepper", stepper, Stepper)
+    is_straight = isinstance(system, PiecewiseLinearSystem)
+    stepper = stepper or (STRAIGHT if is_straight else CURVED)
+    if stepper.takes_rays and not is_straight:
+        words = f"needs a PiecewiseLinearSystem, and {type(system).__name__} is none"
+        raise InvalidInputError(f"{type(stepper).__name__} {words}; use PseudoArclength")
+    metric = Metric.of(system, interval)  # refuses magnitudes to which no system can be fitted
+    fitted = system.within(*interval)
+    plan = Plan(fitted, interval, metric, None, stepper, *watched, budget, **options)
+    # a reduced system has neither a box nor the states that detectors expect
+    free = not (plan.box.is_bounded or plan.box.is_periodic or any(watched))
+    reduction = fitted.reduction(*interval) if isinstance(fitted, Reducible) and free else None
+    checked_kind(f"what {type(system).__name__}.reduction() returns", reduction, Reduction)
+    if start is not None:
+        check_cells(fitted)
+        check_start(fitted, interval, *start)
+    return replace(plan, reduction=reduction) if reduction else plan
 
 
 def default_search_of(plan: Plan, around: Sequence[Array] = ()) -> Search:
@@ -260,10 +240,11 @@ def plan_in_words(
     >>> plan_in_words(LCP([[2.0]], q=[0.0], d=[-1.0]), (-1.0, 1.0))["steps"]
     'ExactLinear()'
     """
-    lo, hi = checked_interval(system, interval)
-    watched = checked_detectors(system, detectors, events)
-    check_stepper_fits(system, stepper)
-    plan = Plan.of(system, (lo, hi), stepper, watched, Budget())
+    inside, watched = (
+        checked_interval(system, interval),
+        checked_detectors(system, detectors, events),
+    )
+    plan = checked_plan(system, inside, None, Budget(), watched, stepper)
     search = search or default_search_of(plan)
     unknowns = f"{plan.reduced_system.size} of {plan.system.size}"
     return {
@@ -292,10 +273,13 @@ def values_of(plan: Plan) -> list[float]:
     with np.errstate(all="ignore"):
         for shift, alpha in enumerate((lo, 0.5 * (lo + hi), hi)):
             z = plan.metric.scale[:-1] * generic(system.size, shift)
-            tests = system.test_functions(z, alpha)
+            tests, weights = system.test_functions(z, alpha), generic(system.size, shift)
             sums.append(float(generic(len(tests), shift) @ tests))
-            cells = (Character.of(tests), *_characters(len(tests)))
-            sums += [_sum_of(system, z, alpha, cell, shift) for cell in cells]
+            for cell in (Character.of(tests), *_characters(len(tests))):
+                try:
+                    sums.append(float(weights @ residual_at(system, z, alpha, cell)))
+                except Exception:  # characters may name no cell, where H is not defined
+                    sums.append(np.nan)
     return sums
 
 
@@ -305,13 +289,3 @@ def _characters(m: int) -> Iterator[Character]:
     for signs in (np.ones(m, bool), *digits):
         yield Character(signs)
         yield Character(~signs)
-
-
-def _sum_of(
-    system: PiecewiseSystem, z: Array, alpha: float, character: Character, shift: int
-) -> float:
-    """Return a generic sum of H, nan where H is not defined: characters may name no cell."""
-    try:
-        return float(generic(system.size, shift) @ residual_at(system, z, alpha, character))
-    except Exception:
-        return np.nan

@@ -12,6 +12,7 @@ cone, a piece that could not be followed, starts without a digit, or an empty gr
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
 from itertools import chain, islice
 
 import numpy as np
@@ -157,25 +158,16 @@ def _infinite(plan: Plan, discovery: Discovery, is_part: bool) -> tuple[Stretch,
 def _scope(
     plan: Plan, searched: SearchScope, without_digits: int, discovery: Discovery, unmarked: int
 ) -> SearchScope:
-    """Return what was searched and what that promises.
-
-    ``without_digits``: the number of starts without a digit; ``unmarked``: of pieces without marked
-    events.
-    """
+    """Return what was searched and what that promises; ``unmarked`` pieces have no events."""
     what, promise = searched.what, searched.promise
-    if without_digits:
-        what += (
-            f"; {without_digits} of the points found not followed, for no digit of them is certain"
-        )
-        promise = Guarantee.NOTHING
-    if discovery.left_out:
-        what += f"; {discovery.left_out} of the points found {IN_VAIN}"
-        promise = Guarantee.NOTHING
-    if discovery.unsolved:
-        what += (
-            f"; {discovery.unsolved} of the points found not followed, for H does not vanish there"
-        )
-        promise = Guarantee.NOTHING
+    left = (
+        (without_digits, "not followed, for no digit of them is certain"),
+        (discovery.left_out, IN_VAIN),
+        (discovery.unsolved, "not followed, for H does not vanish there"),
+    )
+    for number, why in left:
+        if number:
+            what, promise = f"{what}; {number} of the points found {why}", Guarantee.NOTHING
     if plan.branches.is_left_off:
         what += f"; {GIVEN_UP}"
     if plan.system.unique:
@@ -234,7 +226,7 @@ def _coming_back(plan: Plan, ray: Ray, end: float, beyond: Range, limits: Limits
     system = plan.reduced_system.within(*beyond, scale[:-1])
     there = Selection(system, selection.character, selection.adjacent_cells)
     curve = Curve(there, Metric(scale, beyond, Box.of(plan.reduced_system).period))
-    onwards = (Ray(curve, ray.state, ray.interface_cells, ray.index),)
+    onwards = (replace(ray, curve=curve),)
     watch = Watch((*default_detectors(plan.stepper, beyond), *filter(None, [plan.bounds])))
     follower = PieceFollower(plan.stepper, watch, beyond, plan.bounds)
     with Budget(limits) as budget:
