@@ -15,7 +15,6 @@ import numpy as np
 
 from pwscont.basics.arrays import Array
 from pwscont.basics.budget import Budget, check_budget
-from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidSystemError
 from pwscont.basics.outcome import CROSSED, Kind
 from pwscont.basics.rounding import CONVERGED, SAME_ALPHA
@@ -63,18 +62,16 @@ def divide(
     discovery: Discovery, system: PiecewiseSystem, metric: Metric, events: Events, budget: Budget
 ) -> int:
     """Divide the pieces at events; return how many are not, because the budget is spent."""
-    parts: list[Edge] = []
+    parts, rest = list[Edge](), deque(discovery.edges)
     budget.extend()
-    for number, edge in enumerate(discovery.edges):
-        try:
-            parts += _divided(edge, discovery.nodes, system, metric, events)
-        except KeyboardInterrupt as why:
-            budget.end(why)
-            rest = discovery.edges[number:]
-            discovery.edges = [*parts, *rest]
-            return len(rest)
-    discovery.edges = parts
-    return 0
+    try:
+        while rest:
+            parts += _divided(rest[0], discovery.nodes, system, metric, events)
+            rest.popleft()
+    except KeyboardInterrupt as why:
+        budget.end(why)
+    discovery.edges = [*parts, *rest]
+    return len(rest)
 
 
 def _divided(
@@ -98,12 +95,11 @@ def _divided(
     cuts = pairwise([1, *(mark.after for mark in marks), len(points) - 1])
     begun, parts = _part_begun(edge, curve, segments, marks), []
     for i, ((a, b), (first, last), (lo, hi)) in enumerate(zip(ends, joints, cuts, strict=True)):
-        inner = points[lo:hi]
+        inner, begun_at = points[lo:hi], edge.begun_at if i == begun else None
         if len(inner) == 0 < len(edge.inner):  # a curved part has at least one inner point
             segment = cubics_between(curve, a.x, b.x)[0]
             middle = segment.point(0.5 * segment.length, None)
             inner = inner if middle is None else middle[np.newaxis]
-        begun_at = edge.begun_at if i == begun else None
         part = edge._replace(start=first, end=last, first=a, inner=inner, last=b)
         parts.append(part._replace(begun_at=begun_at))
     return parts
@@ -120,8 +116,7 @@ def _part_begun(
         return None
     apart = [metric.norm(begun.x - x) for x in edge.points]
     after = int(np.argmin(apart)) if len(edge.inner) else 0
-    segment = segments[min(after, len(segments) - 1)]
-    here = after + 1, segment.position(begun.x)
+    here = after + 1, segments[min(after, len(segments) - 1)].position(begun.x)
     return sum((mark.after, mark.position) < here for mark in marks)
 
 
@@ -155,16 +150,23 @@ def assemble(
         whole = reduction.points(points, system.size, are_errors=errors) if reduction else points
         return shown_points(system, whole)
 
-    edges, places, shown = discovery.edges, {}, shown_size(system)
+    edges, places, shown = discovery.edges, dict[Place, Place](), shown_size(system)
     if discovery.nodes and (reduction or shown < system.size):
         places = _shown_places(discovery, show)
-        edges = [_shown(edge, places, show) for edge in edges]
+        edges = [
+            edge._replace(
+                first=places[edge.first],
+                inner=show(edge.inner),
+                last=places[edge.last],
+                begun_at=edge.begun_at and places[edge.begun_at],
+            )
+            for edge in edges
+        ]
     edges = list(_in_order([e if e.orientation > 0 else e.reversed() for e in edges]))
     ends = [node for edge in edges for node in (edge.start, edge.end)]
     #: A number for each node: first the nodes of the edges in order, then isolated nodes.
     numbers = {node: i for i, node in enumerate(dict.fromkeys([*ends, *discovery.nodes]))}
-    whole = reduction.character if reduction else None
-    pieces = [_piece(edge, i, numbers, whole, system, metric) for i, edge in enumerate(edges)]
+    pieces = [_piece(edge, i, numbers, reduction, system, metric) for i, edge in enumerate(edges)]
     if shown < system.size:
         period = Box.of(system).period[:shown]
         metric = Metric(shown_points(system, metric.scale), metric.interval, period)
@@ -175,10 +177,11 @@ def assemble(
         after[edge.start].append((edge, piece))
         before[edge.end].append((edge, piece))
         if (place := edge.begun_at) is not None:
-            digits = significant(place.error, place.x, metric.scale)
-            said = f"start in {piece.label}"
-            start = SpecialPoint(NO_NODE, Kind.START, place, said, said, piece.id, digits)
-            starts.append(start)
+            digits, said = (
+                significant(place.error, place.x, metric.scale),
+                f"start in {piece.label}",
+            )
+            starts.append(SpecialPoint(NO_NODE, Kind.START, place, said, said, piece.id, digits))
     points = [
         _special_point(i, discovery.nodes[n], before[n], after[n], system, places, metric, events)
         for n, i in numbers.items()
@@ -195,13 +198,6 @@ def _shown_places(discovery: Discovery, show: Show) -> dict[Place, Place]:
     points = show(np.array([place.x for place in places]))
     errors = show(np.array([place.error for place in places]), errors=True)
     return dict(zip(places, map(Place, points, errors), strict=True))
-
-
-def _shown(edge: Edge, places: Mapping[Place, Place], show: Show) -> Edge:
-    """Return an edge with the user's unknowns."""
-    begun = None if edge.begun_at is None else places[edge.begun_at]
-    first, inner, last = places[edge.first], show(edge.inner), places[edge.last]
-    return edge._replace(first=first, inner=inner, last=last, begun_at=begun)
 
 
 # -- pieces ---------------------------------------------------------------------------------------
@@ -226,25 +222,24 @@ def _piece(
     edge: Edge,
     number: int,
     numbers: Mapping[int, int],
-    whole: Callable[[Character], Character] | None,
+    reduction: Reduction | None,
     system: PiecewiseSystem,
     metric: Metric,
 ) -> Piece:
-    """Return the piece of a directed edge; ``whole`` puts back signs that were left out."""
+    """Return the piece of a directed edge, with the signs that a reduction left out."""
     points, character = edge.points, edge.cells[0]
     rise = float(points[-1, -1] - points[0, -1])
     is_level = abs(rise) <= SAME_ALPHA * (metric.interval[1] - metric.interval[0])
-    # on the positive orientation alpha rises where det(dH/dz) > 0
-    det_sign = 1 if rise > 0.0 else -1
+    det_sign = 1 if rise > 0.0 else -1  # as of det(dH/dz), on the positive orientation
     if is_level or edge.along_interface:
         det_sign = edge.det_sign
     if is_level and not det_sign:  # a vertical piece, with ends that differ by rounding only
         points[:, -1] = points[0, -1]
     else:  # the same numbers are in memory once
         edge.first.x, edge.last.x = points[0], points[-1]
-    character = whole(character) if whole else character
-    start, end = numbers[edge.start], numbers[edge.end]
-    return Piece(number, start, end, character, system.label, points, det_sign)
+    character = reduction.character(character) if reduction else character
+    ends = numbers[edge.start], numbers[edge.end]
+    return Piece(number, *ends, character, system.label, points, det_sign)
 
 
 # -- special points -------------------------------------------------------------------------------
@@ -278,12 +273,12 @@ def _special_point(
 
 def _covering(here: Place, others: Iterable[Place], metric: Metric) -> Place:
     """Return a place with an error that covers the other places of the same node."""
-    apart = [place for place in others if place is not here]
-    if not apart:
-        return here  # nearly always
-    away = (np.abs(metric.difference(place.x, here.x)) for place in apart)
-    errors = map(np.maximum, (place.error for place in apart), away)
-    return Place(here.x, np.max([here.error, *errors], axis=0))
+    errors = [
+        np.maximum(place.error, np.abs(metric.difference(place.x, here.x)))
+        for place in others
+        if place is not here
+    ]
+    return Place(here.x, np.max([here.error, *errors], axis=0)) if errors else here
 
 
 def _next_to_end(piece: Piece, place: int) -> Array:

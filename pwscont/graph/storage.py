@@ -219,8 +219,8 @@ def read(path: str | Path) -> tuple[Contents, BoxProof | None]:
     header, arrays = read_archive(path, FORMAT, ARRAYS)
     try:
         fields = Fields("the header", header)
-        if fields.entry("format") != FORMAT:
-            raise GraphFileError(f"{path} holds {fields.entry('format')!r}, not a {FORMAT}")
+        if (kind := fields.entry("format")) != FORMAT:
+            raise GraphFileError(f"{path} holds {kind!r}, not a {FORMAT}")
         if (version := fields.entry("version")) != VERSION:
             words = f"{path} has format version {version}; this pwscont reads {VERSION}"
             raise GraphFileError(words)
@@ -236,11 +236,10 @@ def _contents(header: Fields, arrays: dict[str, Any]) -> Contents:
         raise DamagedError("nodes, starts and points have different numbers of unknowns")
     if len(errors) != len(nodes) + len(starts) or (errors < 0.0).any():
         raise DamagedError("errors must be one row for each node and start, none negative")
-    names, interval = None, _interval(header)
-    if header.has("names"):  # old files have none
-        names = tuple(header.items("names", next(iter(sizes), None)))
-        if not all(isinstance(name, str) for name in names):
-            raise DamagedError("names must be texts")
+    interval = _interval(header)
+    names = header.items("names", next(iter(sizes), None)) if header.has("names") else None
+    if not all(isinstance(name, str) for name in names or ()):
+        raise DamagedError("names must be texts")
     contents: Contents = {
         "points": _special_points(header, "nodes", nodes, errors[: len(nodes)], names),
         "starts": _special_points(header, "starts", starts, errors[len(nodes) :], names),
@@ -276,10 +275,10 @@ def _check(
     for piece in pieces:
         if not {piece.start, piece.end} <= nodes.keys():
             raise DamagedError(f"piece {piece.id} begins or ends at a node that is not there")
-        for number, alpha in zip((piece.start, piece.end), piece.points[[0, -1], -1], strict=True):
+        for number, alpha in (piece.start, piece.alpha[0]), (piece.end, piece.alpha[-1]):
             if not abs(alpha - nodes[number].alpha) <= SAME_END * (hi - lo):
                 raise DamagedError(f"piece {piece.id} does not reach node {number}: {alpha}")
-        if not lo <= min(piece.interval) <= max(piece.interval) <= hi:
+        if not lo <= piece.interval[0] <= piece.interval[1] <= hi:
             raise DamagedError(f"piece {piece.id} leaves the interval: {piece.interval}")
     if len({len(bytes(piece.character)) for piece in pieces}) > 1:
         raise DamagedError("pieces have different numbers of signs")
@@ -298,14 +297,14 @@ def _table(name: str, values: Any) -> Array:
         raise DamagedError(f"{name} must be rows of numbers")
     if values.dtype not in (float, np.uint16) or values.ndim != 2:
         raise DamagedError(f"{name} must be rows of numbers, got {values.dtype}{values.shape}")
-    numbers = records.from_first_digits(values) if values.dtype == np.uint16 else np.asarray(values)
+    numbers = records.from_first_digits(values) if values.dtype == np.uint16 else values
     if not (np.abs(numbers) <= LARGEST_STORED).all():
         raise DamagedError(f"{name} must be finite, and at most {LARGEST_STORED:g}")
     return numbers
 
 
 def _special_points(
-    header: Fields, kind: str, states: Array, errors: Array, names: tuple[str, ...] | None
+    header: Fields, kind: str, states: Array, errors: Array, names: list[str] | None
 ) -> list[SpecialPoint]:
     """Return special points of a kind: the nodes, or the starts; old files lack some entries."""
     found, headers = list[SpecialPoint](), header.objects(kind)
@@ -362,8 +361,7 @@ def _named(name: str, _: Character) -> str:
 
 
 def _interval(header: Fields) -> tuple[float, float]:
-    lo, hi = header.items("interval", 2)
-    ends = Fields("the interval", {"lo": lo, "hi": hi})
+    ends = Fields("the interval", dict(zip(("lo", "hi"), header.items("interval", 2), strict=True)))
     lo, hi = ends.finite("lo"), ends.finite("hi")
     if not lo < hi:
         raise DamagedError(f"the interval needs lo < hi, got ({lo}, {hi})")
@@ -371,8 +369,8 @@ def _interval(header: Fields) -> tuple[float, float]:
 
 
 def _searched(header: Fields) -> SearchScope:
-    what, promise, spent = header.items("searched", 3)
-    searched = Fields("searched", {"what": what, "promise": promise, "spent": spent})
+    items = zip(("what", "promise", "spent"), header.items("searched", 3), strict=True)
+    searched = Fields("searched", dict(items))
     promise = searched.integer("promise", 0)
     if promise not in set(Guarantee):
         raise DamagedError(f"promise of searched must be at most {max(Guarantee)}, got {promise}")
@@ -404,7 +402,8 @@ MOST_CHECKED = 32
 
 def adopted(path: str | Path, contents: Contents, system: PiecewiseSystem) -> PiecewiseSystem:
     """Return the system of a graph, fitted to the graph, or refuse another graph's system."""
-    pieces, points, interval = (contents[name] for name in ("pieces", "points", "interval"))
+    pieces, points = contents["pieces"], contents["points"]
+    interval: Range = contents["interval"]
     name, words = type(system).__name__, f"{path} is of another system: it has"
     if pieces:
         point, piece = points[0], pieces[0]
@@ -413,9 +412,13 @@ def adopted(path: str | Path, contents: Contents, system: PiecewiseSystem) -> Pi
         z, stored = completed(system, point.z, point.alpha), len(bytes(piece.character))
         if stored != (tests := len(bytes(system.character(z, point.alpha)))):
             raise InvalidInputError(f"{words} {stored} tests, {name} has {tests}")
-    if pieces:
         _refuse_apart(path, contents, Box.of(system).period[:size])
-    fitted = _fitted(system, interval, points)
+    # a system without a scale is fitted also to the solutions
+    states = [completed(system, point.z, point.alpha) for point in points]
+    sizes = np.max(np.abs(states), axis=0, initial=0.0)
+    usual = (sizes == 0.0) | ((sizes > 1.0 / ORDER_OF_ONE) & (sizes < ORDER_OF_ONE))
+    found = None if system.gives_scale or usual.all() else np.where(usual, 1.0, sizes)
+    fitted = system.within(*interval, found)
     of_cells = list({piece.character: piece for piece in pieces}.values())
     scale = np.append(fitted.scale(*interval), np.ptp(interval))
     for piece in of_cells[:: max(1, len(of_cells) // MOST_CHECKED)]:
@@ -429,21 +432,10 @@ def adopted(path: str | Path, contents: Contents, system: PiecewiseSystem) -> Pi
 
 def _refuse_apart(path: str | Path, contents: Contents, period: Array) -> None:
     """Refuse pieces that do not reach their nodes, up to periods."""
-    nodes = {point.id: np.append(point.z, point.alpha) for point in contents["points"]}
+    nodes = {point.id: point.place.x for point in contents["points"]}
     pieces, metric = contents["pieces"], Metric(np.ones(len(period) + 1), period=period)
     sizes = SAME_END * np.abs(np.vstack([piece.points for piece in pieces])).max(axis=0)
     for piece in pieces:
         for number, x in zip((piece.start, piece.end), piece.points[[0, -1]], strict=True):
             if (np.abs(metric.difference(x, nodes[number])) > sizes).any():
                 raise InvalidInputError(f"{path}: piece {piece.id} does not reach node {number}")
-
-
-def _fitted(
-    system: PiecewiseSystem, interval: Range, points: Sequence[SpecialPoint]
-) -> PiecewiseSystem:
-    """Return a system fitted to an interval; a system without a scale, also to the solutions."""
-    states = [completed(system, point.z, point.alpha) for point in points]
-    sizes = np.max(np.abs(states), axis=0, initial=0.0)
-    usual = (sizes == 0.0) | ((sizes > 1.0 / ORDER_OF_ONE) & (sizes < ORDER_OF_ONE))
-    found = None if system.gives_scale or usual.all() else np.where(usual, 1.0, sizes)
-    return system.within(*interval, found)
