@@ -200,9 +200,6 @@ def _shown_places(discovery: Discovery, show: Show) -> dict[Place, Place]:
     return dict(zip(places, map(Place, points, errors), strict=True))
 
 
-# -- pieces ---------------------------------------------------------------------------------------
-
-
 def _in_order(edges: list[Edge]) -> Iterator[Edge]:
     """Yield directed edges so that each component is walked through, from the sources on."""
     leaving: dict[int, deque[Edge]] = defaultdict(deque)
@@ -240,9 +237,6 @@ def _piece(
     character = reduction.character(character) if reduction else character
     ends = numbers[edge.start], numbers[edge.end]
     return Piece(number, *ends, character, system.label, points, det_sign)
-
-
-# -- special points -------------------------------------------------------------------------------
 
 
 def _special_point(
@@ -312,9 +306,6 @@ def _messages(
     note = f"; {node.message}" if node.kind not in CROSSED and node.message else ""
     describe = system.describe_transition
     return describe(before, after) + note, describe(after, before) + note
-
-
-# -- the promise of uniqueness ---------------------------------------------------------------------
 
 
 def check_unique(graph: BranchGraph) -> None:

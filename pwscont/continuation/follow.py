@@ -8,6 +8,7 @@ beside the end of a model.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, TypeAlias, final
 
 import numpy as np
@@ -144,6 +145,7 @@ def is_cut(arrival: SpecialPointFound, budget: Budget) -> bool:
 
 
 @final
+@dataclass(eq=False)
 class PieceFollower:
     """Follows rays, one after the other, to the ends of their pieces; the steps are the stepper's.
 
@@ -151,18 +153,13 @@ class PieceFollower:
     from cell to cell by itself. A ``gauge`` sees every step.
     """
 
-    def __init__(
-        self,
-        stepper: Stepper,
-        watch: Watch,
-        interval: Range,
-        bounds: Bounds | None = None,
-        straight: StraightTests | None = None,
-        gauge: Gauge | None = None,
-        events: Events | None = None,
-    ) -> None:
-        self._stepper, self._watch, self.interval, self.bounds = stepper, watch, interval, bounds
-        self._straight, self._gauge, self._events = straight, gauge, events
+    stepper: Stepper
+    watch: Watch
+    interval: Range
+    bounds: Bounds | None = None
+    straight: StraightTests | None = None
+    gauge: Gauge | None = None
+    events: Events | None = None
 
     def follow(self, ray: Ray) -> Followed:
         """Return the piece that ``ray`` begins, as far as the budget of the run allows."""
@@ -175,7 +172,7 @@ class PieceFollower:
         self._stops: EventsAlong | None = None
         try:
             check_budget()
-            if arrival := self._straight and self._straight.next(ray, self.interval):
+            if arrival := self.straight and self.straight.next(ray, self.interval):
                 return (ray.state.x, arrival.x), arrival
             self._state, selection = leaning(ray).state, ray.curve.selection
             if not selection.is_straight:
@@ -186,8 +183,8 @@ class PieceFollower:
 
     def _to_the_end(self) -> Followed:
         """Return the piece, step after step."""
-        watch, curve, events = self._watch, self._curve, self._events
-        self._stops = events and events.stops_along(curve, self._state)
+        watch, curve = self.watch, self._curve
+        self._stops = self.events and self.events.stops_along(curve, self._state)
         reading, longest, blocked = watch.read(curve, self._state), np.inf, None
         for _ in range(MOST_STEPS):
             check_budget()
@@ -223,7 +220,7 @@ class PieceFollower:
         self, step: Segment, reading: Reading, aimed: Event | None = None
     ) -> tuple[Event | Failure | None, Reading]:
         """Return the first event on a step, perhaps ``aimed`` at, and the reading at the end."""
-        watch = self._watch
+        watch = self.watch
         if not isinstance(step, CurvedSegment):
             return first_on_ray(watch, step, reading), reading
         step.behind, after = self._before, watch.read(self._curve, step.end)
@@ -231,7 +228,7 @@ class PieceFollower:
 
     def _step(self, longest: float) -> Segment | Failure:
         """Return the next step; the farther a long piece has gone, the longer the step."""
-        stepper, number = self._stepper, len(self._points)
+        stepper, number = self.stepper, len(self._points)
         if number % ENDLESS_CHECK_EVERY == 0 and self._is_endless():
             return Failure(FailureReason.ENDLESS)
         if self._tiny > MOST_TINY:
@@ -258,14 +255,14 @@ class PieceFollower:
 
     def _aimed(self, longest: float, reading: Reading) -> tuple[CurvedSegment, Event] | None:
         """Return the step to the event that seems to come next, None if that event is not next."""
-        curve, watch = self._curve, self._watch
+        curve, watch = self._curve, self.watch
         ahead = watch.ahead(reading)
         if ahead is None or ahead[0] > longest:
             return None
         distance, detector, index = ahead
         if (border := detector.border(curve, index)) is None:
             return None
-        step = self._stepper.aim(curve, self._state, self._step_before, distance, border)
+        step = self.stepper.aim(curve, self._state, self._step_before, distance, border)
         if step is None:
             return None
         if not isinstance(step, CurvedSegment):
@@ -278,7 +275,7 @@ class PieceFollower:
 
     def _broken(self, method: str, what: str, got: object) -> InvalidInputError:
         """Return the error that says what the stepper returned instead of what it must."""
-        return wrong_result(self._stepper, method, what, got, "check_stepper")
+        return wrong_result(self.stepper, method, what, got, "check_stepper")
 
     def _go_to(self, step: CurvedSegment) -> None:
         """Add the end of a step; the step may be shorter than the step before suggested."""
@@ -292,47 +289,45 @@ class PieceFollower:
             self._shortened = max(self._shortened - 1, 0)
         if before and self._shortened == MOST_SHORTENED:
             self._refines()
-        if self._gauge:
-            self._gauge.see(step.start.x, step.end.x)
+        if self.gauge:
+            self.gauge.see(step.start.x, step.end.x)
 
     def _refines(self) -> bool:
         """Let differences have shorter steps if shorter steps help; return whether so."""
         self._shortened = 0
         return refine_if_better(self._curve, self._state.x)
 
-    # -- ends ------------------------------------------------------------------------------------
-
     def _ended(self, step: Segment, event: Event) -> Followed:
         """Return the piece that an event on the last step ends, with the ways on allowed there."""
         if end := self._ended_by_user(step, event.position):
             return end
-        if self._gauge:
-            self._gauge.end(len(self._points))
+        if self.gauge:
+            self.gauge.end(len(self._points))
         # before the arrival, while the system still keeps the factorisation at the end
         points = self._points_to(step, event.position, event.state)
         arrival = event.arrive(self._curve)
-        arrival = self._events.ended(arrival) if self._events else arrival
+        arrival = self.events.ended(arrival) if self.events else arrival
         arrival = arrival.adding(f"; {Remark.TWOFOLD}") if self._flips else arrival
         final = ended_by_system(arrival)
         return points, arrival if final is arrival else final.leading(final.rays[:1])
 
     def _ended_by_user(self, step: Segment, length: float) -> Followed | None:
         """Return the piece up to the event of a user that ends the branch on a stretch, if any."""
-        if not (self._events and self._stops and length > 0.0):
+        if not (self.events and self._stops and length > 0.0):
             return None
         marks = self._stops.look(step, length, len(self._points))
         if not marks:
             return None
         points = self._points_to(step, marks[0].position, marks[0].state)
-        return points, self._events.stopped(self._curve, marks[0])
+        return points, self.events.stopped(self._curve, marks[0])
 
     def _points_to(self, step: Segment, position: float, end: State) -> list[Array]:
         """Return the points of a piece that ends on a step; a curved piece has at least three."""
         if isinstance(step, CurvedSegment) and len(self._points) == 1:
             middle = step.point(0.5 * position, end.located_by)
             if middle is not None:
-                if self._gauge:  # as where the piece is read from a journal
-                    self._gauge.see(self._state.x, middle)
+                if self.gauge:  # as where the piece is read from a journal
+                    self.gauge.see(self._state.x, middle)
                 return [*self._points, middle, end.x]
         return [*self._points, end.x]
 

@@ -173,18 +173,21 @@ class Journal:
         self.magnitudes: Array | None = None
         self._numbers: dict[str, list[int]] = defaultdict(list)
         self._count = 0
-        name = self.path.absolute()  # SQLite would make no file for ":memory:" alone
+        path = self.path.absolute()  # SQLite would make no file for ":memory:" alone
+        how: Any = {"timeout": 0.0, "isolation_level": None, "check_same_thread": False}
         try:
-            self._data = sqlite3.connect(
-                name, timeout=0.0, isolation_level=None, check_same_thread=False
-            )
+            self._data = sqlite3.connect(path, **how)
             try:
                 self._open()
             except BaseException:
                 self.close()
                 raise
         except (sqlite3.Error, UnicodeDecodeError) as error:  # damage may be quoted in the error
-            self._judge(error)
+            name = getattr(error, "sqlite_errorname", "")
+            if name not in FULL_DISK:  # else the run goes on without a record
+                meaning = MEANINGS.get("_".join(name.split("_")[:2]), f"{error}; {ADVICE}")
+                raise self._refusal(meaning) from error
+            self.trouble = error
         except MemoryError as error:
             raise self._refusal(f"it is damaged (its pages have no end); {ADVICE}") from error
 
@@ -217,8 +220,6 @@ class Journal:
         for suffix in ("", "-wal", "-journal"):
             self.path.with_name(self.path.name + suffix).unlink(missing_ok=True)
 
-    # -- records -------------------------------------------------------------------------
-
     def _open(self) -> None:
         """Lock the file, begin a new file, or read an old file once from end to end."""
         self._data.executescript(LOCK)
@@ -241,14 +242,6 @@ class Journal:
         else:
             self._numbers[kind].append(self._count)
         self._count += 1
-
-    def _judge(self, error: Exception) -> None:
-        """Go on without a record if the disk is full, else say what the error means."""
-        name = getattr(error, "sqlite_errorname", "")
-        if name not in FULL_DISK:
-            meaning = MEANINGS.get("_".join(name.split("_")[:2]), f"{error}; {ADVICE}")
-            raise self._refusal(meaning) from error
-        self.trouble = error
 
     def _refusal(self, why: str) -> InvalidInputError:
         return InvalidInputError(f"cannot use the journal {self.path}: {why}")
@@ -287,8 +280,6 @@ class Journal:
         else:
             self._keep(kind, rows)
 
-    # -- what a run records --------------------------------------------------------------
-
     def check(self, facts: Mapping[str, str], probes: Sequence[float]) -> None:
         """Refuse the journal of another run; the first time, record what this run is about.
 
@@ -304,13 +295,10 @@ class Journal:
             for name, now in facts.items()
             if before.get(name, "") != now
         ]
-        agree = len(values) == len(probes) and np.allclose(
-            values, probes, SAME_PROBES, 0.0, equal_nan=True
-        )
-        if not different and not agree:
-            different = [OTHER_VALUES]
-        if different:
-            raise self._refusal(f"{OTHER_RUN}: {'; '.join(different)}; {ADVICE}")
+        alike = len(values) == len(probes) and np.allclose(values, probes, SAME_PROBES, 0.0, True)
+        if different or not alike:
+            what = "; ".join(different) or OTHER_VALUES
+            raise self._refusal(f"{OTHER_RUN}: {what}; {ADVICE}")
 
     def starts(self, searched: Iterable[Found]) -> Iterator[Found]:
         """Yield the starts that are recorded, then further starts, each recorded first.
@@ -318,10 +306,8 @@ class Journal:
         The search begins again, and may yield recorded starts again, which their bytes tell.
         """
         known: set[bytes] = set()
-        for number in count():
-            if (found := self.recorded("start", number)) is None:
-                break
-            columns, data = found
+        for number in self._numbers["start"]:
+            _, columns, data = self._read(number)
             rows = np.frombuffer(data).reshape(-1, int(columns)).copy()
             known.add(data)
             yield rows[0], rows[1:]

@@ -146,12 +146,11 @@ class Edge(NamedTuple):
 
         At a fold det(dH/dz) is zero, and at the piece's other end only on a vertical piece.
         """
-        orientation = ray.state.orientation
         det_sign = ray.index if ray.interface_cells else ray.det_sign or back.det_sign
         cells = (ray.curve.selection.character, *ray.interface_cells)
         inner = np.array(points[1:-1]).reshape(-1, len(points[0]))
-        track = left.place, inner, last
-        return cls(left.node, end, cells, left.names, orientation, det_sign, *track)
+        known = left.names, ray.state.orientation, det_sign, left.place, inner, last
+        return cls(left.node, end, cells, *known)
 
     @property
     def points(self) -> Array:
@@ -195,11 +194,9 @@ class Edge(NamedTuple):
                 return False
             system, cell = here.selection.system, self.cells[0]
             nearest = solve_between(system, cell, points, alpha, metric.interval)[0]
-        apart = metric.difference(nearest, x)
-        if metric.norm(apart) <= metric.slack(x, same):
-            return True
-        both = 2.0 * size  # the piece is as uncertain as the solution
-        return bool((np.abs(apart) <= CONFIDENCE * both).all())
+        apart, both = metric.difference(nearest, x), 2.0 * size  # the piece is as uncertain as x
+        is_near = metric.norm(apart) <= metric.slack(x, same)
+        return is_near or bool((np.abs(apart) <= CONFIDENCE * both).all())
 
     def passes_fold(self, here: Curve, x: Array) -> bool:
         """Tell whether a smooth fold x in a cell of the piece lies on the piece.
@@ -220,7 +217,6 @@ class Edge(NamedTuple):
 #: A point farther from each chord than this part of the chord's length is not on the piece.
 OFF_THE_PIECE = 1.0
 
-#: What a user reads at an end of a path that repeats itself.
 #: Pieces after which a path is looked at again; odd, so that the ends of a path take turns.
 EVERY = 13
 #: Differences that must fit a convergent sequence, and most kinds of points that may take turns.
@@ -261,10 +257,9 @@ def repeated_shift(nodes: Mapping[int, Node], number: int, scale: Array) -> Arra
             continue  # nearly always, and places are not looked at
         points = np.array([place.x / scale for place, _ in way[-1 - PERIODS * period :: period]])
         shifts = np.diff(points, axis=0)
-        length = float(np.linalg.norm(shifts[-1]))
         spread = np.linalg.norm(shifts - shifts[-1], axis=1).max()
-        largest = max(spread, np.abs(shifts[:, -1]).max())
-        if length > 0.0 and largest <= SAME_SHIFT * length:
+        most = SAME_SHIFT * float(np.linalg.norm(shifts[-1]))
+        if most > 0.0 and max(spread, np.abs(shifts[:, -1]).max()) <= most:
             return np.asarray(shifts[-1] * scale)
     return None
 

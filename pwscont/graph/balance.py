@@ -197,9 +197,6 @@ def verdict(graph: ConnectedPieces) -> str:
     return "; ".join([words, *doubts, *said, *_listed("a branch ends on purpose", graph, ends)])
 
 
-# -- why the sum of signs is wrong ----------------------------------------------------------------
-
-
 def _causes(graph: ConnectedPieces, gaps: list[Gap]) -> Iterator[str]:
     """Yield why the sum is wrong on some stretches of alpha, each kind of cause once."""
     ends = list(loose_ends(graph))
@@ -255,9 +252,6 @@ def doubled(graph: ConnectedPieces) -> list[Gap]:
         return []
     gaps = sorted((gap for _, gap in _judged(graph)), key=lambda gap: gap[0] - gap[1])
     return [gap for gap in gaps[:MOST_STRETCHES] if _stands_twice(graph, gap)]
-
-
-# -- doubts, and where doubts arise ----------------------------------------------------------------
 
 
 def _doubts(graph: ConnectedPieces) -> Iterator[str]:

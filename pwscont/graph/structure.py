@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from difflib import get_close_matches
 from functools import cached_property
-from itertools import chain, combinations
+from itertools import combinations
 from numbers import Real
 from typing import Any
 
 import numpy as np
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
 
 from pwscont.basics.arguments import checked_kind
 from pwscont.basics.arrays import Array
@@ -31,16 +28,13 @@ Pair = tuple[int, int]
 
 def connected(members: Iterable[int], pairs: Iterable[Pair]) -> list[set[int]]:
     """Return the sets of members that are connected, ordered by the least member of each set."""
-    joined = list(pairs)
-    known = sorted({*members, *chain.from_iterable(joined)})
-    place = {member: i for i, member in enumerate(known)}
-    ends = np.array([[place[a], place[b]] for a, b in joined], dtype=int).reshape(-1, 2)
-    size = len(known)
-    matrix = coo_matrix((np.ones(len(ends)), (ends[:, 0], ends[:, 1])), shape=(size, size))
-    sets: dict[int, set[int]] = defaultdict(set)
-    for member, label in zip(known, connected_components(matrix, directed=False)[1], strict=True):
-        sets[int(label)].add(member)
-    return list(sets.values())
+    sets = {member: {member} for member in members}
+    for pair in pairs:
+        small, large = sorted((sets.setdefault(member, {member}) for member in pair), key=len)
+        if small is not large:
+            large |= small
+            sets |= dict.fromkeys(small, large)
+    return sorted({id(some): some for some in sets.values()}.values(), key=min)
 
 
 #: A word as similar as this to the word of a kind is a misspelt word.
@@ -65,12 +59,10 @@ class ConnectedPieces:
         names: Sequence[str] | None = None,
         infinite: Sequence[Stretch] = (),
     ) -> None:
+        self.interval, self.system, self.parameter = interval, system, parameter
+        self.searched = searched
         #: Stretches of alpha at which solutions fill a segment or more.
         self.infinite = tuple(infinite)
-        self.interval = interval
-        self.searched = searched
-        self.system = system
-        self.parameter = parameter
         #: All pieces by id.
         self.pieces = tuple(sorted(pieces, key=lambda piece: piece.id))
         self._points, within = sorted(points, key=lambda point: point.id), list(starts)
@@ -132,8 +124,7 @@ class ConnectedPieces:
 
     def components(self) -> list[list[Piece]]:
         """Return the pieces of each connected component, in the order along the branches."""
-        pairs = ((piece.start, piece.end) for piece in self.pieces)
-        parts = connected(self._nodes, pairs)
+        parts = connected(self._nodes, ((piece.start, piece.end) for piece in self.pieces))
         ids = [{piece.id for node in part for piece in self._touching[node]} for part in parts]
         return [[self._by_id[i] for i in sorted(some)] for some in ids]
 

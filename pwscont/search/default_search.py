@@ -42,16 +42,17 @@ def default_search(
 ) -> Search:
     """Return the most complete search that takes seconds; Newton starts ``around`` states, too."""
     states = tuple(tuple(z.tolist()) for z in around)
-    search = _most_complete(system, interval, states)
+    search = _in_all_cells(system, interval) or _from_some(system, states)
     is_costly = isinstance(system, SlicewiseLinearSystem) and not isinstance(search, MultiStart)
     return MultiStart(around=states) + search if system.unique and is_costly else search
 
 
-def _most_complete(system: PiecewiseSystem, interval: Range, around: States) -> Search:
+def _in_all_cells(system: PiecewiseSystem, interval: Range) -> Search | None:
+    """Return a search in all cells, None for curved systems and if the search takes too long."""
     if not isinstance(system, SlicewiseLinearSystem):
-        return _added_up(_for_curves(system, around), system)
+        return None
     if type(system).blocks is SlicewiseLinearSystem.blocks and has_too_many_tests(system):
-        return _added_up(_from_some(system, around), system)
+        return None
     blocks = system.blocks()
     cells = number_of_cells(blocks)
     interfaces = cells * sum(len(block.tests) for block in blocks)
@@ -62,29 +63,22 @@ def _most_complete(system: PiecewiseSystem, interval: Range, around: States) -> 
         return AllTransitions() + EndPoints() + Slices.spread(MANY_SLICES, interval)
     if cells > MANY_CELLS:
         cells = cells_to_try(system, Metric.of(system, interval), interval[0])
-    if cells <= MANY_CELLS:
-        slices = min(MANY_SLICES, max(FEW_SLICES, MANY_CELLS_BETWEEN // cells))
-        return EndPoints() + Slices.spread(slices, interval)
-    return _added_up(_from_some(system, around), system)
+    if cells > MANY_CELLS:
+        return None
+    slices = min(MANY_SLICES, max(FEW_SLICES, MANY_CELLS_BETWEEN // cells))
+    return EndPoints() + Slices.spread(slices, interval)
 
 
-def _for_curves(system: PiecewiseSystem, around: States) -> Search:
-    """Return the search of a system that is not linear at fixed alpha."""
-    in_cells = not has_too_many_tests(system)
-    in_cells = in_cells and len(list(islice(system.cells(), MANY_NEWTONS + 1))) <= MANY_NEWTONS
-    if system.size <= MOST_UNKNOWNS_INSIDE:
-        return Throughout.affordable(system, around, in_cells)
-    some = _from_some(system, around)
-    return EndPoints() + some if in_cells else some
-
-
-def _from_some(system: PiecewiseSystem, around: States) -> MultiStart:
+def _from_some(system: PiecewiseSystem, around: States) -> Search:
+    """Return a search by Newton from some starts, after the searches that the system brings."""
     count = affordable_starts(system, LEAST_STARTS, MOST_STARTS)
-    return MultiStart(count=count, around=around)
-
-
-def _added_up(search: Search, system: PiecewiseSystem) -> Search:
-    if isinstance(system, BringsSearches):
-        for special in system.searches():
-            search = special + search
+    search: Search = MultiStart(count=count, around=around)
+    if not isinstance(system, SlicewiseLinearSystem):
+        in_cells = not has_too_many_tests(system)
+        in_cells = in_cells and len(list(islice(system.cells(), MANY_NEWTONS + 1))) <= MANY_NEWTONS
+        search = EndPoints() + search if in_cells else search
+        if system.size <= MOST_UNKNOWNS_INSIDE:
+            search = Throughout.affordable(system, around, in_cells)
+    for special in system.searches() if isinstance(system, BringsSearches) else ():
+        search = special + search
     return search
