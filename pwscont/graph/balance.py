@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator
+from contextlib import suppress
 from itertools import combinations, compress, pairwise
 
 import numpy as np
@@ -24,6 +25,8 @@ from pwscont.graph.records import SpecialPoint, are_one
 from pwscont.graph.structure import NOT_SEARCHED, ConnectedPieces, connected
 from pwscont.system.system import SlicewiseLinearSystem
 
+#: A stretch of alpha.
+Gap = tuple[float, float]
 #: Kinds of points at which a branch may end, the kind first that explains the end best.
 EXPLAINING = (Kind.END, Kind.EVENT, Kind.STOPPED)
 
@@ -97,7 +100,7 @@ def balance_values(graph: ConnectedPieces) -> list[int]:
     return sorted({value for value, _ in _judged(graph)})
 
 
-def _judged(graph: ConnectedPieces) -> list[tuple[int, tuple[float, float]]]:
+def _judged(graph: ConnectedPieces) -> list[tuple[int, Gap]]:
     """Return balance and ends of stretches that are longer than uncertain, with finite numbers."""
     pairs = zip(balances(graph), pairwise(graph.breaks()), strict=True)
     # where solutions are infinitely many, the signs of the pieces around say nothing
@@ -123,7 +126,7 @@ def is_balanced(graph: ConnectedPieces) -> bool:
     return not unbalanced(graph)
 
 
-def unbalanced(graph: ConnectedPieces) -> list[tuple[float, float]]:
+def unbalanced(graph: ConnectedPieces) -> list[Gap]:
     """Return the stretches in which the balance is not what the balance must be.
 
     Without a known degree: the stretches whose balance differs from the most frequent one, each
@@ -143,12 +146,10 @@ def unbalanced(graph: ConnectedPieces) -> list[tuple[float, float]]:
         ]
         values = [value for value, _ in judged]
         degree = max(values, key=values.count, default=None)
-    merged: list[tuple[float, float]] = []
+    merged: list[Gap] = []
     for lo, hi in (gap for value, gap in judged if value != degree):
-        if merged and merged[-1][1] == lo:
-            merged[-1] = (merged[-1][0], hi)
-        else:
-            merged.append((lo, hi))
+        touches = merged and merged[-1][1] == lo
+        merged.append((merged.pop()[0] if touches else lo, hi))
     return merged
 
 
@@ -169,7 +170,6 @@ WORDS = {
     Guarantee.EVERYTHING: "complete",
     Guarantee.UNIQUE: "complete (unique by the system's promise)",
 }
-Gap = tuple[float, float]
 
 
 def verdict(graph: ConnectedPieces) -> str:
@@ -235,11 +235,10 @@ def listed(gaps: Iterable[Gap]) -> str:
 
 def _stands_twice(graph: ConnectedPieces, gap: Gap) -> bool:
     """Tell whether two solutions in the middle of a stretch agree within the estimated errors."""
-    try:
+    with suppress(PwscontError):  # the graph was loaded without a system, or is damaged here
         found = queries.solutions_at(graph, 0.5 * (gap[0] + gap[1]))
-    except PwscontError:  # the graph was loaded without a system, or the graph is damaged here
-        return False
-    return any(are_one(a, b) for a, b in combinations(found, 2))
+        return any(are_one(a, b) for a, b in combinations(found, 2))
+    return False
 
 
 def doubled(graph: ConnectedPieces) -> list[Gap]:
@@ -270,10 +269,9 @@ def _doubts(graph: ConnectedPieces) -> Iterator[str]:
     yield from _touches(graph)
     twofold = [point for point in graph.nodes if says(point.message, Remark.TWOFOLD)]
     yield from _listed("two curves may be taken for one on the piece that ends", graph, twofold)
-    begun = []
+    begun, errors = [], dict(zip((p.id for p in graph.nodes), graph.alpha_errors, strict=True))
     for piece in graph.pieces:  # alpha rises and falls, by more than rounding and the ends' errors
-        ends = (graph.point(node) for node in (piece.start, piece.end))
-        error = max((point.error[-1] for point in ends if len(point.error)), default=0.0)
+        error = max(errors[piece.start], errors[piece.end])
         clear = GUARD * EPS * np.abs(piece.alpha).max() + CONFIDENCE * error
         steps = np.diff(piece.alpha)
         if steps.min() < -clear and steps.max() > clear:
@@ -323,10 +321,8 @@ def _what_happened(graph: ConnectedPieces, point: SpecialPoint) -> str:
 def _reason(point: SpecialPoint) -> str:
     """Return why a piece was stopped, without the advice, and where special points accumulate."""
     known = [reason.value for reason in FailureReason if says(point.message, reason)]
-    words = (known or point.message.split("; ")[-1:])[0]
-    near = _accumulation(point)
-    words = words.split(";")[0].split(": ")[0]
-    return "; ".join(filter(None, ["" if words == near else words, near]))
+    words = (known or point.message.split("; ")[-1:])[0].split(";")[0].split(": ")[0]
+    return "; ".join(filter(None, dict.fromkeys([words, _accumulation(point)])))
 
 
 def _accumulation(point: SpecialPoint) -> str:

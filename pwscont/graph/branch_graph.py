@@ -24,7 +24,7 @@ from pwscont.graph import balance as signs
 from pwscont.graph import queries, storage
 from pwscont.graph.balance import WORDS, verdict
 from pwscont.graph.proved import BoxProof
-from pwscont.graph.records import Piece, SpecialPoint, attempted
+from pwscont.graph.records import Piece, SpecialPoint, Stretch, attempted
 from pwscont.graph.structure import ConnectedPieces
 from pwscont.system.system import PiecewiseSystem
 
@@ -167,8 +167,7 @@ class BranchGraph(ConnectedPieces):
         checked_kind("system", system, PiecewiseSystem)
         contents, proof = storage.read(path)
         if system is not None:
-            own = storage.adopted(path, contents, system)
-            contents |= {"system": own, "names": None}
+            contents |= {"system": storage.adopted(path, contents, system), "names": None}
         graph = cls(**contents, record=record)
         if proof is not None and (system is None or proof.is_of(system)):
             graph.proof = proof
@@ -264,8 +263,7 @@ class BranchGraph(ConnectedPieces):
             ],
             "multiplicity": [[*row[:2], _finite(row[2])] for row in rows],
             "stretches": [
-                {"lo": row[0], "hi": row[1], "count": _finite(row[2])}
-                | {"lo_closed": row.lo_closed, "hi_closed": row.hi_closed}
+                _plain(row, "lo hi count lo_closed hi_closed") | {"count": _finite(row[2])}
                 for row in rows
             ],
             "between": [[lo, _finite(count)] for lo, hi, count in found if lo == hi],
@@ -320,8 +318,7 @@ def magnitudes(graph: ConnectedPieces) -> Array:
     """Return the largest magnitude of each unknown, 1 for zero, and the interval's length."""
     each = [np.abs(piece.z).max(axis=0) for piece in graph.pieces]
     largest = np.max(each, axis=0) if each else np.zeros(0)
-    lo, hi = graph.interval
-    return np.append(np.where(largest > 0.0, largest, 1.0), hi - lo)
+    return np.append(np.where(largest > 0.0, largest, 1.0), np.ptp(graph.interval))
 
 
 def _component(graph: ConnectedPieces) -> dict[int, int]:
@@ -341,13 +338,12 @@ def _pieces(graph: ConnectedPieces, pandas: Any) -> Any:
 
 
 def _points(graph: ConnectedPieces, pandas: Any) -> Any:
-    component = _component(graph)
-    parts = [piece.points for piece in graph.pieces]
-    points = np.vstack(parts) if parts else np.zeros((0, len(graph.names) + 1))
+    component, empty = _component(graph), np.zeros((0, len(graph.names) + 1))
+    points = np.vstack([empty, *(piece.points for piece in graph.pieces)])
     heads = [
         row
-        for piece, part in zip(graph.pieces, parts, strict=True)
-        for row in [(piece.id, component[piece.id], piece.label)] * len(part)
+        for piece in graph.pieces
+        for row in [(piece.id, component[piece.id], piece.label)] * len(piece.points)
     ]
     head = pandas.DataFrame(heads, columns=["piece", "component", "label"])
     head["alpha"] = points[:, -1]
@@ -374,15 +370,13 @@ def _special(graph: ConnectedPieces, pandas: Any) -> Any:
 
 def columns(names: Sequence[str]) -> list[str]:
     """Return for each unknown a name that no other column has: the own name, or the place."""
-    places = [f"z[{i}]" for i in range(len(names))]
-    other = FIXED.union(places)
+    other = FIXED.union(f"z[{i}]" for i in range(len(names)))
     return [
-        place if name in other or name in names[:i] else name
-        for i, (name, place) in enumerate(zip(names, places, strict=True))
+        f"z[{i}]" if name in other or name in names[:i] else name for i, name in enumerate(names)
     ]
 
 
-def _plain(record: SpecialPoint | Piece, names: str) -> dict[str, Any]:
+def _plain(record: SpecialPoint | Piece | Stretch, names: str) -> dict[str, Any]:
     """Return attributes of a record by name: arrays as lists, kinds as texts."""
     values = {name: getattr(record, name) for name in names.split()}
     arrays = {name: v.tolist() for name, v in values.items() if isinstance(v, np.ndarray)}

@@ -125,9 +125,9 @@ class BoxProof:
             parts = ((len(self.open), "box"), (vague, "stretch"))
             open_parts = (counted(number, what, "es") for number, what in parts if number)
             return f"not proved in {' and in '.join(open_parts)}"
-        number, words = len(self.windows), "complete in the box, proved"
-        except_in = f", except in {counted(number, 'window')} of alpha of width up to "
-        return words + (except_in + f"{_widest(self.windows):.1g}" if number else "")
+        windows = counted(len(self.windows), "window")
+        but = f", except in {windows} of alpha of width up to {_widest(self.windows):.1g}"
+        return "complete in the box, proved" + but * bool(self.windows)
 
     @property
     def where(self) -> str:
@@ -148,10 +148,10 @@ class BoxProof:
         """Return the guarantee of a graph with what is proved, from the guarantee without."""
         if graph.searched.spent:  # branches are missing because the run ended early
             return words
-        wrong: list[tuple[float, int, int]] = []
+        wrong, known = list[tuple[float, int, int]](), list[Range]()
         with suppress(SystemNeededError), np.errstate(all="ignore"):  # loaded without the system
             wrong = list(self.disagreements(graph))
-        stops, known = [point.alpha for point in graph.special_points(Kind.STOPPED)], list[Range]()
+        stops = [point.alpha for point in graph.special_points(Kind.STOPPED)]
         for alpha in (alpha for alpha, count, found in wrong if found < count):
             part = next(part for part in self._parts(graph) if part[0] <= alpha <= part[1])
             if any(graph.same(np.array(part), stop).any() for stop in stops):
@@ -216,12 +216,10 @@ class BoxProof:
 
     def is_of(self, system: PiecewiseSystem) -> bool:
         """Tell whether a system has the values of H that the proof remembers."""
-        with np.errstate(all="ignore"):
-            try:
-                pairs = [(H, value_of(system, x)) for x, H in self.values]
-                return bool(pairs) and all(np.allclose(*p, SAME_VALUES, 0.0, True) for p in pairs)
-            except Exception:  # a system of other unknowns, or one that fails there
-                return False
+        with np.errstate(all="ignore"), suppress(Exception):  # of other unknowns, or one that fails
+            pairs = [(H, value_of(system, x)) for x, H in self.values]
+            return bool(pairs) and all(np.allclose(*p, SAME_VALUES, 0.0, True) for p in pairs)
+        return False
 
     def plain(self) -> dict[str, Any]:
         """Return the proof as lists and numbers, for a file."""
@@ -245,8 +243,7 @@ class BoxProof:
 def value_of(system: PiecewiseSystem, x: Array) -> Array:
     """Return H at a point (z, alpha) of the unknowns that a user knows, shape (n,)."""
     z, alpha = completed(system, x[:-1], float(x[-1])), float(x[-1])
-    value: Array = system.residual(z, alpha, system.character(z, alpha))[: len(x) - 1]
-    return np.array(value, dtype=float)
+    return np.array(system.residual(z, alpha, system.character(z, alpha))[: len(x) - 1], float)
 
 
 def _widest(ranges: list[Range]) -> float:

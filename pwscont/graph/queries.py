@@ -87,7 +87,6 @@ def solve_between(
     row = -last_unit(len(a))
 
     def border(x: Array) -> tuple[float, Array]:
-        """Return what falls to zero where a point has the alpha."""
         return alpha - float(x[-1]), row
 
     for _ in range(MOST_HALVINGS_OF_STEP):
@@ -135,8 +134,10 @@ def fine_points(system: PiecewiseSystem, piece: Piece, interval: Range, parts: i
     True
     """
     points = [completed_point(system, x) for x in piece.points]
-    curve = Curve(Selection(system, piece.character), Metric.of(system, interval))
-    found = [points[0]]
+    curve, found = (
+        Curve(Selection(system, piece.character), Metric.of(system, interval)),
+        points[:1],
+    )
     for a, b in pairwise(points):
         segment = cubics_between(curve, a, b)[0]
         inner = np.linspace(0.0, segment.length, parts + 1)[1:-1]
@@ -160,10 +161,8 @@ def cubics_between(
     known = errors or (np.zeros_like(a), np.zeros_like(b))
 
     def cubic(*tangents: Array) -> CurvedSegment:
-        first, last = (
-            State(x, way, error[np.newaxis], 1)
-            for x, way, error in zip((a, b), tangents, known, strict=True)
-        )
+        rows = zip((a, b), tangents, known, strict=True)
+        first, last = (State(x, way, error[np.newaxis], 1) for x, way, error in rows)
         return CurvedSegment.between(curve, first, last, suggestion=0.0)
 
     def off(segment: CurvedSegment) -> float:
@@ -194,8 +193,7 @@ def _where(segment: CurvedSegment, alpha: float) -> float:
 def _around(points: Array, alpha: float) -> tuple[Array, Array]:
     """Return the two neighbouring points around an alpha."""
     ordered = points if points[-1, -1] > points[0, -1] else points[::-1]
-    i = int(np.searchsorted(ordered[:, -1], alpha))
-    i = min(max(i, 1), len(points) - 1)
+    i = min(max(int(np.searchsorted(ordered[:, -1], alpha)), 1), len(points) - 1)
     return ordered[i - 1], ordered[i]
 
 
@@ -259,12 +257,11 @@ def solutions_at(graph: ConnectedPieces, alpha: float) -> list[Solution]:
 def solution_at(graph: ConnectedPieces, node: int) -> Solution:
     """Return a special point as a solution at the alpha of the point."""
     point, pieces, system = graph.point(node), graph.pieces_at(node), graph.system
+    where = Character(()), "unknown", 0, -1
     if pieces:
         piece = pieces[0]
         where = piece.character, piece.label, index_at(graph, node), piece.id
-    elif system is None:
-        where = Character(()), "unknown", 0, -1
-    else:  # no piece leaves from the solution: its cell is that of the point itself
+    elif system:  # no piece leaves from the solution: its cell is that of the point itself
         character = system.character(completed(system, point.z, point.alpha), point.alpha)
         where = character, system.label(character), 0, -1
     known = point.kind, point.error, point.digits, point.quantities
@@ -318,11 +315,10 @@ def is_beside_infinite(graph: ConnectedPieces, alpha: float) -> bool:
 
 def _has(graph: ConnectedPieces, stretch: Stretch, alpha: float) -> bool:
     """Tell whether alpha lies in a stretch, whose ends are known to rounding."""
-    lo, hi = stretch[:2]
-    at_lo, at_hi = bool(graph.same(lo, alpha)), bool(graph.same(hi, alpha))
+    at_lo, at_hi = bool(graph.same(stretch.lo, alpha)), bool(graph.same(stretch.hi, alpha))
     if at_lo or at_hi:
         return (at_lo and stretch.lo_closed) or (at_hi and stretch.hi_closed)
-    return lo < alpha < hi
+    return stretch.lo < alpha < stretch.hi
 
 
 def with_count(graph: ConnectedPieces, count: int | float) -> list[Stretch]:

@@ -27,8 +27,6 @@ DROPPED_BITS = np.uint64(48)
 ROUND_UP = np.uint64(2**48 - 1)
 #: The first digits of estimated errors, see :func:`first_digits`.
 Digits = npt.NDArray[np.uint16]
-
-
 #: The id of a start within a piece, which is no node of the graph.
 NO_NODE = -1
 
@@ -66,16 +64,14 @@ def from_first_digits(digits: Digits) -> Array:
 
 #: Significant digits where the error is rounding.
 ALL_DIGITS = 16.0
+#: With fewer significant digits a result says so wherever it is shown.
+FEW_DIGITS = 6.0
 
 
 def significant(error: Array, values: Array, scale: Array) -> float:
     """Return how many digits of ``values`` are significant, by the error in typical magnitudes."""
     off = largest(error / np.maximum(np.abs(values), scale))
     return min(ALL_DIGITS, max(0.0, -math.log10(off))) if off > 0.0 else ALL_DIGITS
-
-
-#: With fewer significant digits a result says so wherever it is shown.
-FEW_DIGITS = 6.0
 
 
 def _value_of(state: SpecialPoint | Solution, name: str) -> float:
@@ -167,8 +163,8 @@ class SpecialPoint:
 
     def _repr_html_(self) -> str:
         rows = [("alpha", f"{self.alpha:.10g}"), ("state", self.quantities.in_words(self.z))]
-        more = [("message", short(self.message)), ("digits", f"{self.digits:.3g}")]
-        return card(f"SpecialPoint {self.id}: {self.kind}", [*rows, *more])
+        rows += [("message", short(self.message)), ("digits", f"{self.digits:.3g}")]
+        return card(f"SpecialPoint {self.id}: {self.kind}", rows)
 
 
 @final
