@@ -89,12 +89,11 @@ class AllTransitions(Search):
 
         are_few = number_of_cells(system.blocks()) <= FEW_CELLS  # then lines give all solutions
         lines = Lines(system, metric, interval) if are_few else None
-        solutions = lines.solutions() if lines else None
+        solutions = lines and lines.solutions()
         for found in starts_at(system, metric, interval[0]) if solutions is None else solutions:
             if not is_known(found, OTHER):
                 yield found
-        lines = lines or Lines(system, metric, interval)
-        for test, found in lines.transitions():
+        for test, found in (lines or Lines(system, metric, interval)).transitions():
             if _is_within(interval, *found) and not is_known(found, test):
                 yield found
 
@@ -114,8 +113,7 @@ def _has_free_unknowns(system: PiecewiseSystem) -> bool:
         return False  # nearly always, and sooner than by a rank
     rows = np.vstack([jacobian, dense(system.test_jacobian(z, alpha))])[:, :-1]
     magnitudes, sizes = balanced(rows, system.size)
-    scaled = rows * magnitudes / sizes[:, np.newaxis]
-    return bool(np.linalg.matrix_rank(scaled) < system.size)
+    return bool(np.linalg.matrix_rank(rows * magnitudes / sizes[:, None]) < system.size)
 
 
 def _is_within(interval: Range, x: Array, error: Array) -> bool:
@@ -153,10 +151,9 @@ class Lines:
         places, tests = _ends_of_lines(problem, choices, lower_end)
         for s, test_of in zip(places.T, tests.T, strict=True):
             some = np.flatnonzero(np.isfinite(s))
-            for test in np.unique(test_of[some]).tolist():
-                if test != OTHER:
-                    points = self._points.setdefault(test, self._points_of(problem, test))
-                    self._add(points, choices, some[test_of[some] == test], s)
+            for test in sorted({*test_of[some].tolist()} - {OTHER}):
+                points = self._points.setdefault(test, self._points_of(problem, test))
+                self._add(points, choices, some[test_of[some] == test], s)
 
     def _add(self, points: Points, choices: Choices, which: Indices, places: Array) -> None:
         """Add the ends of some lines at given places, unless a known end lies in the same cell."""
@@ -190,9 +187,8 @@ class Lines:
         if self._faces or points is None or points.undecided or not points.found:
             return None
         ends = points.found
-        if any(holds.sum() > 1 for end in ends for holds in end.holds):
-            return None
-        if any(significant(magnitude(e.x, e.error), e.x, scale) < FEW_DIGITS for e in ends):
+        few = (significant(magnitude(e.x, e.error), e.x, scale) < FEW_DIGITS for e in ends)
+        if any(holds.sum() > 1 for end in ends for holds in end.holds) or any(few):
             return None
         is_known = self._system.degree in (None, sum(end.det_sign for end in ends))
         return [(end.x, end.error) for end in ends] if is_known else None

@@ -112,7 +112,7 @@ class MultiStart(Search):
         A successful start is tried again, with the known solutions deflated away.
         """
         box, shown = Box.of(system), shown_size(system)
-        guesses = rough_starts(system, metric, self.count, self.around, self.seed, self.spread)
+        guesses = _rough_starts(self, system, metric, self.spread)
         for alpha in interval:
             known: list[Array] = []
             for rough in guesses:
@@ -130,22 +130,17 @@ class MultiStart(Search):
         return SearchScope(f"Newton from {starts}, with deflation", Guarantee.NOTHING)
 
 
-def rough_starts(
-    system: PiecewiseSystem,
-    metric: Metric,
-    count: int,
-    around: States,
-    seed: int,
-    spread: float | Array,
+def _rough_starts(
+    search: MultiStart, system: PiecewiseSystem, metric: Metric, spread: float | Array
 ) -> list[Array]:
     """Return all starts: fixed states, then random states, every other around a fixed state."""
     box, scale, shown = Box.of(system), metric.scale[:-1], shown_size(system)
-    rng, shape = np.random.default_rng(seed), (count, len(scale))
+    rng, shape = np.random.default_rng(search.seed), (search.count, len(scale))
     normal, even = rng.normal(size=shape), rng.uniform(-0.5, 0.5, size=shape)
     more = np.zeros(len(scale) - shown)  # of the unknowns that follow from a state
-    fixed = [np.append(finite_array("around", z, (shown,)), more) for z in around]
+    fixed = [np.append(finite_array("around", z, (shown,)), more) for z in search.around]
     guesses = [*map(box.inside, fixed), box.centre(scale)]
-    for i in range(1, count):
+    for i in range(1, search.count):
         near = fixed[i // 2 % len(fixed)] if fixed and i % 2 else None
         guesses.append(box.guess(normal[i], even[i], spread * scale, near))
     return guesses
@@ -189,9 +184,12 @@ class Throughout(Search):
         """Yield solutions that are not on known branches."""
         for alpha in interval if self.in_cells else ():
             yield from starts_at(system, metric, alpha)
-        reach = nonlinear_reach(system, metric)
-        pursuit, spread = Pursuit(system, metric, known, reach), reach / metric.scale[:-1]
-        rough = rough_starts(system, metric, self.at_ends, self.around, seed=0, spread=spread)
+        reach, at_ends = (
+            nonlinear_reach(system, metric),
+            MultiStart(self.at_ends, around=self.around),
+        )
+        pursuit = Pursuit(system, metric, known, reach)
+        rough = _rough_starts(at_ends, system, metric, reach / metric.scale[:-1])
         for alpha in interval:
             yield from pursuit.at(alpha, rough)
         if known.are_all():
@@ -222,13 +220,12 @@ class Throughout(Search):
     def _between(self, pursuit: Pursuit, interval: Range, turn: int) -> Iterator[Found]:
         """Yield solutions from starts inside the interval, at other alphas and states each turn."""
         (lo, hi), count = interval, self.count
-        for alpha in interval if turn else ():
-            guesses = map(pursuit.guess, range(turn * count, (turn + 1) * count))
-            yield from pursuit.at(alpha, guesses)
+        alphas = [(alpha, turn) for alpha in interval if turn]
         for k in range(turn * self.slices, (turn + 1) * self.slices):
             part = (0.5 + GOLDEN * (k + 0.118)) % 1.0  # evenly spread, avoids special values
-            guesses = map(pursuit.guess, range(k * count, (k + 1) * count))
-            yield from pursuit.at(lo + (hi - lo) * part, guesses)
+            alphas.append((lo + (hi - lo) * part, k))
+        for alpha, k in alphas:
+            yield from pursuit.at(alpha, map(pursuit.guess, range(k * count, (k + 1) * count)))
 
     def searched(self, system: PiecewiseSystem) -> SearchScope:
         """Promise nothing."""

@@ -196,8 +196,7 @@ def checked_proof(search: Search, proof: Any) -> Proof | None:
     is_object = not isinstance(proof, type) and callable(getattr(proof, "judged", None))
     if proof is None or is_object:
         return proof
-    wanted = "None, or an object with judged(graph, words)"
-    raise wrong_result(search, "proved", wanted, proof)
+    raise wrong_result(search, "proved", "None, or an object with judged(graph, words)", proof)
 
 
 def scope_of(search: Search, system: PiecewiseSystem) -> SearchScope:
@@ -236,9 +235,8 @@ def _checked(what: str, start: Any, size: int, interval: Range) -> Found:
     try:
         error = np.asarray(error, dtype=float)
     except (TypeError, ValueError) as why:
-        raise InvalidInputError(
-            f"{what} yields an error that is no array of numbers, {short(repr(error))}: {WANTED}"
-        ) from why
+        got = f"an error that is no array of numbers, {short(repr(error))}"
+        raise InvalidInputError(f"{what} yields {got}: {WANTED}") from why
     if not error.ndim:
         raise InvalidInputError(f"{what} yields a pair (z, alpha), {short(repr(start))}: {WANTED}")
     is_sampled = error.size and error.ndim <= 2 and error.shape[-1] == size + 1
