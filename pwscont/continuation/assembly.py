@@ -14,22 +14,23 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 
 from pwscont.basics.arrays import Array
-from pwscont.basics.budget import Budget, check_budget
+from pwscont.basics.budget import check_budget
 from pwscont.basics.errors import InvalidSystemError
 from pwscont.basics.outcome import CROSSED, Kind
 from pwscont.basics.rounding import CONVERGED, SAME_ALPHA
 from pwscont.continuation.discovery import Discovery
 from pwscont.continuation.known import Edge, Node
+from pwscont.continuation.plan import Plan
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.metric import Metric
 from pwscont.curve.stepper import Segment, StraightSegment
 from pwscont.graph import BranchGraph, Piece, SpecialPoint
 from pwscont.graph.queries import cubics_between
 from pwscont.graph.records import NO_NODE, Place, are_one, significant
-from pwscont.system.abilities import Ending, Reduction, shown_points, shown_size
+from pwscont.system.abilities import Ending, shown_points, shown_size
 from pwscont.system.box import Box
 from pwscont.system.system import PiecewiseSystem
-from pwscont.transitions.detector import TransitionDetector, kinds_at
+from pwscont.transitions.detector import kinds_at
 
 if TYPE_CHECKING:
     from pwscont.events.along import EventMark
@@ -41,49 +42,40 @@ Show: TypeAlias = Callable[..., Array]
 Directed: TypeAlias = tuple[Edge, Piece]
 
 
-def mark(
-    discovery: Discovery,
-    system: PiecewiseSystem,
-    metric: Metric,
-    detectors: Sequence[TransitionDetector],
-) -> None:
+def mark(discovery: Discovery, plan: Plan) -> None:
     """Mark what users' detectors see at special points."""
-    for edge in discovery.edges if detectors else ():
-        curve, points = edge.curve(system, metric), edge.points
+    for edge in discovery.edges if plan.foreign else ():
+        curve, points = edge.curve(plan.reduced_system, plan.metric), edge.points
         ends = (edge.start, edge.first, points[1]), (edge.end, edge.last, points[-2])
         for number, place, inner in ends:
             node = discovery.nodes[number]
-            for detector in detectors:
+            for detector in plan.foreign:
                 words = kinds_at(detector, curve, place.x, place.error, inner)
                 node.also += [word for word in words if word not in (str(node.kind), *node.also)]
 
 
-def divide(
-    discovery: Discovery, system: PiecewiseSystem, metric: Metric, events: Events, budget: Budget
-) -> int:
+def divide(discovery: Discovery, plan: Plan, events: Events) -> int:
     """Divide the pieces at events; return how many are not, because the budget is spent."""
     parts, rest = list[Edge](), deque(discovery.edges)
-    budget.extend()
+    plan.budget.extend()
     try:
         while rest:
-            parts += _divided(rest[0], discovery.nodes, system, metric, events)
+            parts += _divided(rest[0], discovery.nodes, plan, events)
             rest.popleft()
     except KeyboardInterrupt as why:
-        budget.end(why)
+        plan.budget.end(why)
     discovery.edges = [*parts, *rest]
     return len(rest)
 
 
-def _divided(
-    edge: Edge, known: dict[int, Node], system: PiecewiseSystem, metric: Metric, events: Events
-) -> list[Edge]:
+def _divided(edge: Edge, known: dict[int, Node], plan: Plan, events: Events) -> list[Edge]:
     """Return the parts of a piece between its events, which are added to the known nodes."""
-    curve, points = edge.curve(system, metric), edge.points
+    curve, points = edge.curve(plan.reduced_system, plan.metric), edge.points
     start, end, segments = edge.first, edge.last, list(_segments(curve, edge))
     along = events.along(curve, start.x, start.error)
     for after, (segment, (a, b)) in enumerate(zip(segments, pairwise(points), strict=True), 1):
         check_budget()
-        along.look(segment, metric.norm(b - a), after)
+        along.look(segment, plan.metric.norm(b - a), after)
     marks = along.before(end.x, end.error)
     if not marks:
         return [edge]
@@ -133,17 +125,14 @@ def _segments(curve: Curve, edge: Edge) -> Iterator[Segment]:
 
 
 def assemble(
-    discovery: Discovery,
-    system: PiecewiseSystem,
-    metric: Metric,
-    reduction: Reduction | None,
-    events: Events | None,
+    discovery: Discovery, plan: Plan
 ) -> tuple[list[SpecialPoint], list[Piece], list[SpecialPoint]]:
     """Return special points, pieces, and starts inside pieces, in the unknowns that a user sees.
 
     Pieces are directed and numbered along the positive orientation of the component. What a
     reduction left out is put back, and unknowns that the system hides are left out.
     """
+    system, metric, reduction = plan.system, plan.full_metric, plan.reduction
 
     def show(points: Array, errors: bool = False) -> Array:
         """Return points (..., z, alpha) of the reduced system with the user's unknowns."""
@@ -166,7 +155,7 @@ def assemble(
     ends = [node for edge in edges for node in (edge.start, edge.end)]
     #: A number for each node: first the nodes of the edges in order, then isolated nodes.
     numbers = {node: i for i, node in enumerate(dict.fromkeys([*ends, *discovery.nodes]))}
-    pieces = [_piece(edge, i, numbers, reduction, system, metric) for i, edge in enumerate(edges)]
+    pieces = [_piece(edge, i, numbers, plan) for i, edge in enumerate(edges)]
     if shown < system.size:
         period = Box.of(system).period[:shown]
         metric = Metric(shown_points(system, metric.scale), metric.interval, period)
@@ -183,7 +172,7 @@ def assemble(
             )
             starts.append(SpecialPoint(NO_NODE, Kind.START, place, said, said, piece.id, digits))
     points = [
-        _special_point(i, discovery.nodes[n], before[n], after[n], system, places, metric, events)
+        _special_point(i, discovery.nodes[n], before[n], after[n], places, metric, plan)
         for n, i in numbers.items()
     ]
     return points, pieces, starts
@@ -215,18 +204,11 @@ def _in_order(edges: list[Edge]) -> Iterator[Edge]:
             node = edge.end
 
 
-def _piece(
-    edge: Edge,
-    number: int,
-    numbers: Mapping[int, int],
-    reduction: Reduction | None,
-    system: PiecewiseSystem,
-    metric: Metric,
-) -> Piece:
+def _piece(edge: Edge, number: int, numbers: Mapping[int, int], plan: Plan) -> Piece:
     """Return the piece of a directed edge, with the signs that a reduction left out."""
     points, character = edge.points, edge.cells[0]
     rise = float(points[-1, -1] - points[0, -1])
-    is_level = abs(rise) <= SAME_ALPHA * (metric.interval[1] - metric.interval[0])
+    is_level = abs(rise) <= SAME_ALPHA * (plan.interval[1] - plan.interval[0])
     det_sign = 1 if rise > 0.0 else -1  # as of det(dH/dz), on the positive orientation
     if is_level or edge.along_interface:
         det_sign = edge.det_sign
@@ -234,9 +216,9 @@ def _piece(
         points[:, -1] = points[0, -1]
     else:  # the same numbers are in memory once
         edge.first.x, edge.last.x = points[0], points[-1]
-    character = reduction.character(character) if reduction else character
+    character = plan.reduction.character(character) if plan.reduction else character
     ends = numbers[edge.start], numbers[edge.end]
-    return Piece(number, *ends, character, system.label, points, det_sign)
+    return Piece(number, *ends, character, plan.system.label, points, det_sign)
 
 
 def _special_point(
@@ -244,23 +226,22 @@ def _special_point(
     node: Node,
     before: Sequence[Directed],
     after: Sequence[Directed],
-    system: PiecewiseSystem,
     places: Mapping[Place, Place],
     metric: Metric,
-    events: Events | None,
+    plan: Plan,
 ) -> SpecialPoint:
     """Return the special point of a node at which some edges end and others begin."""
     ends = [edge.last for edge, _ in before] + [edge.first for edge, _ in after]
     here, *others = (places.get(at, at) for at in [node.place, *(ray.place for ray in node.rays)])
     place = _covering(here, [*ends, *others], metric)
     also = list(node.also)
-    if events is not None and node.kind != Kind.EVENT:
+    if plan.events and node.kind != Kind.EVENT:
         inside = [_next_to_end(piece, -2) for _, piece in before]
         inside += [_next_to_end(piece, 1) for _, piece in after]
-        also += filter(None, [events.names_at(metric, place.x, place.error, inside)])
+        also += filter(None, [plan.events.names_at(metric, place.x, place.error, inside)])
     passed = (before[0], after[0]) if len(before) == len(after) == 1 else None
     kind = _turning(node, *passed) if passed and node.kind in CROSSED else node.kind
-    words, said = _messages(system, node, passed), ", ".join(also)
+    words, said = _messages(plan.system, node, passed), ", ".join(also)
     digits = significant(place.error, place.x, metric.scale)
     return SpecialPoint(number, kind, place, *words, digits=digits, lost=node.lost, events=said)
 

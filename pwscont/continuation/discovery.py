@@ -16,7 +16,7 @@ import numpy as np
 
 from pwscont.basics.arrays import Array
 from pwscont.basics.budget import Budget
-from pwscont.basics.outcome import CROSSED, FailureReason, Kind, Remark, says
+from pwscont.basics.outcome import CROSSED, IN_VAIN, FailureReason, Kind, Remark, says
 from pwscont.basics.printing import counted
 from pwscont.basics.rounding import SAME_ALPHA
 from pwscont.continuation.follow import LONG_CHANGE, Followed, PieceFollower, is_cut
@@ -100,6 +100,9 @@ BESIDE_AN_END = 1e-3
 FARTHEST_TWIN, BETWEEN = 1e-3, 0.381966
 #: Most steps along curves on which H seems to vanish twice, or which are no longer than this.
 MOST_IN_VAIN, NOWHERE = 300, 1e-5
+#: What is said of starts that are not followed.
+NO_DIGIT = "not followed, for no digit of them is certain"
+NO_SOLUTION = "not followed, for H does not vanish there"
 #: A path that repeats itself is followed to a bound that is at most this many periods away.
 MOST_SHIFTS = 1000
 
@@ -132,8 +135,8 @@ class Discovery:
         self._endless: list[Ray] = []  # back from where paths to infinity were left
         self._in_vain = 0  # number of steps that led next to nowhere
         self.is_net = False  # whether paths that branch repeat themselves in several directions
-        #: Numbers of starts left out because many paths led next to nowhere, and of no solutions.
-        self.left_out = self.unsolved = 0
+        #: The number of starts that were not followed, by the reason in words.
+        self.left_out = {NO_DIGIT: 0, IN_VAIN: 0, NO_SOLUTION: 0}
 
     def add(self, arrival: SpecialPointFound, start: Corner | None = None) -> None:
         """Start from a special point, and follow everything that can be reached from it."""
@@ -148,7 +151,7 @@ class Discovery:
         if self._stands_on_pieces(inside, interior) or (start and self._is_twin(start)):
             return
         if arrival.rays and self._is_in_vain(arrival.rays[0]):
-            self.left_out += 1
+            self.left_out[IN_VAIN] += 1
             return
         if not self._budget.allows(len(self.edges)):
             return

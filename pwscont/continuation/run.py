@@ -11,18 +11,17 @@ cone, a piece that could not be followed, starts without a digit, or an empty gr
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from itertools import chain, islice
+from typing import Any
 
 import numpy as np
 
-from pwscont.basics.arrays import Array
 from pwscont.basics.budget import INTERRUPTED, Budget, Limits
 from pwscont.basics.outcome import (
     CROSSED,
     GIVEN_UP,
-    IN_VAIN,
     Guarantee,
     Kind,
     Remark,
@@ -32,7 +31,7 @@ from pwscont.basics.outcome import (
 from pwscont.basics.printing import counted
 from pwscont.basics.rounding import SAME_ALPHA
 from pwscont.continuation.assembly import assemble, check_unique, divide, mark
-from pwscont.continuation.discovery import Discovery
+from pwscont.continuation.discovery import NO_DIGIT, NO_SOLUTION, Discovery
 from pwscont.continuation.follow import PieceFollower, alone, default_detectors
 from pwscont.continuation.plan import Plan, facts_of, silent, values_of
 from pwscont.curve.curve import Curve
@@ -83,11 +82,10 @@ def follow_starts(plan: Plan, starts: Iterable[Found], searched: SearchScope) ->
     plan.branches.followed = lambda: ((edge.cells[0], edge.points) for edge in discovery.edges)
     if searched.promise == Guarantee.NOTHING and searched != NOT_SEARCHED:
         starts = chain(starts, _reentries(discovery, plan))
-    without_digits: list[Array] = []
     # trial points may lie where H cannot be computed; values that are not finite are refused
     with plan.few_threads(), np.errstate(all="ignore"):
         try:
-            _follow_from(starts, plan, discovery, without_digits)
+            _follow_from(starts, plan, discovery)
             if gauge and not budget.spent:
                 gauge.close()
         except KeyboardInterrupt as why:
@@ -99,31 +97,32 @@ def follow_starts(plan: Plan, starts: Iterable[Found], searched: SearchScope) ->
         discovery.close(budget.spent)
         if journal is not None and not budget.spent:
             journal.finish()
-        system, metric = plan.reduced_system, plan.metric
-        mark(discovery, system, metric, plan.foreign)
-        unmarked = divide(discovery, system, metric, plan.events, budget) if plan.events else 0
-    is_part = bool(without_digits)
-    infinite: tuple[Stretch, ...] = budget.spend(lambda: _infinite(plan, discovery, is_part), ())
-    scope = _scope(plan, searched, len(without_digits), discovery, unmarked)
-    return _graph(plan, discovery, scope, infinite)
+        mark(discovery, plan)
+        unmarked = divide(discovery, plan, plan.events) if plan.events else 0
+    infinite: tuple[Stretch, ...] = budget.spend(lambda: _infinite(plan, discovery), ())
+    known: Any = {"parameter": plan.parameter, "record": plan.record, "infinite": infinite}
+    known["searched"] = _scope(plan, searched, discovery, unmarked)
+    points, pieces, begun = assemble(discovery, plan)
+    graph = BranchGraph(points, pieces, plan.interval, starts=begun, system=plan.system, **known)
+    if plan.system.unique:
+        check_unique(graph)
+    return graph
 
 
-def _follow_from(
-    starts: Iterable[Found], plan: Plan, discovery: Discovery, without_digits: list[Array]
-) -> None:
-    """Follow the solutions among starts within the bounds; collect starts without a digit."""
+def _follow_from(starts: Iterable[Found], plan: Plan, discovery: Discovery) -> None:
+    """Follow the solutions among starts within the bounds."""
     scale = plan.metric.scale
     is_curved = not isinstance(plan.reduced_system, SlicewiseLinearSystem)
     for x, given in starts:
         error = np.atleast_2d(given)  # searches may give one sample as a vector
         if not has_digits(x, error, scale):
-            without_digits.append(x)
+            discovery.left_out[NO_DIGIT] += 1
             continue
         if not is_inside(plan.box, x, error, scale) or discovery.is_beyond(x):
             continue
         corner = Corner.of_start(plan.reduced_system, plan.metric, x, error)
         if is_curved and not solves(plan.reduced_system, plan.metric, x):
-            discovery.unsolved += 1
+            discovery.left_out[NO_SOLUTION] += 1
             continue
         if plan.gauge:
             plan.gauge.begin()
@@ -137,7 +136,7 @@ def _follow_from(
             return
 
 
-def _infinite(plan: Plan, discovery: Discovery, is_part: bool) -> tuple[Stretch, ...]:
+def _infinite(plan: Plan, discovery: Discovery) -> tuple[Stretch, ...]:
     """Return the stretches of alpha at which solutions fill more than curves."""
     nodes = list(discovery.nodes.values())
     doubtful = [
@@ -147,7 +146,7 @@ def _infinite(plan: Plan, discovery: Discovery, is_part: bool) -> tuple[Stretch,
         or node.kind == Kind.STOPPED
         or (node.kind not in CROSSED and says(node.message, Remark.FILL))
     ]
-    if nodes and not (is_part or doubtful):
+    if nodes and not (discovery.left_out[NO_DIGIT] or doubtful):
         return ()
     alphas = [*plan.interval, *(node.place.alpha for node in nodes)]
     one_of_many = [node.place.x for node in nodes if node.message == Remark.FILL_CURVES]
@@ -155,17 +154,10 @@ def _infinite(plan: Plan, discovery: Discovery, is_part: bool) -> tuple[Stretch,
     return joined(find_continua(system, metric, alphas, one_of_many, doubtful), alphas)
 
 
-def _scope(
-    plan: Plan, searched: SearchScope, without_digits: int, discovery: Discovery, unmarked: int
-) -> SearchScope:
+def _scope(plan: Plan, searched: SearchScope, discovery: Discovery, unmarked: int) -> SearchScope:
     """Return what was searched and what that promises; ``unmarked`` pieces have no events."""
     what, promise = searched.what, searched.promise
-    left = (
-        (without_digits, "not followed, for no digit of them is certain"),
-        (discovery.left_out, IN_VAIN),
-        (discovery.unsolved, "not followed, for H does not vanish there"),
-    )
-    for number, why in left:
+    for why, number in discovery.left_out.items():
         if number:
             what, promise = f"{what}; {number} of the points found {why}", Guarantee.NOTHING
     if plan.branches.is_left_off:
@@ -178,28 +170,6 @@ def _scope(
     if unmarked:
         spent += f"; no events are marked on {counted(unmarked, 'piece')}"
     return SearchScope(what, promise, spent, gap)
-
-
-def _graph(
-    plan: Plan, discovery: Discovery, searched: SearchScope, infinite: Sequence[Stretch]
-) -> BranchGraph:
-    """Return the graph of a discovery, after checking the promise of uniqueness."""
-    system, metric = plan.system, plan.full_metric
-    points, pieces, starts = assemble(discovery, system, metric, plan.reduction, plan.events)
-    graph = BranchGraph(
-        points,
-        pieces,
-        plan.interval,
-        starts=starts,
-        system=system,
-        parameter=plan.parameter,
-        searched=searched,
-        record=plan.record,
-        infinite=infinite,
-    )
-    if system.unique:
-        check_unique(graph)
-    return graph
 
 
 def _reentries(discovery: Discovery, plan: Plan) -> Iterator[Found]:

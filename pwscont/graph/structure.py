@@ -66,8 +66,14 @@ class ConnectedPieces:
         #: All pieces by id.
         self.pieces = tuple(sorted(pieces, key=lambda piece: piece.id))
         self._points, within = sorted(points, key=lambda point: point.id), list(starts)
+        known = [*self._points, *within]
+        naming: Naming = names if names is not None or system is None else system.names
+        if naming is None:  # without a system the names come from the points
+            naming = next((p.quantities.naming for p in known if p.quantities.is_named), None)
+        unknowns = Quantities(naming).names(len(known[0].z)) if record and known else ()
+        kept = {name for point in known for name in point.quantities.record}
         #: The unknowns and recorded quantities of the states, by name.
-        self.quantities = _quantities([*self._points, *within], system, record, names)
+        self.quantities = Quantities(naming, checked_record(record, unknowns), kept)
         self.starts = tuple(_asked(point, self.quantities) for point in within)
         self._by_id = {piece.id: piece for piece in self.pieces}
 
@@ -198,22 +204,6 @@ class ConnectedPieces:
     def verticals(self) -> list[Piece]:
         """The pieces on which alpha is one value."""
         return [piece for piece in self.pieces if piece.is_vertical]
-
-
-def _quantities(
-    points: Sequence[SpecialPoint],
-    system: PiecewiseSystem | None,
-    record: Mapping[str, Function] | None,
-    names: Sequence[str] | None,
-) -> Quantities:
-    """Return the quantities of a graph; without a system the names come from the points."""
-    naming: Naming = names if names is not None or system is None else system.names
-    if naming is None:
-        naming = next((p.quantities.naming for p in points if p.quantities.is_named), None)
-    known = Quantities(naming)
-    unknowns = known.names(len(points[0].z)) if record and points else ()
-    kept = {name for point in points for name in point.quantities.record}
-    return Quantities(naming, checked_record(record, unknowns), kept)
 
 
 def _asked(point: SpecialPoint, quantities: Quantities) -> SpecialPoint:
