@@ -31,7 +31,7 @@ def from_a_solution(system, z, directions):
     pursuit = Pursuit(system, metric, known, np.ones(len(z)))
     pursuit.solutions = lambda alpha: found
     for number in range(directions):
-        paths = SidePaths(system, metric, pursuit, steps=2000)
+        paths = SidePaths(pursuit, steps=2000)
         found += [x for x, _ in paths.at(0.5, number)]
     return np.array(found)[:, :-1]
 

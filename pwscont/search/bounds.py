@@ -14,7 +14,7 @@ import numpy as np
 from pwscont.basics.arrays import Array, dense
 from pwscont.basics.character import Character
 from pwscont.curve.error_samples import Found
-from pwscont.curve.metric import Metric, Range
+from pwscont.curve.metric import Metric
 from pwscont.search.pursuit import ALMOST, FARTHEST_START, SAME_SOLUTION, Pursuit
 from pwscont.search.search import KnownBranches
 from pwscont.system.box import Box
@@ -29,9 +29,9 @@ INWARDS = 4.0
 class Exchanged(PiecewiseSystem):
     """A system whose parameter is one of the unknowns, with alpha in the place of the unknown."""
 
-    def __init__(self, system: PiecewiseSystem, place: int, metric: Metric, interval: Range):
+    def __init__(self, system: PiecewiseSystem, place: int, metric: Metric) -> None:
         self.size, self._system, self._place = system.size, system, place
-        self._box, self._interval = Box.of(system), interval
+        self._box, self._interval = Box.of(system), metric.interval
         self.magnitudes = self.exchanged(metric.scale)  # of the unknowns and of the parameter
 
     def exchanged(self, x: Array) -> Array:
@@ -84,20 +84,13 @@ class Exchanged(PiecewiseSystem):
         return seen
 
 
-def on_bounds(
-    system: PiecewiseSystem,
-    metric: Metric,
-    interval: Range,
-    known: KnownBranches,
-    reach: Array,
-    count: int,
-    turn: int,
-) -> Iterator[Found]:
+def on_bounds(pursuit: Pursuit, reach: Array, count: int, turn: int) -> Iterator[Found]:
     """Yield solutions on bounds of unknowns from ``count`` starts in all, others in each turn.
 
     Starts ``reach`` so far. If there are more bounds than starts, the first bounds have one start
     each.
     """
+    system, metric, known = pursuit.system, pursuit.metric, pursuit.known
     box, scale = Box.of(system), metric.scale[:-1]
     ends = lower, upper = np.array([box.lower, box.upper])
     near = np.argwhere(np.abs(ends) <= FARTHEST_START * scale)[:count]
@@ -106,13 +99,13 @@ def on_bounds(
         bound, slack = float(ends[side, place]), SAME_SOLUTION * scale[place]
         if any((np.abs(x[:, place] - bound) <= slack).sum() > 1 for x in known.pieces()):
             continue  # a branch lies on the bound
-        other, width = Exchanged(system, place, metric, interval), INWARDS * scale[place]
+        other, width = Exchanged(system, place, metric), INWARDS * scale[place]
         inside = max(lower[place], bound - width), min(upper[place], bound + width)
         own = other.exchanged(np.append(reach, metric.width))[:-1]
         there = Metric(other.magnitudes, inside, Box.of(other).period)
-        pursuit = Pursuit(other, there, other.branches(known), own)
-        starts = map(pursuit.guess, range(turn * each, (turn + 1) * each))
-        for x, error in pursuit.at(bound, starts):
+        across = Pursuit(other, there, other.branches(known), own)
+        starts = map(across.guess, range(turn * each, (turn + 1) * each))
+        for x, error in across.at(bound, starts):
             if _is_crossed(other, x):
                 yield other.exchanged(x), other.exchanged(error)
 

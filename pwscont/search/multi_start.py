@@ -200,12 +200,11 @@ class Throughout(Search):
         for turn in range(MOST_ROUNDS):
             before, all_found = count, self._between(pursuit, interval, turn)
             if self.steps:
-                paths = SidePaths(system, metric, pursuit, self.steps)
+                paths = SidePaths(pursuit, self.steps)
                 all_found = chain(_on_side_paths(paths, interval, turn), all_found)
             if Box.of(system).is_bounded:
                 starts = self.slices * self.count
-                on = on_bounds(system, metric, interval, known, reach, starts, turn)
-                all_found = chain(all_found, on)
+                all_found = chain(all_found, on_bounds(pursuit, reach, starts, turn))
             for count, found in enumerate(all_found, before + 1):
                 yield found
                 if count > most:

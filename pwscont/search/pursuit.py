@@ -115,7 +115,7 @@ class Pursuit:
     def __init__(
         self, system: PiecewiseSystem, metric: Metric, known: KnownBranches, reach: Array
     ) -> None:
-        self._system, self._metric, self._scale, self._known = system, metric, metric.scale, known
+        self.system, self.metric, self._scale, self.known = system, metric, metric.scale, known
         self._ends = metric.interval[0] / metric.width, metric.interval[1] / metric.width
         self._box, self._shown = Box.of(system), shown_size(system)
         self._roots: tuple[float, dict[bytes, Array]] = math.nan, {}  # by places beside the roots
@@ -133,20 +133,20 @@ class Pursuit:
         multiples = (self._box.inside(by * x[:-1]) for x in shapes for by in MULTIPLES)
         for number, rough in enumerate(chain(zeros, beside, multiples, guesses)):
             if len(here) >= MOST_FOUND:
-                self._known.leave_off()
+                self.known.leave_off()
                 return
-            z = completed(self._system, rough[: self._shown], alpha)
+            z = completed(self.system, rough[: self._shown], alpha)
             y = np.append(z, alpha) / self._scale
             for _ in range(MOST_FROM_ONE):
                 apart: list[Array] = []  # a solution deflated away twice attracts from afar
                 for x in known:
-                    apart += [x] if is_new(self._metric, x, apart, DISTINCT) else []
+                    apart += [x] if is_new(self.metric, x, apart, DISTINCT) else []
                 reached, arrived = self._at_alpha(y, apart)
                 found = self._corrected(reached, alpha) if arrived else None
-                if not (found and is_new(self._metric, found[0], known)):
+                if not (found and is_new(self.metric, found[0], known)):
                     break
-                is_many = is_one_of_many(self._system, self._metric, found[0])
-                if is_many and underflows(self._system, self._metric, found[0]):
+                is_many = is_one_of_many(self.system, self.metric, found[0])
+                if is_many and underflows(self.system, self.metric, found[0]):
                     break
                 self.filled += is_many
                 yield found
@@ -160,7 +160,7 @@ class Pursuit:
 
     def guess(self, number: int) -> Array:
         """Return the state of a start: such points fill space evenly, with heavy tails."""
-        root, size = 2.0, self._system.size  # a sequence that fills (-1, 1)^n (Roberts 2018)
+        root, size = 2.0, self.system.size  # a sequence that fills (-1, 1)^n (Roberts 2018)
         for _ in range(40):
             root = (1.0 + root) ** (1.0 / (size + 1))
         steps = root ** -np.arange(1.0, size + 1.0)
@@ -170,7 +170,7 @@ class Pursuit:
 
     def _sign_changes(self, alpha: float, known: list[Array]) -> Iterator[Array]:
         """Yield sign changes of an equation in a single unknown, except at known solutions."""
-        system, reach, box = self._system, float(self.reach[0]), self._box
+        system, reach, box = self.system, float(self.reach[0]), self._box
         if self._shown != 1:
             return
         from scipy.optimize import bisect  # noqa: PLC0415  importing takes as long as all else
@@ -200,12 +200,12 @@ class Pursuit:
             z = bisect(lambda z: np.nan_to_num(equation(z)), a, b, xtol=EPS * reach)
             full = completed(system, np.array([z]), alpha)
             is_pole = abs(equation(z)) > sizes[i : i + 2].max()
-            if not is_pole and is_new(self._metric, np.append(full, alpha), known):
+            if not is_pole and is_new(self.metric, np.append(full, alpha), known):
                 yield full
 
     def _freely(self, y: Array, number: int) -> Found | None:
         """Return the new solution to which a free alpha leads from where a pursuit stalled."""
-        metric, (lo, hi) = self._metric, self._metric.interval
+        metric, (lo, hi) = self.metric, self.metric.interval
         aside = y + self._slack(y, MOVED_ASIDE) * generic(len(y), float(number))
         free, arrived = self._pursued(aside, self._freed_step, ())
         if not (arrived and lo <= free[-1] * metric.width <= hi):
@@ -213,20 +213,20 @@ class Pursuit:
         if (found := self._standing(self._along(free))) is None:
             return None
         x, alpha = found[0], float(found[0][-1])
-        near = self._known.in_cells_at(alpha)
+        near = self.known.in_cells_at(alpha)
         near.sort(key=lambda each: metric.norm(metric.difference(each[1], x)))  # most are known
         roots = (self._known_root(*each, alpha) for each in near[:MOST_NEAR])
         return found if all(is_new(metric, x, [root], DISTINCT) for root in roots) else None
 
     def _standing(self, y: Array) -> Found | None:
         """Return the exact solution near a rough solution, None for a start that ran away."""
-        metric, x = self._metric, y * self._scale
+        metric, x = self.metric, y * self._scale
         direction = self._direction(y)
         if direction is None or self._is_flat(y, direction):
             return None
         row, near = metric.covector(direction * metric.scale), x
         for _ in range(MOST_CELLS):
-            own = Selection(self._system, self._system.character(near[:-1], float(near[-1])))
+            own = Selection(self.system, self.system.character(near[:-1], float(near[-1])))
             curve = Curve(own, metric)
             root = newton(curve, lambda at: (float(row.dot(at - x)), row), near, MOST_STANDING)
             if isinstance(root, Failure):
@@ -240,7 +240,7 @@ class Pursuit:
     def solutions(self, alpha: float) -> list[Array]:
         """Return the known solutions at an alpha."""
         roots = self._roots[1] if self._roots[0] == alpha else {}
-        near = {x.tobytes(): (cell, x) for cell, x in self._known.in_cells_at(alpha)}
+        near = {x.tobytes(): (cell, x) for cell, x in self.known.in_cells_at(alpha)}
         new = {key: self._known_root(*near[key], alpha) for key in near if key not in roots}
         self._roots = alpha, roots | new  # most branches were known when last asked
         return [self._roots[1][key] for key in near]
@@ -257,7 +257,7 @@ class Pursuit:
 
     def _in_cell(self, character: Character, x: Array, alpha: float) -> Array | None:
         """Return the root of a selection at an alpha to which Newton leads, None for a failure."""
-        curve, row = Curve(Selection(self._system, character), self._metric), last_unit(len(x))
+        curve, row = Curve(Selection(self.system, character), self.metric), last_unit(len(x))
         root = newton(curve, lambda at: (float(at[-1]) - alpha, row), x, MOST_STANDING)
         return None if isinstance(root, Failure) else root.x
 
@@ -266,13 +266,13 @@ class Pursuit:
 
         Two solutions on both sides of a kink may be closer together than deflation resolves.
         """
-        own = Selection(self._system, self._system.character(x[:-1], alpha))
+        own = Selection(self.system, self.system.character(x[:-1], alpha))
         slopes = product(abs(own.test_gradients(x)), self._scale)
         nearest = np.argsort(np.abs(own.tests(x)) / slopes)
         for i in nearest[:MOST_NEXT_DOOR]:
             beyond = own.character.flip(i)
             root = self._in_cell(beyond, x, alpha)
-            if root is not None and self._system.character(root[:-1], alpha) == beyond:
+            if root is not None and self.system.character(root[:-1], alpha) == beyond:
                 yield root[:-1]
 
     def solution_near(self, z: Array, alpha: float) -> Found | None:
@@ -282,19 +282,19 @@ class Pursuit:
 
     def _corrected(self, y: Array, alpha: float) -> Found | None:
         x = y * self._scale
-        found = solution_from(self._system, self._metric, x[:-1], alpha, ())
+        found = solution_from(self.system, self.metric, x[:-1], alpha, ())
         return found and self._usable(found, x)
 
     def _usable(self, found: Found, rough: Array) -> Found | None:
         """Return a solution with digits, inside the bounds and near a rough solution, else None."""
-        metric, (x, error) = self._metric, found
+        metric, (x, error) = self.metric, found
         if metric.norm(metric.difference(x, rough)) > metric.slack(rough, MOST_CORRECTED):
             return None
         x[:-1] = self._box.wrapped(x[:-1])
         error, scale = np.atleast_2d(error), metric.scale
         if not has_digits(x, error, scale) or not is_inside(self._box, x, error, scale):
             return None
-        return (x, error) if solves(self._system, metric, x) else None
+        return (x, error) if solves(self.system, metric, x) else None
 
     # -- pursuits by rough Newton steps, all in typical magnitudes ------------------------------
 
@@ -303,7 +303,7 @@ class Pursuit:
 
         def step_at(y: Array, residual: Array, jacobian: Array) -> Array:
             step = np.append(_newton_step(jacobian[:, :-1], residual), 0.0)
-            return step * stretch(self._metric, known, y * self._scale, step * self._scale)
+            return step * stretch(self.metric, known, y * self._scale, step * self._scale)
 
         return self._pursued(y, step_at, known)
 
@@ -339,7 +339,7 @@ class Pursuit:
             here = self._linear(there)
             if here is None:
                 return None
-            apart = self._metric.difference(there * self._scale, y * self._scale) / self._scale
+            apart = self.metric.difference(there * self._scale, y * self._scale) / self._scale
             matrix, off = np.vstack([here[1], direction]), direction.dot(apart)
             step = _newton_step(matrix, np.append(here[0], off))
             if not are_finite(step):
@@ -381,7 +381,7 @@ class Pursuit:
         """Return scaled residual and Jacobian; None if H is not finite, or outside the interval."""
         check_budget()
         place = self._place(y)
-        found = place and equations_in_magnitudes(self._system, *place, self._scale)
+        found = place and equations_in_magnitudes(self.system, *place, self._scale)
         if found is None:
             return None
         residual, jacobian, self._rows = found
@@ -389,7 +389,7 @@ class Pursuit:
 
     def _place(self, y: Array) -> tuple[Array, float] | None:
         x = y * self._scale
-        return (x[:-1], float(x[-1])) if self._metric.admits(x) else None
+        return (x[:-1], float(x[-1])) if self.metric.admits(x) else None
 
     def _moved(
         self, y: Array, residual: Array, step: Array, known: Sequence[Array]
@@ -397,20 +397,20 @@ class Pursuit:
         """Return the first of y + step, y + step / 2, ... that reduces the merit enough."""
 
         def merit(y: Array, residual: Array) -> float:
-            return _length(residual) * deflation(self._metric, known, y * self._scale)
+            return _length(residual) * deflation(self.metric, known, y * self._scale)
 
         before, part = merit(y, residual), _limit(step, y)
         for _ in range(MOST_STEP_HALVINGS):
             trial = y + part * step
             if place := self._place(trial):
-                off = residual_at(self._system, *place, self._system.character(*place)) / self._rows
+                off = residual_at(self.system, *place, self.system.character(*place)) / self._rows
                 if merit(trial, off) <= (1.0 - DESCENT * part) * before:
                     return trial
             part *= 0.5
         return None
 
     def _slack(self, y: Array, tolerance: float) -> float:
-        return self._metric.slack(y * self._scale, tolerance)
+        return self.metric.slack(y * self._scale, tolerance)
 
 
 def solution_from(

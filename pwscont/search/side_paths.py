@@ -19,12 +19,10 @@ import numpy as np
 from pwscont.basics.arrays import Array, are_finite, dense, generic_angles, joined
 from pwscont.basics.budget import check_budget
 from pwscont.curve.error_samples import Found
-from pwscont.curve.metric import Metric
 from pwscont.enumeration.continua import is_one_of_many
 from pwscont.search.pursuit import DISTINCT, Pursuit, is_new
 from pwscont.system.box import Box
 from pwscont.system.selection import Selection
-from pwscont.system.system import PiecewiseSystem
 
 #: Length of the first step, and the longest step as a part of 1 plus the distance from zero.
 FIRST_SIDE_STEP, LONGEST_SIDE_STEP = 0.1, 0.5
@@ -57,24 +55,15 @@ class _Place(NamedTuple):
 
 @final
 class SidePaths:
-    """Side paths through the solutions at an alpha.
+    """Side paths through the solutions at an alpha that a pursuit knows, and corrects.
 
-    Parameters
-    ----------
-    system : PiecewiseSystem
-    metric : Metric
-    pursuit : Pursuit
-        Corrects solutions and knows the known ones.
-    steps : int
-        How many steps may be taken, each with one Jacobian.
+    At most so many ``steps`` are taken, each with one Jacobian.
     """
 
-    def __init__(
-        self, system: PiecewiseSystem, metric: Metric, pursuit: Pursuit, steps: int
-    ) -> None:
-        self._system, self._metric, self._pursuit, self._left = system, metric, pursuit, steps
-        self._scale, self._box = metric.scale[:-1], Box.of(system)
-        self._alpha, self._d, self._rows = 0.0, np.ones(system.size), np.ones(system.size)
+    def __init__(self, pursuit: Pursuit, steps: int) -> None:
+        self._pursuit, self._system, self._metric = pursuit, pursuit.system, pursuit.metric
+        self._scale, self._box, self._left = self._metric.scale[:-1], Box.of(self._system), steps
+        self._alpha, self._d, self._rows = 0.0, np.ones(0), np.ones(0)
 
     def at(self, alpha: float, number: int) -> Iterator[Found]:
         """Yield new solutions at an alpha; other numbers lead along other d."""
