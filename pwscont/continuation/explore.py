@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from itertools import chain, islice
 from typing import TYPE_CHECKING, Any
@@ -37,7 +37,6 @@ from pwscont.curve.semismooth import semismooth_newton
 from pwscont.curve.stepper import Stepper
 from pwscont.graph import BranchGraph
 from pwscont.graph.proved import Proof
-from pwscont.graph.structure import NOT_SEARCHED
 from pwscont.search import Search
 from pwscont.search.search import checked_proof, scope_of, starts_of
 from pwscont.system.abilities import shown_size
@@ -75,32 +74,30 @@ FIRST = 2
 REVISIONS = 6
 
 
-def follow_measured(
-    plan: Plan, guess: Array, starts_of: Callable[[Plan], Iterator[Found]], searched: SearchScope
-) -> tuple[BranchGraph, Plan]:
+def follow_measured(plan: Plan, guess: Array) -> tuple[BranchGraph, Plan]:
     """Return the graph from all starts, and its plan, which begins again with other magnitudes.
 
     ``guess`` is the state around which magnitudes are measured if the system gives none.
     """
     if plan.system.gives_scale or plan.reduction:
-        return follow_starts(plan, starts_of(plan), searched), plan
+        return follow_starts(plan, _starts(plan)), plan
     # a journal has the magnitudes with which the interrupted run had begun again
     revised = None if plan.journal is None else plan.journal.magnitudes
     if revised is not None and len(revised) == plan.system.size:
         plan = plan.with_magnitudes(revised)
-        starts = starts_of(plan)
+        starts = _starts(plan)
     else:
         with plan.few_threads():
-            plan, starts = _measured(plan, guess, starts_of)
+            plan, starts = _measured(plan, guess)
     found: list[Found] = []
     for _ in range(REVISIONS):
         try:
             judged = replace(plan, gauge=Gauge(plan.metric))
-            return follow_starts(judged, _kept(starts, found), searched), plan
+            return follow_starts(judged, _kept(starts, found)), plan
         except MisjudgedError as wrong:
             plan = plan.with_magnitudes(wrong.magnitudes)
-            starts = chain(tuple(found), starts_of(plan))
-    return follow_starts(plan, starts, searched), plan
+            starts = chain(tuple(found), _starts(plan))
+    return follow_starts(plan, starts), plan
 
 
 def _kept(starts: Iterator[Found], found: list[Found]) -> Iterator[Found]:
@@ -110,16 +107,14 @@ def _kept(starts: Iterator[Found], found: list[Found]) -> Iterator[Found]:
         yield start
 
 
-def _measured(
-    plan: Plan, guess: Array, starts_of: Callable[[Plan], Iterator[Found]]
-) -> tuple[Plan, Iterator[Found]]:
+def _measured(plan: Plan, guess: Array) -> tuple[Plan, Iterator[Found]]:
     """Return a plan with magnitudes from H, then from its first solutions, and its starts."""
     first: list[Found] = []
     # the second start of straight pieces may take as long as all others
     counts = (1, FIRST) if isinstance(plan.system, PiecewiseLinearSystem) else (FIRST,)
     try:
         plan = plan.with_magnitudes(rough_magnitudes(plan.system, plan.interval, guess))
-        starts = starts_of(plan)
+        starts = _starts(plan)
         for count in counts:
             first += islice(starts, count - len(first))
             if not first:
@@ -127,7 +122,7 @@ def _measured(
             sizes = rounded_to_one(magnitudes_of(plan.system, plan.metric, first))
             if not are_alike(sizes, plan.metric.scale[:-1]):
                 plan = plan.with_magnitudes(sizes)
-                starts = starts_of(plan)
+                starts = _starts(plan)
                 break
     except KeyboardInterrupt as why:  # or the budget is spent: the starts found so far are followed
         # a journal begins with magnitudes that the run that goes on measures as well
@@ -191,10 +186,11 @@ def trace(
     inside = checked_interval(system, interval)
     options = checked_options(system, journal, limits, report, parameter, record)
     rough = checked_start(system, start, inside, "the start")
-    watched, given = checked_detectors(system, detectors, events), {"the start": rough}
+    options["given"] = {"the start": rough}
+    watched = checked_detectors(system, detectors, events)
     with Budget(limits) as budget:
         plan = checked_plan(system, inside, rough, budget, watched, stepper, **options)
-        return follow_measured(plan, rough[0], lambda plan: _found(plan, given), NOT_SEARCHED)[0]
+        return follow_measured(plan, rough[0])[0]
 
 
 def explore(
@@ -304,7 +300,7 @@ def explore(
     # a system need not be defined wherever a search looks
     with Budget(limits) as budget, np.errstate(all="ignore"):
         at = guess, inside[0]
-        plan = checked_plan(system, inside, at, budget, watched, stepper, **options)
+        plan = checked_plan(system, inside, at, budget, watched, stepper, given=given, **options)
         around = [plan.reduced(z)[: shown_size(plan.reduced_system)] for z, _ in given.values()]
         chosen = search or default_search_of(plan, around)
         searched = scope_of(chosen, plan.reduced_system)
@@ -312,9 +308,7 @@ def explore(
             what = f"{counted(len(given), 'given start')}; {searched.what}"
             searched = SearchScope(what, searched.promise)
         before = chosen.proved(plan.reduced_system, plan.interval)
-        graph, plan = follow_measured(
-            plan, guess, lambda plan: _found(plan, given, chosen), searched
-        )
+        graph, plan = follow_measured(replace(plan, search=chosen, searched=searched), guess)
         graph.proof = checked_proof(chosen, _proof(chosen, plan, before))
         graph.searched = replace(graph.searched, spent=graph.searched.spent or budget.spent)
     if not graph.pieces and not budget.spent:
@@ -336,9 +330,10 @@ def _proof(search: Search, plan: Plan, before: Proof | None) -> Proof | None:
     return plan.budget.spend(lambda: search.prove_again(*asked), None)
 
 
-def _found(plan: Plan, given: Mapping[str, Start], search: Search | None = None) -> Iterator[Found]:
-    """Yield the given starts, corrected, then the starts of a search, which begins then."""
-    for name, start in given.items():
+def _starts(plan: Plan) -> Iterator[Found]:
+    """Yield the given starts, corrected, then the starts of the search, which begins then."""
+    for name, start in plan.given.items():
         yield corrected(plan, start, name)
-    if search is not None:
-        yield from starts_of(search, plan.reduced_system, plan.metric, plan.interval, plan.branches)
+    if plan.search is not None:
+        asked = plan.reduced_system, plan.metric, plan.interval, plan.branches
+        yield from starts_of(plan.search, *asked)

@@ -16,6 +16,7 @@ from pwscont.basics.arrays import Array, finite_array, generic
 from pwscont.basics.budget import Budget, Limits
 from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidInputError
+from pwscont.basics.outcome import SearchScope
 from pwscont.basics.printing import short
 from pwscont.basics.quantities import Function, checked_record
 from pwscont.continuation.follow import default_detectors
@@ -24,6 +25,7 @@ from pwscont.curve.magnitudes import rounded_to_one
 from pwscont.curve.metric import Gauge, Metric, Range
 from pwscont.curve.pseudo_arclength import CURVED, STRAIGHT
 from pwscont.curve.stepper import Stepper
+from pwscont.graph.structure import NOT_SEARCHED
 from pwscont.linear.threads import MOST_FACTORISED, MOST_MULTIPLIED, few_threads
 from pwscont.search import Search
 from pwscont.search.default_search import default_search
@@ -134,6 +136,9 @@ class Plan:
     record: Mapping[str, Function] | None = None
     report: Report = silent
     journal: Journal | None = None
+    given: Mapping[str, Start] = field(default_factory=dict)  # starts of the full system, by name
+    search: Search | None = None  # for starts after those that were given
+    searched: SearchScope = NOT_SEARCHED
     gauge: Gauge | None = None  # judges the typical magnitudes by the path
     branches: KnownBranches = field(default_factory=KnownBranches)  # for searches
 

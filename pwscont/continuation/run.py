@@ -43,7 +43,6 @@ from pwscont.enumeration.continua import find_continua
 from pwscont.graph import BranchGraph
 from pwscont.graph.queries import joined
 from pwscont.graph.records import Stretch
-from pwscont.graph.structure import NOT_SEARCHED
 from pwscont.system.box import Box
 from pwscont.system.selection import Selection
 from pwscont.system.system import SlicewiseLinearSystem
@@ -67,7 +66,7 @@ PART_BEYOND = 0.25
 FEW_PIECES, MOST_PATHS = 20, 100
 
 
-def follow_starts(plan: Plan, starts: Iterable[Found], searched: SearchScope) -> BranchGraph:
+def follow_starts(plan: Plan, starts: Iterable[Found]) -> BranchGraph:
     """Return the graph of all that the budget lets the run reach from starts."""
     gauge, budget, journal = plan.gauge, plan.budget, plan.journal
     watched = (*plan.detectors, *filter(None, [plan.bounds]))
@@ -80,7 +79,7 @@ def follow_starts(plan: Plan, starts: Iterable[Found], searched: SearchScope) ->
         follow, starts = journal.recording(follower.follow, gauge), journal.starts(starts)
     discovery = Discovery(follower, plan.report, budget, follow)
     plan.branches.followed = lambda: ((edge.cells[0], edge.points) for edge in discovery.edges)
-    if searched.promise == Guarantee.NOTHING and searched != NOT_SEARCHED:
+    if plan.searched.promise == Guarantee.NOTHING and plan.search is not None:
         starts = chain(starts, _reentries(discovery, plan))
     # trial points may lie where H cannot be computed; values that are not finite are refused
     with plan.few_threads(), np.errstate(all="ignore"):
@@ -101,7 +100,7 @@ def follow_starts(plan: Plan, starts: Iterable[Found], searched: SearchScope) ->
         unmarked = divide(discovery, plan, plan.events) if plan.events else 0
     infinite: tuple[Stretch, ...] = budget.spend(lambda: _infinite(plan, discovery), ())
     known: Any = {"parameter": plan.parameter, "record": plan.record, "infinite": infinite}
-    known["searched"] = _scope(plan, searched, discovery, unmarked)
+    known["searched"] = _scope(plan, discovery, unmarked)
     points, pieces, begun = assemble(discovery, plan)
     graph = BranchGraph(points, pieces, plan.interval, starts=begun, system=plan.system, **known)
     if plan.system.unique:
@@ -154,9 +153,9 @@ def _infinite(plan: Plan, discovery: Discovery) -> tuple[Stretch, ...]:
     return joined(find_continua(system, metric, alphas, one_of_many, doubtful), alphas)
 
 
-def _scope(plan: Plan, searched: SearchScope, discovery: Discovery, unmarked: int) -> SearchScope:
+def _scope(plan: Plan, discovery: Discovery, unmarked: int) -> SearchScope:
     """Return what was searched and what that promises; ``unmarked`` pieces have no events."""
-    what, promise = searched.what, searched.promise
+    what, promise = plan.searched.what, plan.searched.promise
     for why, number in discovery.left_out.items():
         if number:
             what, promise = f"{what}; {number} of the points found {why}", Guarantee.NOTHING
@@ -165,8 +164,7 @@ def _scope(plan: Plan, searched: SearchScope, discovery: Discovery, unmarked: in
     if plan.system.unique:
         what += "; at most one solution, by the system's promise"
         promise = Guarantee.UNIQUE
-    gap = gap_of(step_size_of(plan.stepper), plan.reduced_system)
-    spent = plan.budget.spent
+    gap, spent = gap_of(step_size_of(plan.stepper), plan.reduced_system), plan.budget.spent
     if unmarked:
         spent += f"; no events are marked on {counted(unmarked, 'piece')}"
     return SearchScope(what, promise, spent, gap)
