@@ -7,7 +7,7 @@ opposite direction. So loops close.
 from __future__ import annotations
 
 from collections import defaultdict, deque
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from functools import partial, reduce
 from typing import final
@@ -15,11 +15,11 @@ from typing import final
 import numpy as np
 
 from pwscont.basics.arrays import Array
-from pwscont.basics.budget import Budget
+from pwscont.basics.budget import current_budget
 from pwscont.basics.outcome import CROSSED, IN_VAIN, FailureReason, Kind, Remark, says
 from pwscont.basics.printing import counted
 from pwscont.basics.rounding import SAME_ALPHA
-from pwscont.continuation.follow import LONG_CHANGE, Followed, PieceFollower, is_cut
+from pwscont.continuation.follow import LONG_CHANGE, Follow, PieceFollower, is_cut
 from pwscont.continuation.known import (
     EVERY,
     JOIN,
@@ -34,6 +34,7 @@ from pwscont.continuation.known import (
     shift_along_row,
     shrinking_shift,
 )
+from pwscont.continuation.plan import Report
 from pwscont.curve.crossing import loses_rank
 from pwscont.curve.error_samples import magnitude
 from pwscont.graph.records import Place
@@ -111,18 +112,14 @@ MOST_SHIFTS = 1000
 class Discovery:
     """All nodes and pieces that can be reached from the starts given so far.
 
-    ``report`` is called with the number of pieces and the alpha reached after each piece.
-    ``follow`` is in place of the follower's own, as where a journal has pieces.
+    ``report`` is called after each piece; ``follow`` is in place of the follower's own, as where a
+    journal has pieces.
     """
 
     def __init__(
-        self,
-        follower: PieceFollower,
-        report: Callable[[int, float], None],
-        budget: Budget,
-        follow: Callable[[Ray], Followed] | None = None,
+        self, follower: PieceFollower, report: Report, follow: Follow | None = None
     ) -> None:
-        self._follower, self._report, self._budget = follower, report, budget
+        self._follower, self._report = follower, report
         self._piece_from = follow or follower.follow
         self._queue: deque[KnownRay] = deque()
         self._known_rays: dict[bytes, list[KnownRay]] = defaultdict(list)  # by cell
@@ -153,7 +150,7 @@ class Discovery:
         if arrival.rays and self._is_in_vain(arrival.rays[0]):
             self.left_out[IN_VAIN] += 1
             return
-        if not self._budget.allows(len(self.edges)):
+        if not current_budget().allows(len(self.edges)):
             return
         first = self._first = self._new(inside, place, rays)
         self.leaving += outside
@@ -192,7 +189,7 @@ class Discovery:
     def _follow_all(self) -> None:
         while self._queue:
             known = self._queue.popleft()
-            if known.ray is not None and not self._budget.allows(len(self.edges)):
+            if known.ray is not None and not current_budget().allows(len(self.edges)):
                 return
             self._follow(known)
 
@@ -204,7 +201,7 @@ class Discovery:
         points, arrival = self._piece_from(ray)
         self._in_vain += len(points) if _leads_nowhere(points, arrival, ray) else 0
         arrival = self._inside(_sharing(arrival, ray), back=1)
-        if len(points) == 1 and is_cut(arrival, self._budget):
+        if len(points) == 1 and is_cut(arrival):
             return
         left.ray = None
         if len(points) == 1:  # not a single step could be taken
@@ -232,7 +229,7 @@ class Discovery:
 
     def _is_useless(self, left: KnownRay, ray: Ray) -> bool:
         """Tell whether a ray is not followed, and say why at its node; in a net, no ray is."""
-        is_due = (len(self.edges) + 1) % EVERY == 0 and not self._budget.is_limited
+        is_due = (len(self.edges) + 1) % EVERY == 0 and not current_budget().is_limited
         repeats = is_due and self._repeats_itself(left.node, ray.curve.metric.scale)
         if not (repeats or self._is_in_vain(ray)):
             return False

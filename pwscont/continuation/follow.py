@@ -7,7 +7,7 @@ beside the end of a model.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, TypeAlias, final
 
@@ -15,7 +15,7 @@ import numpy as np
 
 from pwscont.basics.arguments import wrong_result
 from pwscont.basics.arrays import Array, generic
-from pwscont.basics.budget import Budget, check_budget, current_budget
+from pwscont.basics.budget import check_budget, current_budget
 from pwscont.basics.errors import InvalidInputError
 from pwscont.basics.outcome import Failure, FailureReason, Kind, Remark
 from pwscont.curve.curve import Curve, State
@@ -137,11 +137,13 @@ LONG_POWER, GEOMETRIC, LONG_CHANGE = 0.45, 0.95, 1e-2
 
 #: A piece: its points, each of shape (n + 1,), and where it arrived.
 Followed: TypeAlias = tuple[Sequence[Array], SpecialPointFound]
+#: Returns the piece that a ray begins.
+Follow: TypeAlias = Callable[[Ray], Followed]
 
 
-def is_cut(arrival: SpecialPointFound, budget: Budget) -> bool:
+def is_cut(arrival: SpecialPointFound) -> bool:
     """Tell whether a piece stops before its end because the budget of the run is spent."""
-    return bool(budget.spent) and arrival.kind == Kind.STOPPED
+    return bool(current_budget().spent) and arrival.kind == Kind.STOPPED
 
 
 @final

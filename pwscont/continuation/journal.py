@@ -15,23 +15,22 @@ from __future__ import annotations
 
 import json
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from hashlib import blake2b
 from itertools import count, pairwise
 from os import PathLike
 from pathlib import Path
-from typing import Any, TypeAlias, final
+from typing import Any, final
 
 import numpy as np
 
 from pwscont.basics.arrays import Array
-from pwscont.basics.budget import current_budget
 from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidInputError
 from pwscont.basics.outcome import Kind, kind_of
 from pwscont.basics.printing import counted, named
 from pwscont.basics.rounding import EPS
-from pwscont.continuation.follow import Followed, is_cut
+from pwscont.continuation.follow import Follow, Followed, is_cut
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.error_samples import Found
 from pwscont.curve.metric import Gauge
@@ -41,8 +40,6 @@ from pwscont.transitions.rays import Ray
 
 #: What is said of a journal that does not fit.
 OTHER_RUN, OTHER_VALUES = "it is of another run", "the values of its functions have changed"
-#: Returns the piece that a ray begins.
-Follow: TypeAlias = Callable[[Ray], Followed]
 
 
 def written(piece: Followed) -> tuple[str, bytes]:
@@ -330,7 +327,7 @@ class Journal:
             begun, known = _place(ray), self.recorded("walk", number)
             if known is None:
                 piece = follow(ray)
-                if not is_cut(piece[1], current_budget()):
+                if not is_cut(piece[1]):
                     text, rows = written(piece)
                     self.record("walk", begun + text, rows)
                 return piece

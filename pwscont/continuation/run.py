@@ -77,7 +77,7 @@ def follow_starts(plan: Plan, starts: Iterable[Found]) -> BranchGraph:
     if journal is not None:
         journal.check(facts_of(plan), values_of(plan))
         follow, starts = journal.recording(follower.follow, gauge), journal.starts(starts)
-    discovery = Discovery(follower, plan.report, budget, follow)
+    discovery = Discovery(follower, plan.report, follow)
     plan.branches.followed = lambda: ((edge.cells[0], edge.points) for edge in discovery.edges)
     if plan.searched.promise == Guarantee.NOTHING and plan.search is not None:
         starts = chain(starts, _reentries(discovery, plan))
@@ -197,8 +197,8 @@ def _coming_back(plan: Plan, ray: Ray, end: float, beyond: Range, limits: Limits
     onwards = (replace(ray, curve=curve),)
     watch = Watch((*default_detectors(plan.stepper, beyond), *filter(None, [plan.bounds])))
     follower = PieceFollower(plan.stepper, watch, beyond, plan.bounds)
-    with Budget(limits) as budget:
-        discovery = Discovery(follower, silent, budget)
+    with Budget(limits):
+        discovery = Discovery(follower, silent)
         discovery.add(SpecialPointFound(Kind.END, ray.state.x, "", onwards))
     reached = [node for node in list(discovery.nodes.values())[1:] if node.kind == Kind.END]
     return [(n.place.x, n.place.error[None]) for n in reached if n.place.alpha == end]

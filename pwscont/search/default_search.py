@@ -71,14 +71,16 @@ def _in_all_cells(system: PiecewiseSystem, interval: Range) -> Search | None:
 
 def _from_some(system: PiecewiseSystem, around: States) -> Search:
     """Return a search by Newton from some starts, after the searches that the system brings."""
-    count = affordable_starts(system, LEAST_STARTS, MOST_STARTS)
-    search: Search = MultiStart(count=count, around=around)
-    if not isinstance(system, SlicewiseLinearSystem):
-        in_cells = not has_too_many_tests(system)
-        in_cells = in_cells and len(list(islice(system.cells(), MANY_NEWTONS + 1))) <= MANY_NEWTONS
+    is_curved = not isinstance(system, SlicewiseLinearSystem)
+    in_cells = is_curved and not has_too_many_tests(system)
+    in_cells = in_cells and len(list(islice(system.cells(), MANY_NEWTONS + 1))) <= MANY_NEWTONS
+    search: Search
+    if is_curved and system.size <= MOST_UNKNOWNS_INSIDE:
+        search = Throughout.affordable(system, around, in_cells)
+    else:
+        count = affordable_starts(system, LEAST_STARTS, MOST_STARTS)
+        search = MultiStart(count=count, around=around)
         search = EndPoints() + search if in_cells else search
-        if system.size <= MOST_UNKNOWNS_INSIDE:
-            search = Throughout.affordable(system, around, in_cells)
     for special in system.searches() if isinstance(system, BringsSearches) else ():
         search = special + search
     return search

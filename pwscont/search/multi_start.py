@@ -111,8 +111,9 @@ class MultiStart(Search):
 
         A successful start is tried again, with the known solutions deflated away.
         """
-        box, shown = Box.of(system), shown_size(system)
-        guesses = _rough_starts(self, system, metric, self.spread)
+        box, shown, scale = Box.of(system), shown_size(system), metric.scale[:-1]
+        widths = self.spread * scale
+        guesses = _rough_starts(system, scale, widths, self.count, self.around, self.seed)
         for alpha in interval:
             known: list[Array] = []
             for rough in guesses:
@@ -131,18 +132,18 @@ class MultiStart(Search):
 
 
 def _rough_starts(
-    search: MultiStart, system: PiecewiseSystem, metric: Metric, spread: float | Array
+    system: PiecewiseSystem, scale: Array, widths: Array, count: int, around: States, seed: int = 0
 ) -> list[Array]:
     """Return all starts: fixed states, then random states, every other around a fixed state."""
-    box, scale, shown = Box.of(system), metric.scale[:-1], shown_size(system)
-    rng, shape = np.random.default_rng(search.seed), (search.count, len(scale))
+    box, shown, shape = Box.of(system), shown_size(system), (count, len(scale))
+    rng = np.random.default_rng(seed)
     normal, even = rng.normal(size=shape), rng.uniform(-0.5, 0.5, size=shape)
     more = np.zeros(len(scale) - shown)  # of the unknowns that follow from a state
-    fixed = [np.append(finite_array("around", z, (shown,)), more) for z in search.around]
+    fixed = [np.append(finite_array("around", z, (shown,)), more) for z in around]
     guesses = [*map(box.inside, fixed), box.centre(scale)]
-    for i in range(1, search.count):
+    for i in range(1, count):
         near = fixed[i // 2 % len(fixed)] if fixed and i % 2 else None
-        guesses.append(box.guess(normal[i], even[i], spread * scale, near))
+        guesses.append(box.guess(normal[i], even[i], widths, near))
     return guesses
 
 
@@ -184,12 +185,9 @@ class Throughout(Search):
         """Yield solutions that are not on known branches."""
         for alpha in interval if self.in_cells else ():
             yield from starts_at(system, metric, alpha)
-        reach, at_ends = (
-            nonlinear_reach(system, metric),
-            MultiStart(self.at_ends, around=self.around),
-        )
+        reach, scale = nonlinear_reach(system, metric), metric.scale[:-1]
         pursuit = Pursuit(system, metric, known, reach)
-        rough = _rough_starts(at_ends, system, metric, reach / metric.scale[:-1])
+        rough = _rough_starts(system, scale, reach / scale * scale, self.at_ends, self.around)
         for alpha in interval:
             yield from pursuit.at(alpha, rough)
         if known.are_all():
