@@ -235,11 +235,11 @@ class PieceFollower:
             return Failure(FailureReason.ENDLESS)
         if self._tiny > MOST_TINY:
             return Failure(FailureReason.CREEPING)
-        if number >= CRAWL_CHECK_EVERY:
+        is_due = number % CRAWL_CHECK_EVERY == 0
+        if is_due or number > MANY_STEPS:
             gone = self._curve.metric.norm(self._state.x - self._points[0])
-            is_due = number % CRAWL_CHECK_EVERY == 0  # rounding may flip the determinant's sign
             if is_due and self._flips > MOST_FLIPS and gone < CRAWLING * number:
-                return Failure(FailureReason.TWICE)
+                return Failure(FailureReason.TWICE)  # rounding flips the determinant's sign
             if number > MANY_STEPS and gone > STRETCHED_FROM:
                 stepper = stepper.stretched(gone / STRETCHED_FROM)
         step = stepper.step(self._curve, self.interval, self._state, self._step_before, longest)
