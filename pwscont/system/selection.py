@@ -7,15 +7,7 @@ from typing import cast, final
 
 import numpy as np
 
-from pwscont.basics.arrays import (
-    Array,
-    Indices,
-    Matrix,
-    Signs,
-    dense,
-    indices,
-    joined,
-)
+from pwscont.basics.arrays import Array, Indices, Matrix, Signs, dense, indices, joined
 from pwscont.basics.character import Character
 from pwscont.basics.printing import named, short
 from pwscont.basics.rounding import EPS, GUARD

@@ -1,17 +1,14 @@
 """Transitions of straight pieces: from cell to cell by one solve (docs/theory, F11).
 
 With J' = J + c g^T on the other side of an interface (F1), where g is the gradient of the test that
-vanishes, the direction beyond follows from the direction before by the solution of J w = c alone.
-The same update holds for all solutions: the samples of the error of a point are carried along. From
-time to time, in small systems always, and where residuals show that directions have drifted,
-an *audit* solves for all samples afresh, together with corrections of point and direction. Only
-audits ask for Jacobians that are large and not at hand.
+vanishes, the solution of J w = c alone changes the direction, and the samples of the error of a
+point, into those beyond. From time to time, in small systems always, and where residuals show that
+directions have drifted, an *audit* solves for all samples afresh, together with corrections of
+point and direction. Only audits ask for Jacobians that are large and not at hand.
 
 Where tests vanish together, 1 + g.w is small beside 1 and g.w, the direction is nearly vertical or
-in the interface, or something is wrong with the system, the piece is left to the general detector,
-see :mod:`pwscont.transitions.bounding`. A system is wrong, for instance, if the Jacobians of two
-cells differ by a matrix of rank 2, or if all matrices are returned in the same array: an audit
-compares the direction with the new Jacobian.
+in the interface, or an audit finds that the direction does not fit the new Jacobian, the piece is
+left to the general detector, see :mod:`pwscont.transitions.bounding`.
 """
 
 from __future__ import annotations
@@ -128,7 +125,7 @@ class StraightTests(TransitionDetector):
         x = start.x + room * start.tangent
         x[-1] = end
         found = last.cell.corrected(x, last_unit(len(x)), 0.0) if np.isfinite(room) else None
-        if found is None:
+        if not found:
             return None
         found.x[-1] = end  # equal up to rounding
         here = State(found.x, start.tangent, found.error, start.orientation, found.size)
@@ -152,8 +149,7 @@ class StraightTests(TransitionDetector):
     def _is_corner(self, before: Array, tests: Array, point: CorrectedPoint, but: int) -> bool:
         """Tell whether another test vanishes at a point, or has another sign than before."""
         near = self._near_zero(tests, point.extent, point.size).nonzero()[0]
-        near = near[near != but]
-        if not len(near):
+        if not len(near := near[near != but]):
             return False  # nearly always
         turned = (tests[near] >= 0.0) != (before[near] >= 0.0)
         rows, sizes = self._rows.some(near), np.abs(point.x) + self._scale
@@ -192,12 +188,12 @@ class StraightTests(TransitionDetector):
 
     def _cell_of(self, curve: Curve, start: State) -> StraightCell | None:
         """Return the cell of a piece, factorised afresh if the last cell is another cell."""
-        cell = self._last.cell if self._last else None
+        cell = self._last and self._last.cell
         if self._last and self._last.ray.state is start:
             return cell
-        if cell is None or cell.curve.selection is not curve.selection:
+        if not cell or cell.curve.selection is not curve.selection:
             cell = None if curve.selection.adjacent_cells else StraightCell.at(curve, start.x)
-        if cell is None:
+        if not cell:
             return None
         row = curve.metric.covector(curve.metric.normalised(cell.along))
         return cell if abs(row.dot(start.tangent)) > 1.0 - HALF_DIGITS else None
@@ -294,9 +290,7 @@ class StraightCell:
         if pivot == 0.0:
             return None
         slopes = self._lines.dot(gradient) / pivot
-        add_multiples(
-            self._lines, -slopes, arrays.joined(w, 0.0)
-        )  # alpha of the lines does not change
+        add_multiples(self._lines, -slopes, arrays.joined(w, 0.0))  # alpha does not change
         self.turn, self._since = 1 if pivot > 0.0 else -1, self._since + 1
         self.length = other.metric.norm(self.along)
         return self.corrected(x, gradient, value, slopes) if self._is_tame() else None
@@ -340,10 +334,9 @@ class StraightCell:
 
     def _has_renewed(self, jacobian: Matrix) -> bool:
         """Factorise the Jacobian of the cell afresh; False for a singular Jacobian."""
-        core = inner(jacobian, self.curve.metric.binary)
-        if core is not None:
+        if core := inner(jacobian, self.curve.metric.binary):
             self._solver.renew(core)
-        return core is not None
+        return bool(core)
 
     def _jacobian_at(self, x: Array) -> Matrix:
         return self.curve.selection.jacobian(x) if self._jacobian is None else self._jacobian
@@ -364,9 +357,8 @@ class StraightCell:
             np.maximum.at(most, kinds, sizes)
             self._most = GROWN * most[kinds]
         self._terms = arrays.product(magnitudes, self._most + CONVERGED * scale)
-        if not arrays.is_everywhere(
-            np.abs(astray) <= ASTRAY * self.length * arrays.product(magnitudes, scale)
-        ):
+        most = ASTRAY * self.length * arrays.product(magnitudes, scale)
+        if not arrays.is_everywhere(np.abs(astray) <= most):
             return None
         if self._solver.is_full:
             self._has_renewed(jacobian)  # due at the next change, when no Jacobian is at hand
