@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import final
 
 import numpy as np
@@ -62,10 +63,8 @@ class SmoothBranchPoints(TransitionDetector):
     def read(self, curve: Curve, state: State) -> Reading:
         """Return each sign and its negative."""
         others = _in_other_cells(curve)
-        if not others:
-            return Reading(
-                state.orientation * detector.BOTH_SIGNS, detector.UNKNOWN
-            )  # nearly always
+        if not others:  # nearly always
+            return Reading(state.orientation * detector.BOTH_SIGNS, detector.UNKNOWN)
         signs = [state.orientation]
         for own in others:  # zero where the sign differs on both sides
             around = {_sign_beside(own, state.x, state.tangent, side) for side in (-1.0, 1.0)}
@@ -212,11 +211,10 @@ def _crossing_rays(path: Curve, cells: Iterable[Curve], state: State) -> list[Ra
     ways, rays = list[tuple[Array, list[Curve]]](), list[Ray]()
     for own in cells:
         for way in _ways_across(own, state):
-            alike = (
-                them for known, them in ways if are_parallel(path.metric, way, known, HALF_DIGITS)
-            )
-            if them := next(alike, None):
-                them.append(own)
+            for known, owners in ways:
+                if are_parallel(path.metric, way, known, HALF_DIGITS):
+                    owners.append(own)
+                    break
             else:
                 ways.append((way, [own]))
     for way, owners in ways:
@@ -272,10 +270,8 @@ def _sign_beside(curve: Curve, x: Array, tangent: Array, side: float) -> int | N
 
     Zero where J has lower rank, None outside the interval.
     """
-    near, metric = x + side * NEARBY * tangent, curve.metric
-    if not metric.interval[0] <= near[-1] <= metric.interval[1]:
-        return None
-    return _sign_at(curve, near, tangent)
+    near, (lo, hi) = x + side * NEARBY * tangent, curve.metric.interval
+    return _sign_at(curve, near, tangent) if lo <= near[-1] <= hi else None
 
 
 def _sign_at(curve: Curve, x: Array, tangent: Array) -> int:
@@ -287,9 +283,8 @@ def _sign_at(curve: Curve, x: Array, tangent: Array) -> int:
 
 def _along(curve: Curve, ray: Ray) -> Ray:
     """Return a ray along an interface with the index that the ray has beside its beginning."""
-    beyond = beside(curve, ray.state, NEARBY)
-    if isinstance(beyond, Failure):
-        beyond = ray.state
+    found = beside(curve, ray.state, NEARBY)
+    beyond = ray.state if isinstance(found, Failure) else found
     corner = Corner.at(curve.selection.system, curve.metric, beyond.x, beyond.error)
     index = index_at(Ray(curve, beyond), corner)
     return Ray(curve, ray.state, curve.selection.adjacent_cells, index)
@@ -343,13 +338,12 @@ def _locate(
         if not isinstance(state, State):
             return state
         lo, hi, last = (lo, place, state) if flips else (place, hi, state)
-    ends = segment.start.x, segment.end.x
-    if all(crossing.loses_rank(segment.curve, x) for x in ends):
+    loses = partial(crossing.loses_rank, segment.curve)
+    if loses(segment.start.x) and loses(segment.end.x):
         return Failure(FailureReason.TWICE)
     error = np.vstack([last.error, (hi - lo) * last.tangent])
     touching = State(last.x, last.tangent, error, before)
-    is_singular = crossing.loses_rank(segment.curve, last.x)
-    return touching if is_singular else Failure(FailureReason.SINGULAR)
+    return touching if loses(last.x) else Failure(FailureReason.SINGULAR)
 
 
 def _is_double(segment: CurvedSegment) -> bool:
@@ -358,12 +352,11 @@ def _is_double(segment: CurvedSegment) -> bool:
 
     def flips(state: State) -> bool:
         aside = ACROSS * curve.metric.scale * np.append(generic(len(state.x) - 1), 0.0)
-        beside = (state.x + aside, state.x - aside)
-        return len({_sign_at(curve, x, state.tangent) for x in beside} & {-1, 1}) == 2
+        around = state.x + aside, state.x - aside
+        return {_sign_at(curve, x, state.tangent) for x in around} >= {-1, 1}
 
-    return all(
-        crossing.loses_rank(curve, end.x) and flips(end) for end in (segment.start, segment.end)
-    )
+    ends = segment.start, segment.end
+    return all(crossing.loses_rank(curve, end.x) and flips(end) for end in ends)
 
 
 def _belongs(segment: CurvedSegment, x: Array) -> bool:

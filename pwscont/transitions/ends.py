@@ -98,8 +98,7 @@ def regular_border(curve: Curve, x: Array) -> tuple[Matrix, Array, Factor] | Non
     """
     jacobian, size = curve.selection.jacobian(x), len(x)
     for j in range(size - 1, -1, -1):
-        row = np.zeros(size)
-        row[j] = 1.0
+        row = (np.arange(size) == j).astype(float)
         factor = bordered(jacobian, row, curve.metric.binary)
         if not factor.is_singular():
             return jacobian, row, factor
@@ -228,14 +227,12 @@ def at_end(curve: Curve, state: State) -> SpecialPointFound:
 
 def _fold(segment: CurvedSegment, found: State | Failure) -> State | None:
     """Return the fold at which a step turns at an end, by rounding, instead of crossing the end."""
-    near = found
-    if isinstance(near, Failure):
-        bracket, narrow = (0.0, segment.length), NARROW_BRACKET
-        near = locate_sign_change(segment, segment.curve.slope, bracket, narrow)
-    fold = smooth_folds.fold_at_end(
-        segment.curve, segment.end if isinstance(near, Failure) else near
-    )
-    if fold is None or segment.curve.metric.covector(segment.chord).dot(fold.tangent) >= 0.0:
+    curve = segment.curve
+    if isinstance(found, Failure):
+        found = locate_sign_change(segment, curve.slope, (0.0, segment.length), NARROW_BRACKET)
+    near = segment.end if isinstance(found, Failure) else found
+    fold = smooth_folds.fold_at_end(curve, near)
+    if fold is None or curve.metric.covector(segment.chord).dot(fold.tangent) >= 0.0:
         return fold
     return fold.reversed()  # beyond a fold the way out of the interval leads back
 
@@ -265,19 +262,19 @@ class Bounds(TransitionDetector):
 
     def read(self, curve: Curve, state: State) -> Reading:
         """Return the distances to the bounds; the distance to a bound at the state is positive."""
-        values, slopes = self._inside(state), self._side * state.tangent[self._which]
+        values, slopes = self._inside(state.x), self._side * state.tangent[self._which]
         on = self._is_on(curve, state)
         values[on] = self._rounding(curve)[on]
         slopes[on & (np.abs(slopes) <= self._level(curve, state))] = 0.0
         return Reading(values, slopes)
 
-    def _inside(self, state: State) -> Array:
-        """Return how far a state is inside of each bound."""
-        return np.asarray(self._side * (state.x[self._which] - self._limit))
+    def _inside(self, x: Array) -> Array:
+        """Return how far a point is inside of each bound."""
+        return np.asarray(self._side * (x[self._which] - self._limit))
 
     def _is_on(self, curve: Curve, state: State) -> Signs:
         """Tell on which bounds the state lies, up to its error."""
-        off, rounding = np.abs(self._inside(state)), self._rounding(curve)
+        off, rounding = np.abs(self._inside(state.x)), self._rounding(curve)
         on: Signs = off <= CONFIDENCE * (state.size[self._which] + rounding)
         doubtful = ~on & (off <= self._level(curve, state))
         if doubtful.any():
@@ -304,9 +301,8 @@ class Bounds(TransitionDetector):
     def shifts_within(self, x: Array, shift: Array) -> float:
         """Return how often a point may be shifted within the bounds, infinity without a bound."""
         falls = -self._side * shift[self._which]
-        with np.errstate(divide="ignore", invalid="ignore"):
-            times = self._side * (x[self._which] - self._limit) / falls
-        return float(times[falls > 0.0].min(initial=np.inf))
+        towards = falls > 0.0
+        return float((self._inside(x)[towards] / falls[towards]).min(initial=np.inf))
 
     def _message(self, index: int) -> str:
         side = "lower" if self._side[index] > 0.0 else "upper"
