@@ -180,9 +180,8 @@ class PiecewiseSystem(Undefined, ABC):
     def refine_differences(self, part: float) -> None:
         """Multiply the usual steps of the :meth:`differences` of this run by ``part``."""
         if self._is_fitted and part != self._differences_of_run.part:
-            object.__setattr__(
-                self, "_differences_of_run", replace(self._differences_of_run, part=part)
-            )
+            finer = replace(self._differences_of_run, part=part)
+            object.__setattr__(self, "_differences_of_run", finer)
 
     @property
     def gives_scale(self) -> bool:
