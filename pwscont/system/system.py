@@ -18,7 +18,7 @@ from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidSystemError
 from pwscont.basics.printing import card, counted, short
 from pwscont.system.differences import Differences
-from pwscont.system.values import Undefined, checked_array
+from pwscont.system.values import checked_array, guard_methods
 
 
 @final
@@ -70,7 +70,7 @@ MOST_TESTS_TO_TRY = 16
 OWN = ("__weakref__", "_differences_of_run")
 
 
-class PiecewiseSystem(Undefined, ABC):
+class PiecewiseSystem(ABC):
     """A system H(z, alpha) = 0 that is continuous and smooth on each cell.
 
     The zero sets of ``m`` smooth test functions cut the space of ``(z, alpha)`` into cells; each
@@ -120,6 +120,10 @@ class PiecewiseSystem(Undefined, ABC):
     _differences_of_run: Differences
     unique: bool = False
     line_styles: Mapping[str, Any] = MappingProxyType({})
+
+    def __init_subclass__(cls, **options: Any) -> None:
+        super().__init_subclass__(**options)
+        guard_methods(cls)
 
     @abstractmethod
     def test_functions(self, z: Array, alpha: float) -> Array:

@@ -103,18 +103,12 @@ OUTSIDE = re.compile(r"math domain error|math range error|expected an? .* (input
 PROBES = 8
 
 
-class Undefined:
-    """Lets the methods of subclasses return nan where a method is not defined."""
-
-    __slots__ = ()
-
-    def __init_subclass__(cls, **options: Any) -> None:
-        """Guard the methods that a subclass defines."""
-        super().__init_subclass__(**options)
-        for name in GUARDED:
-            method = vars(cls).get(name)
-            if isfunction(method) and not hasattr(method, "__isabstractmethod__"):
-                setattr(cls, name, _guarded(method, name))
+def guard_methods(cls: type) -> None:
+    """Let the methods that a class defines return nan where a method is not defined."""
+    for name in GUARDED:
+        method = vars(cls).get(name)
+        if isfunction(method) and not hasattr(method, "__isabstractmethod__"):
+            setattr(cls, name, _guarded(method, name))
 
 
 def _guarded(method: Callable[..., Any], name: str) -> Callable[..., Any]:
