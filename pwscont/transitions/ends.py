@@ -26,18 +26,11 @@ from pwscont.basics.arrays import Array, Matrix, Signs, are_finite
 from pwscont.basics.character import Character
 from pwscont.basics.outcome import Failure, FailureReason, Kind, Remark
 from pwscont.basics.rounding import CONFIDENCE, EPS, GUARD, HALF_DIGITS, SAME_ALPHA
+from pwscont.curve import newton
 from pwscont.curve.crossing import loses_rank
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.error_samples import Found, magnitude
 from pwscont.curve.metric import Metric
-from pwscont.curve.newton import (
-    MOST_NEWTON,
-    Root,
-    is_solved,
-    newton,
-    uncertainty,
-    uncertainty_beside,
-)
 from pwscont.curve.stepper import CurvedSegment, Segment
 from pwscont.enumeration.continua import is_one_of_many
 from pwscont.linear.factor import Factor
@@ -69,7 +62,7 @@ def settled(system: PiecewiseSystem, metric: Metric, found: Found) -> Found | No
     if held is None or held[1][-1]:
         return found
     row = held[1]
-    root = newton(curve, lambda y: (float(row.dot(y - x)), row), x, MOST_NEWTON)
+    root = newton.newton(curve, lambda y: (float(row.dot(y - x)), row), x, newton.MOST_NEWTON)
     if isinstance(root, Failure):
         return None
     same = 0.5 * SAME_ALPHA * max(abs(float(x[-1])), float(metric.scale[-1]))
@@ -87,7 +80,7 @@ def solves(system: PiecewiseSystem, metric: Metric, x: Array) -> bool:
         return False
     own = Selection(system, Character.of(tests))
     rest = own.residual(x)
-    return are_finite(rest) and is_solved(own, metric, x, own.jacobian(x), rest)
+    return are_finite(rest) and newton.is_solved(own, metric, x, own.jacobian(x), rest)
 
 
 def regular_border(curve: Curve, x: Array) -> tuple[Matrix, Array, Factor] | None:
@@ -127,10 +120,10 @@ def departures(corner: Corner) -> SpecialPointFound:
 def _inside(curve: Curve, x: Array, error: Array) -> SpecialPointFound:
     held = regular_border(curve, x)
     if held is None:
-        if is_one_of_many(curve.selection.system, curve.metric, x):
-            return SpecialPointFound(Kind.STOPPED, x, Remark.FILL_CURVES, ())
-        stopped = SpecialPointFound(Kind.STOPPED, x, FailureReason.SINGULAR.value, ())
-        return at_branch_point(curve, x) or stopped
+        fill = is_one_of_many(curve.selection.system, curve.metric, x)
+        why = Remark.FILL_CURVES if fill else FailureReason.SINGULAR.value
+        stopped = SpecialPointFound(Kind.STOPPED, x, why, ())
+        return stopped if fill else at_branch_point(curve, x) or stopped
     jacobian, row, factor = held
     tangent = curve.metric.normalised(factor.solve(last_unit(len(x))))
     is_upright = abs(tangent[-1]) <= smooth_folds.STEEPEST_AT_FOLD * curve.metric.width
@@ -138,7 +131,7 @@ def _inside(curve: Curve, x: Array, error: Array) -> SpecialPointFound:
     if is_doubtful and loses_rank(curve, x) and (point := at_branch_point(curve, x)):
         return point
     known = np.maximum.reduce(np.abs(error))
-    error = uncertainty(Root(x, known, jacobian, row, factor, curve.metric.scale))
+    error = newton.uncertainty(newton.Root(x, known, jacobian, row, factor, curve.metric.scale))
     # det [J; r] is proportional to r.t, and e_j.t is positive like t.t: the signs are equal
     state = State(x, tangent, error, factor.sign, magnitude(x, error))
     fold = smooth_folds.fold_at_end(curve, state)
@@ -157,12 +150,12 @@ def ended_by_system(arrival: SpecialPointFound) -> SpecialPointFound:
     """
     if arrival.kind == Kind.START or not arrival.rays:
         return arrival
-    state, curve = arrival.rays[0].state, arrival.rays[0].curve
+    curve = arrival.rays[0].curve
     system = curve.selection.system
     cells = dict.fromkeys(ray.curve.selection.character for ray in arrival.rays)
     if not isinstance(system, Ending) or len(cells) < 2:
         return arrival
-    zero = Corner.at(system, curve.metric, arrival.x, state.error).zero
+    zero = Corner.at(system, curve.metric, arrival.x, arrival.rays[0].state.error).zero
     reasons = (end_of(system, cell, zero) for cell in cells) if zero else ()
     why = next(filter(None, reasons), None)
     return SpecialPointFound(Kind.END, arrival.x, why, arrival.rays) if why else arrival
@@ -219,8 +212,8 @@ def at_end(curve: Curve, state: State) -> SpecialPointFound:
     is_straight, inside = curve.selection.is_straight, list[Ray]()
     for ray in (ray for ray in rays if not same_piece(ray, back)):
         is_level = not (is_straight or ray.curve.slope(ray.state))  # at the end
-        bends_inwards = is_level and not smooth_folds.leads_outside(ray)
-        inside += [ray] if turns(back, ray) or bends_inwards else []
+        if turns(back, ray) or (is_level and not smooth_folds.leads_outside(ray)):
+            inside.append(ray)
     wide = f"; {Remark.FILL} a cone of dimension {dimension}" if dimension > 1 else ""
     return SpecialPointFound(Kind.END, state.x, f"end of the interval{wide}", (back, *inside))
 
@@ -278,7 +271,7 @@ class Bounds(TransitionDetector):
         on: Signs = off <= CONFIDENCE * (state.size[self._which] + rounding)
         doubtful = ~on & (off <= self._level(curve, state))
         if doubtful.any():
-            error = magnitude(state.x, uncertainty_beside(curve, state))[self._which]
+            error = magnitude(state.x, newton.uncertainty_beside(curve, state))[self._which]
             on |= doubtful & (off <= CONFIDENCE * (error + rounding))
         return on
 
