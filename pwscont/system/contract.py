@@ -176,8 +176,10 @@ def residual_at(system: PiecewiseSystem, z: Array, alpha: float, character: Char
 def jacobian_at(system: PiecewiseSystem, z: Array, alpha: float, character: Character) -> Matrix:
     """Return dH_chi / d(z, alpha), shape (n, n + 1), as a copy, or refuse another shape."""
     jacobian = system.jacobian(z, alpha, character)
-    shape = (system.size, system.size + 1)
-    return values.own_matrix(values.checked_matrix(system, "jacobian", jacobian, shape))
+    values.expect(system, "jacobian", jacobian, (system.size, system.size + 1))
+    if isinstance(jacobian, np.ndarray):
+        return np.array(jacobian, dtype=float)
+    return values.own_matrix(jacobian.tocsr() if values.has_scalar_products(jacobian) else jacobian)
 
 
 def equations_in_magnitudes(

@@ -6,6 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from inspect import isfunction
 from itertools import chain, product
 from math import prod
 from types import MappingProxyType
@@ -18,7 +19,7 @@ from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidSystemError
 from pwscont.basics.printing import card, counted, short
 from pwscont.system.differences import Differences
-from pwscont.system.values import checked_array, guard_methods
+from pwscont.system.values import GUARDED, checked_array, guard
 
 
 @final
@@ -123,7 +124,10 @@ class PiecewiseSystem(ABC):
 
     def __init_subclass__(cls, **options: Any) -> None:
         super().__init_subclass__(**options)
-        guard_methods(cls)
+        for name in GUARDED:
+            method = vars(cls).get(name)
+            if isfunction(method) and not hasattr(method, "__isabstractmethod__"):
+                setattr(cls, name, guard(method, name))
 
     @abstractmethod
     def test_functions(self, z: Array, alpha: float) -> Array:

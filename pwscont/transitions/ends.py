@@ -178,10 +178,18 @@ class IntervalEnds(TransitionDetector):
         return Reading(np.array(distances), np.array((slope, -slope)))
 
     def locate(self, segment: Segment, index: int, bracket: tuple[float, float]) -> State | Failure:
-        """Solve {H_chi = 0, alpha = end}."""
+        """Solve {H_chi = 0, alpha = end}, or find the fold at which a step turns at the end."""
         end, side = (self.lo, 1.0) if index == 0 else (self.hi, -1.0)
-        state = _reached(segment, bracket, -1, side, end)
-        fold = _fold(segment, state) if isinstance(segment, CurvedSegment) else None
+        state = near = _reached(segment, bracket, -1, side, end)
+        if not isinstance(segment, CurvedSegment):
+            return state
+        curve = segment.curve
+        if isinstance(near, Failure):
+            near = locate_sign_change(segment, curve.slope, (0.0, segment.length), NARROW_BRACKET)
+        near = segment.end if isinstance(near, Failure) else near
+        fold = smooth_folds.fold_at_end(curve, near)
+        if fold and curve.metric.covector(segment.chord).dot(fold.tangent) < 0.0:
+            fold = fold.reversed()  # beyond a fold the way out of the interval leads back
         return fold or state
 
     def arrive(self, curve: Curve, state: State, index: int) -> SpecialPointFound:
@@ -216,18 +224,6 @@ def at_end(curve: Curve, state: State) -> SpecialPointFound:
             inside.append(ray)
     wide = f"; {Remark.FILL} a cone of dimension {dimension}" if dimension > 1 else ""
     return SpecialPointFound(Kind.END, state.x, f"end of the interval{wide}", (back, *inside))
-
-
-def _fold(segment: CurvedSegment, found: State | Failure) -> State | None:
-    """Return the fold at which a step turns at an end, by rounding, instead of crossing the end."""
-    curve = segment.curve
-    if isinstance(found, Failure):
-        found = locate_sign_change(segment, curve.slope, (0.0, segment.length), NARROW_BRACKET)
-    near = segment.end if isinstance(found, Failure) else found
-    fold = smooth_folds.fold_at_end(curve, near)
-    if fold is None or curve.metric.covector(segment.chord).dot(fold.tangent) >= 0.0:
-        return fold
-    return fold.reversed()  # beyond a fold the way out of the interval leads back
 
 
 def points_inside(ray: Ray, lo: float, hi: float) -> bool:
