@@ -178,7 +178,7 @@ def jacobian_at(system: PiecewiseSystem, z: Array, alpha: float, character: Char
     jacobian = system.jacobian(z, alpha, character)
     values.expect(system, "jacobian", jacobian, (system.size, system.size + 1))
     if isinstance(jacobian, np.ndarray):
-        return np.array(jacobian, dtype=float)
+        return np.array(jacobian, dtype=float, order="C")  # rounding of sums depends on the order
     return values.own_matrix(jacobian.tocsr() if values.has_scalar_products(jacobian) else jacobian)
 
 

@@ -162,8 +162,7 @@ def path_through(curve: Curve, corner: Corner) -> SpecialPointFound | None:
     here, scale = curve.selection, corner.metric.scale
     if here.is_straight or not 0 < len(corner.zero) <= MOST_TESTS_ON_PATH:
         return None
-    found = crossing.crossing_near(curve, corner.x, 1.0 / crossing.CLOSE_TO_CROSSING)
-    if found is None:
+    if not (found := crossing.crossing_near(curve, corner.x, 1.0 / crossing.CLOSE_TO_CROSSING)):
         return None
     x = found.x  # more digits: where the curve meets the interface, the Jacobian loses rank
     tests, rows = replace(corner, x=x).vanishing(here)
@@ -185,7 +184,7 @@ def path_through(curve: Curve, corner: Corner) -> SpecialPointFound | None:
 
 def path_from(corner: Corner) -> SpecialPointFound | None:
     """Return a start that is a branch point of a path along interfaces, None if there is none."""
-    if not len(corner.zero) <= MOST_TESTS_ON_PATH:
+    if len(corner.zero) > MOST_TESTS_ON_PATH:
         return None
     cells = (Curve(Selection(corner.system, cell), corner.metric) for cell in corner.all_cells())
     return next(filter(None, (path_through(curve, corner) for curve in cells)), None)
@@ -198,8 +197,8 @@ def _in_other_cells(curve: Curve) -> list[Curve]:
         return []  # nearly always
     pairs = zip(here.adjacent_cells, here.adjacent_names, strict=True)
     followed = here.system.cell(here.character)
-    others = (cell for cell, name in pairs if name != followed)
-    return [Curve(Selection(here.system, cell), curve.metric) for cell in others]
+    others = (Selection(here.system, cell) for cell, name in pairs if name != followed)
+    return [Curve(other, curve.metric) for other in others]
 
 
 def _crossing_rays(path: Curve, cells: Iterable[Curve], state: State) -> list[Ray]:
@@ -293,7 +292,7 @@ def _along(curve: Curve, ray: Ray) -> Ray:
 def at_branch_point(curve: Curve, x: Array) -> SpecialPointFound | None:
     """Return the branch point that a start is, at the start's alpha up to errors, None if none."""
     found = crossing.crossing_near(curve, x, curve.metric.slack(x, crossing.FULL_RANK))
-    if found is None or not found.meets:
+    if not (found and found.meets):
         return None
     tangent, at = found.directions[0], found.x.copy()
     if abs(at[-1] - x[-1]) <= CONFIDENCE * ERROR_OF_DIFFERENCES * curve.metric.width:
@@ -305,8 +304,7 @@ def at_branch_point(curve: Curve, x: Array) -> SpecialPointFound | None:
 
 def crossing_on_end(curve: Curve, x: Array) -> SpecialPointFound | None:
     """Return the branch point on an end of the interval next to ``x``, None if there is none."""
-    ends = np.array(curve.metric.interval)
-    on_end = np.append(x[:-1], ends[np.abs(ends - x[-1]).argmin()])
+    on_end = np.append(x[:-1], min(curve.metric.interval, key=lambda end: abs(end - x[-1])))
     if curve.selection.is_straight or curve.metric.norm(x - on_end) > NEARBY:
         return None
     point = at_branch_point(curve, on_end)

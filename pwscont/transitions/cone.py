@@ -384,10 +384,8 @@ def _cone_table(
 
 def _is_small(table: Table) -> bool:
     """Tell whether all cells that meet at the corner can be tried."""
-    blocks = table.blocks
-    if number_of_cells(blocks) <= MOST_CELLS_OF_CONE:
-        return True
-    return most_cells(parts_of_table(table), blocks) <= MOST_CELLS_OF_CONE
+    few, blocks = MOST_CELLS_OF_CONE, table.blocks
+    return number_of_cells(blocks) <= few or most_cells(parts_of_table(table), blocks) <= few
 
 
 def _solved(corner: Corner, table: Table) -> Slice:

@@ -71,10 +71,8 @@ class StraightTests(TransitionDetector):
 
     def locate(self, segment: Segment, index: int, bracket: tuple[float, float]) -> State | Failure:
         """Return the point of the interface, which the piece beyond has been found for."""
-        self._last = self._across(segment.curve, segment.start, index, bracket[0])
-        if self._last is None:
-            return self._slowly.locate(segment, index, bracket)
-        return self._last.state
+        self._last = last = self._across(segment.curve, segment.start, index, bracket[0])
+        return last.state if last else self._slowly.locate(segment, index, bracket)
 
     def arrive(self, curve: Curve, state: State, index: int) -> SpecialPointFound:
         """Cross the interface; at a corner, take every way on."""
@@ -88,10 +86,10 @@ class StraightTests(TransitionDetector):
         None where that is hard, or if the ray begins at an interface but is not the ray beyond the
         last crossing: :meth:`read` and :meth:`locate` handle every ray.
         """
-        state = ray.state
-        if self._last is None or self._last.ray.state is not state:
-            self._last = self._begun(ray)
-        if (last := self._last) is None:
+        state, last = ray.state, self._last
+        if last is None or last.ray.state is not state:
+            self._last = last = self._begun(ray)
+        if last is None:
             return None
         slope, selection = float(state.tangent[-1]), ray.curve.selection
         end = interval[1] if slope > 0.0 else interval[0]
@@ -169,8 +167,7 @@ class StraightTests(TransitionDetector):
         is_crossed = abs(gradient.dot(start.tangent)) > level
         if cell is None or not is_crossed or not other.selection.is_bounded_by(test):
             return None
-        point = cell.cross(other, x, test, gradient, float(tests[test]))
-        if point is None:
+        if not (point := cell.cross(other, x, test, gradient, float(tests[test]))):
             return None
         rates = self._rows.dot(cell.along)
         changes = point.along * rates
@@ -252,8 +249,7 @@ class StraightCell:
     def at(cls, curve: Curve, x: Array) -> StraightCell | None:
         """Return the factorised cell of a curve; None where the Jacobian is next to singular."""
         jacobian, n = curve.selection.jacobian(x), len(x) - 1
-        core = inner(jacobian, curve.metric.binary)
-        if core is None:
+        if not (core := inner(jacobian, curve.metric.binary)):
             return None
         solver = ProductForm(core, n)
         cell = cls(curve, solver, arrays.joined(-solver.solve(column(jacobian, n)), 1.0))
@@ -308,8 +304,7 @@ class StraightCell:
         is_due = is_due or arrays.is_anywhere(sizes > self._most)
         is_off = not is_due and not arrays.is_everywhere(np.abs(residual) <= UNSEEN * self._terms)
         if is_due or (is_off and self._since >= DRIFTED_AFTER):
-            aside = self._audited(x, sizes, residual)
-            if aside is None:
+            if (aside := self._audited(x, sizes, residual)) is None:
                 return None
             slopes = None
         elif is_off:
@@ -386,5 +381,4 @@ def _kink_by_residuals(before: Selection, after: Curve, x: Array, gradient: Arra
     test = gradient[steepest] * (far[steepest] - x[steepest])
     if weights[steepest] <= abs(gradient[-1] * scale[-1]) / FAR_AWAY or not math.isfinite(test):
         return None
-    jump: Array = (after.selection.residual(far) - before.residual(far)) / test
-    return jump
+    return np.asarray((after.selection.residual(far) - before.residual(far)) / test)
