@@ -43,7 +43,7 @@ from pwscont.system.system import (
     PiecewiseSystem,
     SlicewiseLinearSystem,
 )
-from pwscont.transitions.detector import TransitionDetector
+from pwscont.transitions import TransitionDetector
 
 if TYPE_CHECKING:
     from pwscont.events.user_event import Stop

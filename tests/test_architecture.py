@@ -63,7 +63,7 @@ BUDGET = {
     "notation": (13, 2961),
     "curve": (12, 3405),
     "enumeration": (11, 2483),
-    "transitions": (13, 3284),
+    "transitions": (13, 3300),
     "graph": (8, 2492),
     "search": (9, 2084),
     "continuation": (9, 2884),

@@ -27,7 +27,7 @@ from pwscont.bench.truth.known_answer import UnknownAnswerError
 from pwscont.bench.truth.problems import Bratu, bratu_fold
 from pwscont.commands.cli import main
 from pwscont.curve.stepper import StepSize
-from pwscont.transitions.bounding import BoundingTests
+from pwscont.transitions import BoundingTests
 
 pytestmark = pytest.mark.sweep(2)  # the others take too long for the README's command
 

@@ -25,8 +25,7 @@ from pwscont import (
 from pwscont.bench.calls import KINDS, counted, factorisations
 from pwscont.continuation import assembly
 from pwscont.search import EndPoints
-from pwscont.transitions.branch_points import SmoothBranchPoints
-from pwscont.transitions.smooth_folds import SmoothFolds
+from pwscont.transitions import SmoothBranchPoints, SmoothFolds
 
 # residual, jacobian, test_functions, test_jacobian, factorisations, solves, determinant signs
 TRACED = {

@@ -40,9 +40,7 @@ from pwscont.extending import (
     State,
     locate_sign_change,
 )
-from pwscont.transitions.bounding import BoundingTests
-from pwscont.transitions.ends import IntervalEnds
-from pwscont.transitions.smooth_folds import SmoothFolds
+from pwscont.transitions import BoundingTests, IntervalEnds, SmoothFolds
 
 STEPPERS = [
     PseudoArclength(),

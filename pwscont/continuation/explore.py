@@ -43,7 +43,7 @@ from pwscont.search.search import checked_proof, scope_of, starts_of
 from pwscont.system.abilities import shown_size
 from pwscont.system.promises import refuse_undefined
 from pwscont.system.system import PiecewiseLinearSystem, PiecewiseSystem
-from pwscont.transitions.detector import TransitionDetector
+from pwscont.transitions import TransitionDetector
 from pwscont.transitions.ends import settled
 
 if TYPE_CHECKING:

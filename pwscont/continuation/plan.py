@@ -33,7 +33,7 @@ from pwscont.system.box import Box
 from pwscont.system.contract import check_attributes, check_cells, check_declaration, residual_at
 from pwscont.system.promises import check_start
 from pwscont.system.system import PiecewiseLinearSystem, PiecewiseSystem
-from pwscont.transitions.detector import TransitionDetector
+from pwscont.transitions import TransitionDetector
 from pwscont.transitions.ends import Bounds
 
 if TYPE_CHECKING:

@@ -147,7 +147,7 @@ def check_detector(detector: TransitionDetector) -> Report:
     Examples
     --------
     >>> from pwscont import check_detector
-    >>> from pwscont.transitions.smooth_folds import SmoothFolds
+    >>> from pwscont.transitions import SmoothFolds
     >>> bool(check_detector(SmoothFolds()))
     True
     """
