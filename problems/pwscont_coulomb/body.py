@@ -24,6 +24,9 @@ if TYPE_CHECKING:
 #: Largest |A - A^T| of a symmetric stiffness matrix, as a part of the largest entry of A: far above
 #: the rounding of assembly.
 SYMMETRIC = 1e-10
+#: Pivots of a stiffness matrix below this part of the diagonal are rounding: far from the pivots of
+#: slender bodies of many elements, which have no digit left at this part.
+SINGULAR = GUARD * EPS
 #: Number of contact nodes whose flexibility is computed at a time, to bound memory.
 PART = 64
 
@@ -291,23 +294,22 @@ class ContactBody(Fixed):
         lengths = _diagonal(rows @ rows.T)
         found = _diagonal(rows @ self.A @ rows.T) / np.where(lengths > 0.0, lengths, 1.0)
         largest = float(np.abs(_diagonal(self.A)).max()) or 1.0
-        return np.where(found > self.n * GUARD * EPS * largest, found, largest)
+        return np.where(found > SINGULAR * largest, found, largest)
 
     def _held_stiffness(self) -> Matrix:
         """Return A, or A with springs at all contact nodes if only the contact holds the body.
 
         Rounding may make the pivots of a singular A positive.
         """
-        rounding = self.n * GUARD * EPS
-        if _is_positive_definite(_shifted(self.A, -rounding)):
+        if _is_positive_definite(_shifted(self.A, -SINGULAR)):
             return self.A
         rows = sp.csr_matrix(_stack([self.N, self.T]))
         springs = np.concatenate([self.stiffness, self._stiffness_along(self.T)])
         lengths = _diagonal(rows @ rows.T)
         added = rows.T @ sp.diags(springs / np.where(lengths > 0.0, lengths, 1.0)) @ rows
         held = self.A + (added.tocsr() if self.is_sparse else added.toarray())
-        is_held = _is_positive_definite(_shifted(held, -rounding))
-        if is_held and _is_positive_semidefinite(self.A, rounding):
+        is_held = _is_positive_definite(_shifted(held, -SINGULAR))
+        if is_held and _is_positive_semidefinite(self.A):
             return held
         raise InvalidInputError(
             "A is not positive definite; is the body clamped well enough to hold still? Without "
@@ -413,11 +415,11 @@ def _is_positive_definite(A: Matrix) -> bool:
     return bool((lu.U.diagonal() > 0.0).all() and (lu.perm_r == lu.perm_c).all())
 
 
-def _is_positive_semidefinite(A: Matrix, rounding: float) -> bool:
+def _is_positive_semidefinite(A: Matrix) -> bool:
     """Tell whether no eigenvalue is negative but for rounding; rows without a diagonal are zero."""
     empty = _diagonal(A) == 0.0
     is_idle = not abs(A)[empty].sum()
-    return is_idle and _is_positive_definite(_shifted(A, rounding, empty.astype(float)))
+    return is_idle and _is_positive_definite(_shifted(A, SINGULAR, empty.astype(float)))
 
 
 def _shifted(A: Matrix, part: float, more: Array | float = 0.0) -> Matrix:
