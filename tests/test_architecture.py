@@ -62,7 +62,7 @@ BUDGET = {
     "linear": (5, 1092),
     "notation": (13, 2961),
     "curve": (12, 3433),
-    "enumeration": (11, 2483),
+    "enumeration": (11, 2487),
     "transitions": (13, 3382),
     "graph": (8, 2492),
     "search": (9, 2095),

@@ -7,6 +7,8 @@ import pytest
 from helpers.sweeps import swept
 
 from pwscont import PiecewiseSystem, Switched, explore
+from pwscont.curve.metric import Metric
+from pwscont.enumeration.continua import is_one_of_many, underflows
 
 INTERVAL, ALPHAS = (-1.0, 1.0), (-0.7, 0.1, 0.83)
 SHEETS = [
@@ -82,3 +84,54 @@ def test_sheets_far_apart_are_found_by_a_formula(unit):
 
     graph = explore(Switched(2, equations), INTERVAL)
     assert [graph.count(a) for a in ALPHAS] == [3, 3, 3]
+
+
+HEAT, LOSS, COOLING, BEGINS = (
+    10.431643943211506,
+    1.3624727599982767,
+    1.5593903390534833,
+    2.2484058201629167,
+)
+
+
+def rate(temperature, alpha):
+    """Return the rate of a reaction, which has a pole at the temperature -20."""
+    return alpha * np.exp(temperature / (1.0 + temperature / 20.0))
+
+
+class Reactors(PiecewiseSystem):
+    """Two reactors in a row: conversion and temperature of each; a cooler begins to cool."""
+
+    size = 4
+
+    def test_functions(self, z, alpha):
+        return z[[1, 3]] - BEGINS
+
+    def residual(self, z, alpha, character):
+        x, t = z[[0, 2]], z[[1, 3]]
+        reacted = (1.0 - x) * rate(t, alpha)
+        cooled = LOSS * t + COOLING * np.where(character.signs, t - BEGINS, 0.0)
+        before, inflow = np.array([0.0, z[0]]), np.array([0.0, z[1]])
+        rows = [before - x + reacted, inflow - t + HEAT * reacted - cooled]
+        return np.column_stack(rows).ravel()
+
+
+def states(before, inflow, alpha):
+    """Return the states (x, t) of a reactor: changes of sign of the balance of heat."""
+    t = np.linspace(-1.0, 30.0, 300_001)
+    x = (before + rate(t, alpha)) / (1.0 + rate(t, alpha))
+    heat = HEAT * (x - before) - LOSS * t - COOLING * np.maximum(t - BEGINS, 0.0)
+    at = np.flatnonzero(np.diff(np.sign(inflow - t + heat)))
+    return list(zip(x[at], t[at], strict=True))
+
+
+def test_rounding_beside_a_pole_is_no_continuum():
+    temperature = 66.0 / (1.0 - 66.0 / 20.0)  # the rate is exp(66), and no heat is balanced
+    x = np.array([1.0, temperature, 1.0, temperature / (1.0 + LOSS), 0.1])
+    metric = Metric(np.ones(5), (1e-3, 0.3))
+    assert is_one_of_many(Reactors(), metric, x)
+    assert underflows(Reactors(), metric, x)
+    graph = explore(Reactors(), (1e-3, 0.3))
+    for alpha in (0.04, 0.12, 0.28):
+        first = states(0.0, 0.0, alpha)
+        assert graph.count(alpha) == sum(len(states(*each, alpha)) for each in first)
