@@ -374,7 +374,7 @@ def test_what_is_recorded_is_not_straight_where_the_solution_is(driver, tmp_path
     graph = explore(LCP(np.eye(1), [0.0], [-1.0]), (-1.0, 1.0), record=record)
     (row,) = shown(driver, tmp_path, graph, [0.37])
     assert row["values"][0][1] == "0.37"
-    assert row["values"][0][2] == "≈ 0.1369"
+    assert row["values"][0][2] == "≈ 0.137"  # of 0.1369; a cubic may be off by 2.5e-5
     driver.execute_script("pwscont.move(1)")
     (end,) = written(driver, [1.0])
     assert end["values"] == [["1", "1", "1", "2"]]

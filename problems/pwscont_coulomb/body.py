@@ -14,7 +14,7 @@ import scipy.sparse as sp
 from scipy.linalg import lapack
 
 from pwscont import InvalidInputError
-from pwscont.extending import EPS, Array, Indices, Matrix, card, counted, finite_array
+from pwscont.extending import EPS, GUARD, Array, Indices, Matrix, card, counted, finite_array
 from pwscont_coulomb.condensed import Condensation, checked_load, is_worth_condensing
 from pwscont_coulomb.fixed import Fixed
 
@@ -24,6 +24,9 @@ if TYPE_CHECKING:
 #: Largest |A - A^T| of a symmetric stiffness matrix, as a part of the largest entry of A: far above
 #: the rounding of assembly.
 SYMMETRIC = 1e-10
+#: Pivots of a stiffness matrix below this part of the diagonal are rounding: far from the pivots of
+#: slender bodies of many elements, which have no digit left at this part.
+SINGULAR = GUARD * EPS
 #: Number of contact nodes whose flexibility is computed at a time, to bound memory.
 PART = 64
 
@@ -35,7 +38,8 @@ class ContactBody(Fixed):
     Parameters
     ----------
     A : array_like or scipy.sparse, shape (n, n)
-        Stiffness matrix, symmetric positive definite (force per length).
+        Stiffness matrix, symmetric positive definite (force per length); or positive semidefinite
+        if only the contact holds the body: no displacement may be free when all nodes stick.
     N, T : array_like or scipy.sparse, shape (p, n)
         Operators to the normal displacement (positive towards the obstacle) and the tangential
         displacement of each contact node; of full rank.
@@ -55,11 +59,14 @@ class ContactBody(Fixed):
         The numbers of the contact nodes in names: 1, ..., p.
     stiffness : ndarray, shape (p,)
         Stiffness of each contact node against normal displacement (force per length).
+    is_clamped : bool
+        Whether A is positive definite, so that the body holds still without contact.
 
     Raises
     ------
     InvalidInputError
-        If shapes do not fit, A is not symmetric positive definite, N or T is rank deficient,
+        If shapes do not fit, A is not symmetric, not positive semidefinite, or leaves a
+        displacement free even when all nodes stick, N or T is rank deficient,
         a gap is negative, the tangential displacement of a guided node is coupled with another
         displacement, or anything is not finite, or an attribute is set.
 
@@ -70,7 +77,7 @@ class ContactBody(Fixed):
     ContactBody(2 displacements, 1 contact node, dense)
     """
 
-    _given = frozenset({"A", "N", "T", "gap", "guided", "stiffness"})
+    _given = frozenset({"A", "N", "T", "gap", "guided", "stiffness", "is_clamped"})
 
     def __init__(self, A: Any, N: Any, T: Any, gap: Any = None, guided: Any = None) -> None:
         self.A = _symmetric(_matrix("A", A))
@@ -87,8 +94,11 @@ class ContactBody(Fixed):
         #: What leads back to the body that was condensed; None for a body that was not.
         self._whole: Condensation | None = None
         self._has_guided = bool(self.guided.any())
+        self.stiffness: Array = self._stiffness_along(self.N)
+        #: A, or A and springs at all contact nodes if only the contact holds the body.
+        self._held = self._held_stiffness()
+        self.is_clamped = self._held is self.A
         self._check()
-        self.stiffness: Array = _diagonal(self.N @ self.A @ self.N.T) / _diagonal(self.N @ self.N.T)
 
     def _sizes(self) -> str:
         kind = "sparse" if self.is_sparse else "dense"
@@ -133,6 +143,7 @@ class ContactBody(Fixed):
         >>> small.recover(state.z, load=[1.0, 1.0, 0.5])[1:].round(6).tolist()
         [0.375, 0.4375]
         """
+        self.refuse_unclamped("condensed()")
         way = self._own_condensation
         if elimination is not None:
             is_class = isinstance(elimination, type)
@@ -263,23 +274,55 @@ class ContactBody(Fixed):
             yield np.square(lapack.dtrtrs(lower, part, lower=1)[0]).sum(axis=0)
 
     def solve(self, forces: Array) -> Array:
-        """Return A^-1 forces, for a load, shape (n,), or several loads, shape (n, k)."""
-        if is_worth_condensing(self.n, self.p):
+        """Return A^-1 forces, for a load, shape (n,), or several loads, shape (n, k).
+
+        If only the contact holds the body, springs hold all contact nodes.
+        """
+        if self.is_clamped and is_worth_condensing(self.n, self.p):
             return self._own_condensation.solve(forces)
         if self.is_sparse:
             from scipy.sparse.linalg import splu  # noqa: PLC0415  only for sparse bodies
 
-            return np.asarray(splu(self.A.tocsc()).solve(forces))
-        _, solutions, failed = lapack.dposv(self.A, forces.reshape(self.n, -1))
-        if failed:  # by rounding: A is positive definite
-            return np.asarray(np.linalg.solve(self.A, forces))
+            return np.asarray(splu(self._held.tocsc()).solve(forces))
+        _, solutions, failed = lapack.dposv(self._held, forces.reshape(self.n, -1))
+        if failed:  # by rounding: the matrix is positive definite
+            return np.asarray(np.linalg.solve(self._held, forces))
         return np.asarray(solutions).reshape(forces.shape)
 
+    def _stiffness_along(self, rows: Matrix) -> Array:
+        """Return the stiffness along rows; the largest of A where there is none."""
+        lengths = _diagonal(rows @ rows.T)
+        found = _diagonal(rows @ self.A @ rows.T) / np.where(lengths > 0.0, lengths, 1.0)
+        largest = float(np.abs(_diagonal(self.A)).max()) or 1.0
+        return np.where(found > SINGULAR * largest, found, largest)
+
+    def _held_stiffness(self) -> Matrix:
+        """Return A, or A with springs at all contact nodes if only the contact holds the body.
+
+        Rounding may make the pivots of a singular A positive.
+        """
+        if _is_positive_definite(_shifted(self.A, -SINGULAR)):
+            return self.A
+        rows = sp.csr_matrix(_stack([self.N, self.T]))
+        springs = np.concatenate([self.stiffness, self._stiffness_along(self.T)])
+        lengths = _diagonal(rows @ rows.T)
+        added = rows.T @ sp.diags(springs / np.where(lengths > 0.0, lengths, 1.0)) @ rows
+        held = self.A + (added.tocsr() if self.is_sparse else added.toarray())
+        is_held = _is_positive_definite(_shifted(held, -SINGULAR))
+        if is_held and _is_positive_semidefinite(self.A):
+            return held
+        raise InvalidInputError(
+            "A is not positive definite; is the body clamped well enough to hold still? Without "
+            "clamps A must be positive semidefinite, and the contact nodes hold the body when all "
+            "nodes stick"
+        )
+
+    def refuse_unclamped(self, what: str) -> None:
+        """Refuse a body that only the contact holds."""
+        if not self.is_clamped:
+            raise InvalidInputError(f"{what} needs a body that is clamped: A is singular")
+
     def _check(self) -> None:
-        if not _is_positive_definite(self.A):
-            raise InvalidInputError(
-                "A is not positive definite; is the body clamped well enough to hold still?"
-            )
         for name, matrix in (("N", self.N), ("T", self.T)):
             if not _has_full_rank(matrix):
                 raise InvalidInputError(f"{name} is rank deficient: its rows are not independent")
@@ -370,6 +413,19 @@ def _is_positive_definite(A: Matrix) -> bool:
     except RuntimeError:
         return False
     return bool((lu.U.diagonal() > 0.0).all() and (lu.perm_r == lu.perm_c).all())
+
+
+def _is_positive_semidefinite(A: Matrix) -> bool:
+    """Tell whether no eigenvalue is negative but for rounding; rows without a diagonal are zero."""
+    empty = _diagonal(A) == 0.0
+    is_idle = not abs(A)[empty].sum()
+    return is_idle and _is_positive_definite(_shifted(A, SINGULAR, empty.astype(float)))
+
+
+def _shifted(A: Matrix, part: float, more: Array | float = 0.0) -> Matrix:
+    """Return A with a part of the diagonal, and more, added to the diagonal."""
+    added = part * np.abs(_diagonal(A)) + more
+    return A + (sp.diags(added).tocsr() if sp.issparse(A) else np.diag(added))
 
 
 def _has_cholesky(A: Array) -> bool:

@@ -91,8 +91,8 @@ class Coulomb(Fixed, SlicewiseLinearSystem, Reducible, BringsSearches, DecidesCo
     #: Nodes with F = 0 at every parameter value, shape (p,).
     _without_friction: contact.Flags
     #: Solutions with positive determinant less solutions with negative determinant, for every f and
-    #: every F >= 0.
-    degree = 1
+    #: every F >= 0 if the body is clamped.
+    degree: int | None = 1
     line_styles = contact.LINE_STYLES
 
     def __init__(self, body: ContactBody, r: Any = None) -> None:
@@ -102,7 +102,9 @@ class Coulomb(Fixed, SlicewiseLinearSystem, Reducible, BringsSearches, DecidesCo
         self._offset = self.r * body.gap
         self._inside = np.where(body.guided, 1.0, 0.0)
         self._has_gap = bool(body.gap.any())
-        many = body.p >= MANY_NODES and ContactAlgebra.fits(body)
+        if not body.is_clamped:  # the body may lift off, and no solution be left
+            self.degree = None
+        many = body.p >= MANY_NODES and body.is_clamped and ContactAlgebra.fits(body)
         #: How dH/dz is factorised where there are many contact nodes; None for a general LU.
         self.algebra = ContactAlgebra(body, self.r, Updating()) if many else None
         self._kappa1_rows, self._x_rows = rows_of_tests(body, self.r, self._has_sparse_tests)
@@ -283,6 +285,8 @@ class Coulomb(Fixed, SlicewiseLinearSystem, Reducible, BringsSearches, DecidesCo
 
         Nodes are left out by an energy bound; the interior is eliminated where that saves time.
         """
+        if not self.body.is_clamped:
+            return None
         loads = self._extreme_loads(lo, hi) if self._has_gap else None
         near = None if loads is None else without_far_nodes(self.body, loads, self.with_nodes)
         if not is_worth_condensing(self.body.n, self.body.p):
@@ -298,6 +302,8 @@ class Coulomb(Fixed, SlicewiseLinearSystem, Reducible, BringsSearches, DecidesCo
 
     def has_one_ray(self, z: Array, alpha: float, zero: frozenset[int]) -> bool:
         """Tell whether rates are unique at a corner (docs/theory, F17)."""
+        if not self.body.is_clamped:
+            return False
         from pwscont_coulomb.corner_rates import has_one_ray  # noqa: PLC0415  at few corners
 
         modes = self.modes(self.character(z, alpha))

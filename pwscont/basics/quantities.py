@@ -129,8 +129,7 @@ class Quantities:
 
     @cached_property
     def _names(self) -> tuple[str, ...]:
-        names = self.naming() if callable(self.naming) else self.naming or ()
-        return tuple(names)
+        return tuple(self.naming() if callable(self.naming) else self.naming or ())
 
     @property
     def is_named(self) -> bool:

@@ -17,7 +17,7 @@ import numpy as np
 from pwscont.basics.arrays import Array
 from pwscont.basics.budget import Budget
 from pwscont.basics.outcome import CROSSED, FailureReason, Kind, Remark, says
-from pwscont.basics.rounding import SAME_ALPHA
+from pwscont.basics.rounding import EPS, GUARD, SAME_ALPHA
 from pwscont.continuation.follow import LONG_CHANGE, Followed, PieceFollower, is_cut
 from pwscont.continuation.known import (
     EVERY,
@@ -454,7 +454,10 @@ class Discovery:
         if len(halves) != 2:
             return
         forth, back = halves
-        first, second = (float(np.subtract(*half.points[1::-1, -1])) for half in halves)
+        alpha = float(forth.first.x[-1])
+        ways = (half.points[:, -1] - alpha for half in halves)
+        clear = GUARD * EPS * abs(alpha)
+        first, second = (float(way[(abs(way) > clear).argmax()]) for way in ways)
         if first * second > 0.0:  # alpha turns where both halves begin
             node = self.nodes[start]
             node.kind, node.said = Kind.FOLD, f'fold within "{selection.label}"'

@@ -26,7 +26,7 @@ from pwscont.basics.arrays import Array, Indices, Signs
 from pwscont.basics.budget import check_budget
 from pwscont.basics.character import Character
 from pwscont.basics.rounding import EPS
-from pwscont.curve.error_samples import is_same
+from pwscont.curve.error_samples import has_digits, is_same
 from pwscont.curve.metric import Metric
 from pwscont.enumeration.by_parts import in_modes
 from pwscont.enumeration.echelon import MOST_WORK, Echelon, Row, integers
@@ -248,7 +248,12 @@ def solve_exactly(
 
 
 def _joins(metric: Metric, a: Point, b: Point) -> bool:
-    """Tell whether two points are the same; if signs differ, a curve turns back between (F1)."""
+    """Tell whether two points are the same; if signs differ, a curve turns back between (F1).
+
+    A point of which no digit is known is the same as points of the same kind only.
+    """
     if np.array_equal(a.x, b.x):
         return True
-    return a.det_sign == b.det_sign and is_same(metric, (a.x, a.error), (b.x, b.error))
+    one, other = ((point.x, point.error) for point in (a, b))
+    is_alike = has_digits(*one, metric.scale) == has_digits(*other, metric.scale)
+    return a.det_sign == b.det_sign and is_alike and is_same(metric, one, other)

@@ -20,7 +20,13 @@ from pwscont.basics.character import Character
 from pwscont.basics.outcome import Failure
 from pwscont.basics.rounding import EPS, GUARD
 from pwscont.curve.curve import Curve
-from pwscont.curve.error_samples import is_same, slack_by_constants, slack_of_values
+from pwscont.curve.error_samples import (
+    ONE_DIGIT,
+    has_digits,
+    is_same,
+    slack_by_constants,
+    slack_of_values,
+)
 from pwscont.curve.metric import Metric
 from pwscont.curve.newton import Border, Root, newton, uncertainty
 from pwscont.enumeration import by_parts
@@ -204,7 +210,8 @@ class Points:
             new = self._refined(first)
             if new is not None:
                 place = new.x, new.error
-                same = (k for k in self.found if is_same(self._metric, (k.x, k.error), place))
+                alike = (k for k in self.found if k.is_certain == new.is_certain)
+                same = (k for k in alike if is_same(self._metric, (k.x, k.error), place))
                 known = next(same, new)
                 self.found += [new] if known is new else []
                 known.picks.append(first.picks)
@@ -243,7 +250,8 @@ class Points:
             np.array([(o.side * tests[o.bounding] >= -slack[o.bounding]).all() for o in options])
             for options in problem.blocks
         ]
-        known = Known(x, error, holds, root.factor.sign, [])
+        is_certain = has_digits(x, error, self._metric.scale)
+        known = Known(x, error, holds, root.factor.sign, [], is_certain)
         return known if known.lies_in(one.picks).all() else None
 
 
@@ -257,6 +265,8 @@ class Known:
     holds: list[Signs]  # per block, the options whose inequalities hold
     det_sign: int
     picks: list[Indices]
+    #: Whether a digit is known: else the error hides in which cells the solution lies.
+    is_certain: bool
 
     def lies_in(self, picks: Indices) -> Signs:
         """Tell in which closed cells the solution lies, of choices of shape (blocks, N)."""
@@ -268,6 +278,8 @@ class Known:
     def claim(self, choices: Choices) -> Choices:
         """Take the choices that share the solution, and return all other choices."""
         mine = self.lies_in(choices.picks)
+        if not self.is_certain:
+            mine &= choices.rounding > ONE_DIGIT
         if mine.any():
             self.picks.append(choices.picks[:, mine])
         return choices[np.flatnonzero(~mine)]

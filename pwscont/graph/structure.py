@@ -115,11 +115,13 @@ class ConnectedPieces:
         if kind is None:
             return everything
         kinds = list(dict.fromkeys([*map(str, Kind), *(str(point.kind) for point in everything)]))
-        if not isinstance(kind, str) or kind not in kinds:
-            near = get_close_matches(str(kind), kinds, n=3, cutoff=MISSPELT)
+        if not isinstance(kind, str):
+            raise InvalidInputError(f"unknown kind {kind!r}; kinds are {', '.join(kinds)}")
+        if kind not in kinds:
+            near = get_close_matches(kind, kinds, n=3, cutoff=MISSPELT)
             hint = f"; did you mean {' or '.join(near)}?" if near else ""
             words = f"unknown kind {kind!r}{hint}; kinds are {', '.join(kinds)}"
-            if near or not kind or not isinstance(kind, str):
+            if near or not kind:
                 raise InvalidInputError(words)
         return [point for point in everything if point.kind == kind]
 

@@ -41,10 +41,11 @@ def bordered(jacobian: Matrix, row: Any, scale: Array) -> Factor:
         matrix[n] = row
         return factor(matrix, scale, overwrite=True)
     structured = _structured(jacobian)
-    by_parts = structured.bordered(row, scale)
-    if by_parts is None and isinstance(structured, StoredJacobian):
+    if by_parts := structured.bordered(row, scale):
+        return by_parts
+    if isinstance(structured, StoredJacobian):
         return factor(sp.vstack([structured.tocsc(), sp.csr_matrix(row)]), scale)
-    return by_parts or bordered(dense(jacobian), row, scale)
+    return bordered(dense(jacobian), row, scale)
 
 
 def inner(jacobian: Matrix, scale: Array) -> Factor | None:
@@ -235,10 +236,8 @@ def balanced(terms: Any, size: int) -> tuple[Array, Array]:
     rows, columns, values = sp.find(terms)
     each, of_unknown = np.arange(len(rows)), columns < size
     entries = np.concatenate([np.ones(of_unknown.sum()), -np.ones(len(rows))])
-    at = (
-        np.concatenate([each[of_unknown], each]),
-        np.concatenate([columns[of_unknown], size + rows]),
-    )
+    parts = (each[of_unknown], each), (columns[of_unknown], size + rows)
+    at = tuple(map(np.concatenate, parts))
     logarithms, shape = -np.log(np.abs(values)), (len(rows), size + terms.shape[0])
     if prod(shape) <= MOST_DENSE:
         equations = np.zeros(shape)

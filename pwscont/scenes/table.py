@@ -10,6 +10,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from math import isinf
+from textwrap import wrap
 
 import numpy as np
 
@@ -35,6 +36,8 @@ HEADINGS = {1: "", -1: ", negative orientation"}
 #: Most unknowns of a state and most letters of a label that are printed, and the number of unknowns
 #: at either end of a shortened state.
 MOST_UNKNOWNS, MOST_LETTERS, AT_EITHER_END = 12, 90, 3
+#: Letters in a line of the words on the search.
+WIDTH = 100
 HINT = "Long lines are shortened: pwscont run --full prints them in full."
 
 #: Returns the text that is printed for a label.
@@ -129,7 +132,8 @@ def _counts(graph: BranchGraph) -> Iterator[str]:
         yield f"  {stretch.ends}: {'infinitely many' if isinf(stretch[2]) else stretch[2]}"
         previous = stretch
     yield from _vertical_pieces(graph)
-    yield f"Searched: {_named(graph, graph.searched.what)}"
+    searched = f"Searched: {_named(graph, graph.searched.what)}"
+    yield from wrap(searched, WIDTH, subsequent_indent="  ", break_on_hyphens=False)
     if graph.searched.unseen:
         yield f"May be passed over: {graph.searched.unseen}"
     yield f"Guarantee: {_named(graph, graph.guarantee)} ({_balance(graph)})"

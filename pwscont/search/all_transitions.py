@@ -164,7 +164,8 @@ class Lines:
         while len(which):
             check_budget()
             for known in points.found[checked:] if len(which) > FEW_LINES else ():
-                which = which[~known.lies_in(choices.picks[:, which])]
+                if known.is_certain:
+                    which = which[~known.lies_in(choices.picks[:, which])]
             checked, first, which = len(points.found), which[:FEW_LINES], which[FEW_LINES:]
             lines, at = choices[first], places[first, np.newaxis]
             starts = lines.starts + at * lines.directions[..., 0]

@@ -63,10 +63,8 @@ def check_contract(system: PiecewiseSystem, z: Array, alpha: float) -> Values:
     if not isinstance(label := system.label(character), str):
         raise broken(system, "label", f"must return a text, got {label!r}")
     found = system.bounding_tests(character)
-    bounding = (
-        arrays.indices(found) if isinstance(found, range | list | tuple | np.ndarray) else None
-    )
-    if bounding is None or bounding.ndim != 1:
+    is_listed = isinstance(found, range | list | tuple | np.ndarray)
+    if not is_listed or (bounding := arrays.indices(found)).ndim != 1:
         words = f"must return a sequence of the numbers of tests, got {short(repr(found))}"
         raise broken(system, "bounding_tests", words)
     if beyond := bounding[(bounding < 0) | (bounding >= m)].tolist():
@@ -105,9 +103,9 @@ def check_declaration(system: PiecewiseSystem) -> None:
         found, size = system.names(), shown_size(system)
         if isinstance(found, str) or not isinstance(found, Iterable):
             raise broken(system, "names()", f"must return {size} texts, got {found!r}")
-        names = Counter(checked_names(tuple(found), size))
-        if twice := [name for name, number in names.items() if number > 1]:
-            raise broken(system, "names()", f"gives several unknowns the name {twice[0]!r}")
+        for name, number in Counter(checked_names(tuple(found), size)).items():
+            if number > 1:
+                raise broken(system, "names()", f"gives several unknowns the name {name!r}")
     check_abilities(system)
 
 
@@ -178,8 +176,10 @@ def residual_at(system: PiecewiseSystem, z: Array, alpha: float, character: Char
 def jacobian_at(system: PiecewiseSystem, z: Array, alpha: float, character: Character) -> Matrix:
     """Return dH_chi / d(z, alpha), shape (n, n + 1), as a copy, or refuse another shape."""
     jacobian = system.jacobian(z, alpha, character)
-    shape = (system.size, system.size + 1)
-    return values.own_matrix(values.checked_matrix(system, "jacobian", jacobian, shape))
+    values.expect(system, "jacobian", jacobian, (system.size, system.size + 1))
+    if isinstance(jacobian, np.ndarray):
+        return np.array(jacobian, dtype=float, order="C")  # rounding of sums depends on the order
+    return values.own_matrix(jacobian.tocsr() if values.has_scalar_products(jacobian) else jacobian)
 
 
 def equations_in_magnitudes(
@@ -252,10 +252,8 @@ def _refuse_wrong_derivative(
     else:  # all steps stay in the interval
         x[-1] = min(max(x[-1], differences.lo + reach), differences.hi - reach)
     matrix = derivative(x[:-1], float(x[-1]))
-    slopes, terms = (
-        arrays.product(matrix, direction),
-        arrays.product(abs(matrix), np.abs(direction)),
-    )
+    slopes = arrays.product(matrix, direction)
+    terms = arrays.product(abs(matrix), np.abs(direction))
     terms[~np.isfinite(terms)] = 0.0  # nan is wrong where the function has a slope
     quotients: list[Array] = []
     wrong = np.ones(len(slopes), dtype=bool)

@@ -157,8 +157,7 @@ def _of(function: Function, x: Array, j: int) -> Callable[[float], Array]:
 def _slope(function: Callable[[float], Array], x: float, h: float) -> Array:
     """Return the central difference with step h; x + h is rounded, so not by 2 h."""
     forth, back = x + h, x - h
-    slope: Array = _change(_value(function, back), _value(function, forth)) / (forth - back)
-    return slope
+    return np.asarray(_change(_value(function, back), _value(function, forth)) / (forth - back))
 
 
 def _change(before: Array, after: Array) -> Array:
@@ -190,19 +189,14 @@ def _chords(function: Function, x: Array, scale: Array, *far: float) -> Array:
     small = changes < HALF_DIGITS * rest
     longer = LONG_CHORD * power_of_two(np.clip(sizes.max(initial=1.0), 1.0, LARGEST_CONSTANT))
     for j in np.flatnonzero(small[: len(scale)].any(axis=1)).tolist():
-        pair = [_chord(function, x, j, r * longer * ends[j], origin) for r in (1.0, GOLDEN)]
-        slopes[j, small[j]] = _agreed(slopes[j], *pair)[small[j]]
+        far_ends = (longer * ends[j], GOLDEN * longer * ends[j])
+        one, other = (_chord(function, x, j, end, origin) for end in far_ends)
+        off = np.abs(one - other)
+        agreed = np.where(off <= HALF_DIGITS * np.abs(one), one, slopes[j])
+        # where terms cancel, rounding differs between chords of uneven lengths
+        agreed[off > ROUNDING_APART * np.abs(one)] = 0.0
+        slopes[j, small[j]] = agreed[small[j]]
     return slopes
-
-
-def _agreed(slope: Array, one: Array, other: Array) -> Array:
-    """Return the slope on which two long chords agree, zero where the chords show rounding only.
-
-    Where terms cancel, rounding differs between chords of uneven lengths.
-    """
-    apart = np.abs(one - other)
-    agreed = np.where(apart <= HALF_DIGITS * np.abs(one), one, slope)
-    return np.where(apart > ROUNDING_APART * np.abs(one), 0.0, agreed)
 
 
 def _chord(function: Function, x: Array, j: int, end: float, origin: Array) -> Array:

@@ -79,11 +79,9 @@ def _refuse_jump_beside(system: PiecewiseSystem, x: Array) -> None:
     aside = (EPS**0.5 * scale * arrays.generic(len(x)))[:-1]
     near = (system.character(x[:-1] + way, float(x[-1])) for way in (aside, -aside))
     one, other = (Selection(system, character) for character in near)
-    if one.character == other.character:
-        return
     here = one.residual(x)
     terms = np.abs(here) + arrays.product(abs(one.jacobian(x)), scale)
-    if (np.abs(other.residual(x) - here) > GROSS * terms).any():
+    if (np.abs(other.residual(x) - here) > GROSS * terms).any():  # never of one cell
         refuse_jump(one, other, x, np.zeros(len(x)), scale)
 
 
@@ -99,8 +97,7 @@ def _refuse_wrong_periods(system: PiecewiseSystem, x: Array) -> None:
         )
         slopes = abs(contract.jacobian_at(system, z, alpha, system.character(z, alpha)))
         terms = np.abs(here) + np.abs(there) + arrays.product(slopes, scale)
-        wrong = np.abs(there - here) > AFFINE_DEFECT * terms
-        if wrong.any():
+        if (wrong := np.abs(there - here) > AFFINE_DEFECT * terms).any():
             row = int(np.flatnonzero(wrong)[0])
             words = f"gives {period[j]:.10g} for unknown {j}, but row {row} of H changes from "
             words += f"{here[row]:.6g} to {there[row]:.6g} over that period at alpha = {alpha:.6g}"
@@ -138,9 +135,8 @@ def refuse_bent(
     """Refuse a selection whose value at ``x + dx`` is not what value and Jacobian at ``x`` say."""
     there = x + dx
     value = contract.residual_at(system, there[:-1], float(there[-1]), character)
-    excess = _bend(
-        value, residual, arrays.product(jacobian, dx), arrays.product(abs(jacobian), np.abs(dx))
-    )
+    terms = arrays.product(abs(jacobian), np.abs(dx))
+    excess = _bend(value, residual, arrays.product(jacobian, dx), terms)
     if arrays.is_everywhere(excess <= 0.0):
         return  # nearly always
     refuse_infinite(system, f"jacobian in {system.label(character)}", jacobian)
@@ -258,10 +254,8 @@ def refuse_undefined(system: PiecewiseSystem, interval: tuple[float, float]) -> 
     """Refuse a system whose H is finite, or other than zero, at no point tried around zero."""
     lo, hi = interval
     scale, values = system.differences(lo).scale[:-1], []
-    guesses = [
-        np.zeros(len(scale)),
-        *(scale * arrays.generic(len(scale), k) for k in range(1, PROBES)),
-    ]
+    guesses = [np.zeros(len(scale))]
+    guesses += [scale * arrays.generic(len(scale), k) for k in range(1, PROBES)]
     probes = [(z.copy(), alpha) for alpha in (lo, 0.5 * (lo + hi), hi) for z in guesses]
     for z, alpha in probes:
         with np.errstate(all="ignore"):

@@ -7,15 +7,7 @@ from typing import cast, final
 
 import numpy as np
 
-from pwscont.basics.arrays import (
-    Array,
-    Indices,
-    Matrix,
-    Signs,
-    dense,
-    indices,
-    joined,
-)
+from pwscont.basics.arrays import Array, Indices, Matrix, Signs, dense, indices, joined
 from pwscont.basics.character import Character
 from pwscont.basics.printing import named, short
 from pwscont.basics.rounding import EPS, GUARD
@@ -111,7 +103,8 @@ class Selection:
 
     def residual_and(self, x: Array, value: float) -> Array:
         """Return H_chi(x) with ``value`` appended, shape (n + 1,): the bordered equations at x."""
-        return joined(self._residual(x), value)
+        found = self.system.residual(x[:-1], float(x[-1]), self.character)
+        return joined(checked_array(self.system, "residual", found, (self.system.size,)), value)
 
     def residuals(self, points: Array) -> Array:
         """Return H_chi at points, shape (k, n + 1), each with 0 appended."""
@@ -121,11 +114,6 @@ class Selection:
             found = system.residual(z, alpha, self.character)
             value[:] = checked_array(system, "residual", found, shape)
         return values
-
-    def _residual(self, x: Array) -> Array:
-        """Return H_chi(x), for use before the next value."""
-        found = self.system.residual(x[:-1], float(x[-1]), self.character)
-        return checked_array(self.system, "residual", found, (self.system.size,))
 
     def jacobian(self, x: Array) -> Matrix:
         """Return dH_chi/dx, shape (n, n + 1)."""

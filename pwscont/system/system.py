@@ -6,6 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from inspect import isfunction
 from itertools import chain, product
 from math import prod
 from types import MappingProxyType
@@ -18,7 +19,7 @@ from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidSystemError
 from pwscont.basics.printing import card, counted, short
 from pwscont.system.differences import Differences
-from pwscont.system.values import Undefined, checked_array
+from pwscont.system.values import GUARDED, checked_array, guard
 
 
 @final
@@ -70,7 +71,7 @@ MOST_TESTS_TO_TRY = 16
 OWN = ("__weakref__", "_differences_of_run")
 
 
-class PiecewiseSystem(Undefined, ABC):
+class PiecewiseSystem(ABC):
     """A system H(z, alpha) = 0 that is continuous and smooth on each cell.
 
     The zero sets of ``m`` smooth test functions cut the space of ``(z, alpha)`` into cells; each
@@ -120,6 +121,13 @@ class PiecewiseSystem(Undefined, ABC):
     _differences_of_run: Differences
     unique: bool = False
     line_styles: Mapping[str, Any] = MappingProxyType({})
+
+    def __init_subclass__(cls, **options: Any) -> None:
+        super().__init_subclass__(**options)
+        for name in GUARDED:
+            method = vars(cls).get(name)
+            if isfunction(method) and not hasattr(method, "__isabstractmethod__"):
+                setattr(cls, name, guard(method, name))
 
     @abstractmethod
     def test_functions(self, z: Array, alpha: float) -> Array:
@@ -180,9 +188,8 @@ class PiecewiseSystem(Undefined, ABC):
     def refine_differences(self, part: float) -> None:
         """Multiply the usual steps of the :meth:`differences` of this run by ``part``."""
         if self._is_fitted and part != self._differences_of_run.part:
-            object.__setattr__(
-                self, "_differences_of_run", replace(self._differences_of_run, part=part)
-            )
+            finer = replace(self._differences_of_run, part=part)
+            object.__setattr__(self, "_differences_of_run", finer)
 
     @property
     def gives_scale(self) -> bool:

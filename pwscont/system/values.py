@@ -9,7 +9,6 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from functools import wraps
-from inspect import isfunction
 from typing import Any
 
 import numpy as np
@@ -51,16 +50,6 @@ def own_matrix(matrix: Matrix) -> Matrix:
     return matrix.copy() if isinstance(matrix, np.ndarray) or sp.issparse(matrix) else matrix
 
 
-def checked_matrix(system: object, method: str, matrix: Matrix, shape: tuple[int, ...]) -> Matrix:
-    """Return a matrix of this shape itself, for use before the next value, or refuse the value."""
-    if type(matrix) is np.ndarray and matrix.dtype is FLOAT and matrix.shape == shape:
-        return matrix  # nearly always
-    expect(system, method, matrix, shape)
-    if isinstance(matrix, np.ndarray):
-        return np.array(matrix, dtype=float)
-    return matrix.tocsr() if _has_scalar_products(matrix) else matrix
-
-
 def expect(system: object, method: str, value: Any, shape: tuple[int, ...]) -> None:
     """Refuse a value of another shape."""
     got = getattr(value, "shape", None)
@@ -74,13 +63,13 @@ def refuse_unusual(system: object, method: str, matrix: Matrix) -> None:
     """Refuse a matrix that is not computed with like an array, or whose entries are no numbers."""
     kind, dtype = type(matrix), getattr(matrix, "dtype", FLOAT)
     is_other = isinstance(matrix, np.ndarray) and kind is not np.ndarray
-    if is_other or dtype.kind not in NUMBERS or _has_scalar_products(matrix):
+    if is_other or dtype.kind not in NUMBERS or has_scalar_products(matrix):
         words = f"returned a {kind.__module__}.{kind.__qualname__} of {dtype}"
         what = "return an array, or a sparse matrix by rows (tocsr), of floats"
         raise broken(system, method, f"{words}: {what}")
 
 
-def _has_scalar_products(matrix: Matrix) -> bool:
+def has_scalar_products(matrix: Matrix) -> bool:
     """Tell whether scipy mistakes the products of a matrix of a single row for scalars."""
     return isinstance(matrix, sp.coo_array) and matrix.shape[0] == 1
 
@@ -103,21 +92,9 @@ OUTSIDE = re.compile(r"math domain error|math range error|expected an? .* (input
 PROBES = 8
 
 
-class Undefined:
-    """Lets the methods of subclasses return nan where a method is not defined."""
+def guard(method: Callable[..., Any], name: str) -> Callable[..., Any]:
+    """Return a method that returns nan where the method is not defined."""
 
-    __slots__ = ()
-
-    def __init_subclass__(cls, **options: Any) -> None:
-        """Guard the methods that a subclass defines."""
-        super().__init_subclass__(**options)
-        for name in GUARDED:
-            method = vars(cls).get(name)
-            if isfunction(method) and not hasattr(method, "__isabstractmethod__"):
-                setattr(cls, name, _guarded(method, name))
-
-
-def _guarded(method: Callable[..., Any], name: str) -> Callable[..., Any]:
     @wraps(method)
     def guarded(self: Any, *args: Any, **named: Any) -> Any:
         try:

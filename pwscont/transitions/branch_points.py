@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import final
 
 import numpy as np
@@ -62,10 +63,8 @@ class SmoothBranchPoints(TransitionDetector):
     def read(self, curve: Curve, state: State) -> Reading:
         """Return each sign and its negative."""
         others = _in_other_cells(curve)
-        if not others:
-            return Reading(
-                state.orientation * detector.BOTH_SIGNS, detector.UNKNOWN
-            )  # nearly always
+        if not others:  # nearly always
+            return Reading(state.orientation * detector.BOTH_SIGNS, detector.UNKNOWN)
         signs = [state.orientation]
         for own in others:  # zero where the sign differs on both sides
             around = {_sign_beside(own, state.x, state.tangent, side) for side in (-1.0, 1.0)}
@@ -163,8 +162,7 @@ def path_through(curve: Curve, corner: Corner) -> SpecialPointFound | None:
     here, scale = curve.selection, corner.metric.scale
     if here.is_straight or not 0 < len(corner.zero) <= MOST_TESTS_ON_PATH:
         return None
-    found = crossing.crossing_near(curve, corner.x, 1.0 / crossing.CLOSE_TO_CROSSING)
-    if found is None:
+    if not (found := crossing.crossing_near(curve, corner.x, 1.0 / crossing.CLOSE_TO_CROSSING)):
         return None
     x = found.x  # more digits: where the curve meets the interface, the Jacobian loses rank
     tests, rows = replace(corner, x=x).vanishing(here)
@@ -186,7 +184,7 @@ def path_through(curve: Curve, corner: Corner) -> SpecialPointFound | None:
 
 def path_from(corner: Corner) -> SpecialPointFound | None:
     """Return a start that is a branch point of a path along interfaces, None if there is none."""
-    if not len(corner.zero) <= MOST_TESTS_ON_PATH:
+    if len(corner.zero) > MOST_TESTS_ON_PATH:
         return None
     cells = (Curve(Selection(corner.system, cell), corner.metric) for cell in corner.all_cells())
     return next(filter(None, (path_through(curve, corner) for curve in cells)), None)
@@ -199,8 +197,8 @@ def _in_other_cells(curve: Curve) -> list[Curve]:
         return []  # nearly always
     pairs = zip(here.adjacent_cells, here.adjacent_names, strict=True)
     followed = here.system.cell(here.character)
-    others = (cell for cell, name in pairs if name != followed)
-    return [Curve(Selection(here.system, cell), curve.metric) for cell in others]
+    others = (Selection(here.system, cell) for cell, name in pairs if name != followed)
+    return [Curve(other, curve.metric) for other in others]
 
 
 def _crossing_rays(path: Curve, cells: Iterable[Curve], state: State) -> list[Ray]:
@@ -212,11 +210,10 @@ def _crossing_rays(path: Curve, cells: Iterable[Curve], state: State) -> list[Ra
     ways, rays = list[tuple[Array, list[Curve]]](), list[Ray]()
     for own in cells:
         for way in _ways_across(own, state):
-            alike = (
-                them for known, them in ways if are_parallel(path.metric, way, known, HALF_DIGITS)
-            )
-            if them := next(alike, None):
-                them.append(own)
+            for known, owners in ways:
+                if are_parallel(path.metric, way, known, HALF_DIGITS):
+                    owners.append(own)
+                    break
             else:
                 ways.append((way, [own]))
     for way, owners in ways:
@@ -272,10 +269,8 @@ def _sign_beside(curve: Curve, x: Array, tangent: Array, side: float) -> int | N
 
     Zero where J has lower rank, None outside the interval.
     """
-    near, metric = x + side * NEARBY * tangent, curve.metric
-    if not metric.interval[0] <= near[-1] <= metric.interval[1]:
-        return None
-    return _sign_at(curve, near, tangent)
+    near, (lo, hi) = x + side * NEARBY * tangent, curve.metric.interval
+    return _sign_at(curve, near, tangent) if lo <= near[-1] <= hi else None
 
 
 def _sign_at(curve: Curve, x: Array, tangent: Array) -> int:
@@ -287,9 +282,8 @@ def _sign_at(curve: Curve, x: Array, tangent: Array) -> int:
 
 def _along(curve: Curve, ray: Ray) -> Ray:
     """Return a ray along an interface with the index that the ray has beside its beginning."""
-    beyond = beside(curve, ray.state, NEARBY)
-    if isinstance(beyond, Failure):
-        beyond = ray.state
+    found = beside(curve, ray.state, NEARBY)
+    beyond = ray.state if isinstance(found, Failure) else found
     corner = Corner.at(curve.selection.system, curve.metric, beyond.x, beyond.error)
     index = index_at(Ray(curve, beyond), corner)
     return Ray(curve, ray.state, curve.selection.adjacent_cells, index)
@@ -298,7 +292,7 @@ def _along(curve: Curve, ray: Ray) -> Ray:
 def at_branch_point(curve: Curve, x: Array) -> SpecialPointFound | None:
     """Return the branch point that a start is, at the start's alpha up to errors, None if none."""
     found = crossing.crossing_near(curve, x, curve.metric.slack(x, crossing.FULL_RANK))
-    if found is None or not found.meets:
+    if not (found and found.meets):
         return None
     tangent, at = found.directions[0], found.x.copy()
     if abs(at[-1] - x[-1]) <= CONFIDENCE * ERROR_OF_DIFFERENCES * curve.metric.width:
@@ -310,8 +304,7 @@ def at_branch_point(curve: Curve, x: Array) -> SpecialPointFound | None:
 
 def crossing_on_end(curve: Curve, x: Array) -> SpecialPointFound | None:
     """Return the branch point on an end of the interval next to ``x``, None if there is none."""
-    ends = np.array(curve.metric.interval)
-    on_end = np.append(x[:-1], ends[np.abs(ends - x[-1]).argmin()])
+    on_end = np.append(x[:-1], min(curve.metric.interval, key=lambda end: abs(end - x[-1])))
     if curve.selection.is_straight or curve.metric.norm(x - on_end) > NEARBY:
         return None
     point = at_branch_point(curve, on_end)
@@ -343,13 +336,12 @@ def _locate(
         if not isinstance(state, State):
             return state
         lo, hi, last = (lo, place, state) if flips else (place, hi, state)
-    ends = segment.start.x, segment.end.x
-    if all(crossing.loses_rank(segment.curve, x) for x in ends):
+    loses = partial(crossing.loses_rank, segment.curve)
+    if loses(segment.start.x) and loses(segment.end.x):
         return Failure(FailureReason.TWICE)
     error = np.vstack([last.error, (hi - lo) * last.tangent])
     touching = State(last.x, last.tangent, error, before)
-    is_singular = crossing.loses_rank(segment.curve, last.x)
-    return touching if is_singular else Failure(FailureReason.SINGULAR)
+    return touching if loses(last.x) else Failure(FailureReason.SINGULAR)
 
 
 def _is_double(segment: CurvedSegment) -> bool:
@@ -358,12 +350,11 @@ def _is_double(segment: CurvedSegment) -> bool:
 
     def flips(state: State) -> bool:
         aside = ACROSS * curve.metric.scale * np.append(generic(len(state.x) - 1), 0.0)
-        beside = (state.x + aside, state.x - aside)
-        return len({_sign_at(curve, x, state.tangent) for x in beside} & {-1, 1}) == 2
+        around = state.x + aside, state.x - aside
+        return {_sign_at(curve, x, state.tangent) for x in around} >= {-1, 1}
 
-    return all(
-        crossing.loses_rank(curve, end.x) and flips(end) for end in (segment.start, segment.end)
-    )
+    ends = segment.start, segment.end
+    return all(crossing.loses_rank(curve, end.x) and flips(end) for end in ends)
 
 
 def _belongs(segment: CurvedSegment, x: Array) -> bool:

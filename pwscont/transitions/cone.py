@@ -109,13 +109,13 @@ def tangent_cone(corner: Corner, back: Ray | None = None) -> TangentCone:
     if enumerated is not None:
         found, dimension = enumerated
         return TangentCone(_rays(corner, found), dimension, exact=True)
-    along = None if back is None else (back.state.tangent, (back.curve.selection.character,))
+    along = back and (back.state.tangent, (back.curve.selection.character,))
     rays = _rays(corner, rays_by_perturbation(corner, along))
     to_both_sides = {np.sign(ray.curve.slope(ray.state)) for ray in rays} >= {1.0, -1.0}
-    system, z, alpha = corner.system, corner.x[:-1], float(corner.x[-1])
+    system, x = corner.system, corner.x
     is_unique = system.unique  # at most one ray to either side of alpha, by promise
     if isinstance(system, DecidesCorners) and not is_unique:
-        is_unique = system.has_one_ray(z, alpha, corner.zero)
+        is_unique = system.has_one_ray(x[:-1], float(x[-1]), corner.zero)
     return TangentCone(rays, 1, exact=to_both_sides and is_unique)
 
 
@@ -128,9 +128,8 @@ def _rays(corner: Corner, directions: Sequence[Direction]) -> tuple[Ray, ...]:
     for found in _completed(corner, directions):
         ray = _ray(corner, found)
         state = ray.state
-        if state.x is not corner.x and not has_digits(state.x, state.error, corner.metric.scale):
-            continue
-        if not any(parallel(ray, other) for other in rays):
+        is_there = state.x is corner.x or has_digits(state.x, state.error, corner.metric.scale)
+        if is_there and not any(parallel(ray, other) for other in rays):
             along = ray.interface_cells
             rays.append(replace(ray, index=index_along(ray, corner.zero)) if along else ray)
     return tuple(rays)
@@ -149,10 +148,9 @@ def _ray(corner: Corner, found: Direction) -> Ray:
     if len(characters) == 1:
         return on(Selection(system, characters[0]))
     if not isinstance(system, PiecewiseLinearSystem):
-        for character in characters:
-            ray = on(Selection(system, character))
-            if _bends_into(ray.curve, ray.state):
-                return ray
+        each = (on(Selection(system, character)) for character in characters)
+        if ray := next((ray for ray in each if _bends_into(ray.curve, ray.state)), None):
+            return ray
         if len(characters) <= FEW_CELLS:
             characters = tuple(c for c in characters if is_solid(corner, c)) or characters
     return replace(on(Selection(system, characters[0], characters)), interface_cells=characters)
@@ -173,13 +171,14 @@ def _completed(corner: Corner, directions: Sequence[Direction]) -> Iterator[Dire
         tangent, scale = corner.metric.normalised(direction), corner.metric.scale
         level = are_level(selection, dense(rows), tangent, scale)
         tests = every_test[level].tolist()[:MOST_PATTERN_TESTS]
-        signs = product((False, True), repeat=len(tests))
-        others = (cells[0].with_signs(tests, some) for some in signs) if tests else ()
         every = [cells[0]]
-        for cell in (other for other in others if other != cells[0]):
+        for signs in product((False, True), repeat=len(tests)):
+            if (cell := cells[0].with_signs(tests, signs)) == cells[0]:
+                continue
             jacobian = Selection(corner.system, cell).jacobian(corner.x)
             terms = abs(jacobian) @ np.abs(direction)
-            every += [cell] if (np.abs(jacobian @ direction) <= ASTRAY * terms).all() else []
+            if (np.abs(jacobian @ direction) <= ASTRAY * terms).all():
+                every.append(cell)
         yield direction, tuple(every)
         if len(every) > 1 and level.all():
             yield -direction, tuple(every)
@@ -242,8 +241,7 @@ def rays_cell_by_cell(corner: Corner) -> list[Direction] | None:
         cells = corner.all_cells()
     for character in cells:
         selection = Selection(corner.system, character)
-        direction = corner.direction_in(selection)
-        if direction is None:
+        if (direction := corner.direction_in(selection)) is None:
             return None
         slopes = corner.slopes_along(selection, direction)
         if not (len(slopes) and slopes.all()):
@@ -386,10 +384,8 @@ def _cone_table(
 
 def _is_small(table: Table) -> bool:
     """Tell whether all cells that meet at the corner can be tried."""
-    blocks = table.blocks
-    if number_of_cells(blocks) <= MOST_CELLS_OF_CONE:
-        return True
-    return most_cells(parts_of_table(table), blocks) <= MOST_CELLS_OF_CONE
+    few, blocks = MOST_CELLS_OF_CONE, table.blocks
+    return number_of_cells(blocks) <= few or most_cells(parts_of_table(table), blocks) <= few
 
 
 def _solved(corner: Corner, table: Table) -> Slice:

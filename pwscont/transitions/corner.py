@@ -54,11 +54,26 @@ class Corner:
         error: Array,
         zero: frozenset[int] | None = None,
     ) -> Corner:
-        """Return the corner at ``x``, by default with all tests that are zero there to rounding."""
+        """Return the corner at ``x``, by default with all tests that are zero there to rounding.
+
+        Where only typical magnitudes say so, and H is linear in z, the constants of H and of the
+        tests decide: the constants are what typical magnitudes stand for.
+        """
         tests = np.array(system.test_functions(x[:-1], float(x[-1])), dtype=float)
-        if zero is None:
-            vanish = _vanish(system, metric, x, error, tests)
-            zero = frozenset(np.flatnonzero(vanish).tolist())
+        if zero is not None:
+            return cls(system, metric, x, error, zero, tests)
+        gradients, sizes = system.test_jacobian(x[:-1], float(x[-1])), np.abs(tests)
+        vanish: Signs = sizes <= zero_up_to(gradients, np.abs(x) + metric.scale, error)
+        surely = sizes <= zero_up_to(gradients, np.abs(x), error)
+        if not surely[vanish].all() and isinstance(system, SlicewiseLinearSystem):  # seldom
+            here = Selection(system, Character.of(tests))
+            jacobian = here.jacobian(x)
+            factor = bordered(jacobian, last_unit(len(x)), metric.binary)
+            if not factor.is_singular():
+                constants = here.residual_and(x, 0.0) - joined(jacobian @ x, 0.0)
+                terms = gradients, tests, x, error, factor, jacobian, constants
+                vanish &= sizes <= slack_by_constants(*terms)
+        zero = frozenset(np.flatnonzero(vanish).tolist())
         return cls(system, metric, x, error, zero, tests)
 
     @classmethod
@@ -130,24 +145,3 @@ class Corner:
         slopes: Array = rows @ direction
         least = zero_up_to(rows, np.abs(direction) + NOISE * self.metric.scale, part=SLANT)
         return np.where(np.abs(slopes) > least, slopes, 0.0)
-
-
-def _vanish(system: PiecewiseSystem, metric: Metric, x: Array, error: Array, tests: Array) -> Signs:
-    """Tell which tests are zero at ``x``, shape (m,).
-
-    Where only typical magnitudes say so, and H is linear in z, the constants of H and of the tests
-    decide: the constants are what typical magnitudes stand for.
-    """
-    gradients, sizes = system.test_jacobian(x[:-1], float(x[-1])), np.abs(tests)
-    vanish = np.asarray(sizes <= zero_up_to(gradients, np.abs(x) + metric.scale, error))
-    surely = sizes <= zero_up_to(gradients, np.abs(x), error)
-    if surely[vanish].all() or not isinstance(system, SlicewiseLinearSystem):
-        return vanish  # nearly always
-    here = Selection(system, Character.of(tests))
-    jacobian = here.jacobian(x)
-    factor = bordered(jacobian, last_unit(len(x)), metric.binary)
-    if factor.is_singular():
-        return vanish
-    constants = here.residual_and(x, 0.0) - joined(jacobian @ x, 0.0)
-    known = slack_by_constants(gradients, tests, x, error, factor, jacobian, constants)
-    return np.asarray(vanish & (sizes <= known))

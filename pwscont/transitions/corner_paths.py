@@ -18,7 +18,7 @@ from typing import final
 
 import numpy as np
 
-from pwscont.basics.arrays import Array, generic
+from pwscont.basics.arrays import Array, Matrix, generic, joined
 from pwscont.basics.budget import check_budget
 from pwscont.basics.character import Character
 from pwscont.basics.rounding import EPS, GUARD
@@ -115,82 +115,49 @@ class Paths:
     def along(
         self, character: Character, d: Array, towards: Array
     ) -> tuple[Character, Array] | None:
-        """Follow the path through d in a cell, in the direction nearest to ``towards``."""
-        corner = self.corner
-        cell, begun = _PathInCell(corner, character), corner.system.cell(character)
-        if not cell.factorise():
-            return None
-        cell.head(corner.metric.covector(towards))
+        """Follow the path through d in a cell, in the direction nearest to ``towards``.
+
+        H' is J d in a cell, and J changes by rank one between cells (F1).
+        """
+        corner, metric, size = self.corner, self.corner.metric, len(d)
+        ahead, row = metric.covector(towards), generic(size) / metric.scale
+        begun, solver, tangent = corner.system.cell(character), None, towards
+        jacobian: Matrix = None
         for _ in range(MOST_CROSSINGS + CROSSINGS_PER_TEST * len(self._zero)):
             check_budget()
-            first = self._first_crossing(cell, d)
-            if first is None:
-                return cell.selection.character, cell.tangent
-            k, distance = first
-            d = d + distance * cell.tangent
-            gradient = self._gradients.some(np.array([k]))[0]
-            is_positive = float(gradient.dot(cell.tangent)) > 0.0
-            ahead = self.character(d, cell.tangent).with_sign(int(self._zero[k]), is_positive)
+            selection = Selection(corner.system, character)
+            before, jacobian, pivot = jacobian, selection.jacobian(corner.x), 0.0
+            if solver and not solver.is_full:
+                jump = kink_by_columns(before, jacobian, ahead, metric.scale)
+                w = solver.solve(joined(jump, 0.0))
+                if pivot := solver.change(w, ahead):
+                    tangent = tangent - (float(ahead.dot(tangent)) / pivot) * w
+            if not pivot:
+                factor = bordered(jacobian, row, metric.binary)
+                if factor.is_singular():  # J d = e has more solutions than a line
+                    return None
+                sizes, solver = abs(jacobian) @ metric.scale, ProductForm(factor, size)
+                tangent = factor.solve(last_unit(size))
+            tangent = np.copysign(1.0, float(ahead.dot(tangent))) * tangent
+            if (np.abs(jacobian @ tangent) > ASTRAY * metric.norm(tangent) * sizes).any():
+                return None
+            k, distance = self._first_crossing(selection, d, tangent)
+            if np.isinf(distance):
+                return character, tangent
+            d, gradient = d + distance * tangent, self._gradients.one(k)
+            is_positive = float(gradient.dot(tangent)) > 0.0
+            ahead = gradient if is_positive else -gradient
+            character = self.character(d, tangent).with_sign(int(self._zero[k]), is_positive)
             self.crossings += 1
-            if corner.system.cell(ahead) == begun or not cell.cross(ahead, gradient):
+            if corner.system.cell(character) == begun:
                 return None
         return None
 
-    def _first_crossing(self, cell: _PathInCell, d: Array) -> tuple[int, float] | None:
-        """Return which test vanishes first on the way, and how far off; None where none does."""
-        inside = np.isin(self._zero, cell.selection.bounding)
-        side = np.where(cell.selection.character.array[self._zero], 1.0, -1.0)
-        slopes = side * (self._gradients.matrix @ cell.tangent)
-        falling = np.flatnonzero(inside & (slopes < -self._rounding(cell.tangent)))
-        if not len(falling):
-            return None
-        values = np.maximum((side * (self._gradients.matrix @ d))[falling], 0.0)
-        distances = values / -slopes[falling]
-        first = int(np.argmin(distances))
-        return int(falling[first]), float(distances[first])
-
-
-@final
-class _PathInCell:
-    """The cell in which a path is: H' is J d there, and J changes by rank one between cells."""
-
-    def __init__(self, corner: Corner, character: Character) -> None:
-        self._corner, self.selection = corner, Selection(corner.system, character)
-        self._row = generic(len(corner.x)) / corner.metric.scale
-        self._jacobian = self.selection.jacobian(corner.x)
-        self._sizes = abs(self._jacobian) @ corner.metric.scale
-        self._solver: ProductForm
-        self.tangent: Array
-
-    def head(self, row: Array) -> None:
-        """Turn the tangent so that the product of a row and the tangent is positive."""
-        if float(row.dot(self.tangent)) < 0.0:
-            self.tangent = -self.tangent
-
-    def cross(self, character: Character, gradient: Array) -> bool:
-        """Enter the cell beyond an interface; tell whether the path goes on there."""
-        before, ahead = self._jacobian, float(gradient.dot(self.tangent))
-        self.selection = Selection(self._corner.system, character)
-        self._jacobian = self.selection.jacobian(self._corner.x)
-        jump = kink_by_columns(before, self._jacobian, gradient, self._corner.metric.scale)
-        pivot = 0.0
-        if not self._solver.is_full:
-            w = self._solver.solve(np.append(jump, 0.0))
-            pivot = self._solver.change(w, gradient)
-        if pivot:
-            self.tangent = self.tangent - (ahead / pivot) * w
-        elif not self.factorise():
-            return False
-        self.head(ahead * gradient)
-        size = self._corner.metric.norm(self.tangent)
-        astray = np.abs(self._jacobian @ self.tangent) > ASTRAY * size * self._sizes
-        return not bool(astray.any())
-
-    def factorise(self) -> bool:
-        """Factorise the cell; False where J d = e has more solutions than a line."""
-        factor = bordered(self._jacobian, self._row, self._corner.metric.binary)
-        if factor.is_singular():
-            return False
-        self._solver = ProductForm(factor, len(self._row))
-        self.tangent = factor.solve(last_unit(len(self._row)))
-        return True
+    def _first_crossing(self, selection: Selection, d: Array, tangent: Array) -> tuple[int, float]:
+        """Return which test vanishes first on the way, and at what distance; infinite for none."""
+        side = np.where(selection.character.array[self._zero], 1.0, -1.0)
+        slopes = side * (self._gradients.matrix @ tangent)
+        falling = np.isin(self._zero, selection.bounding) & (slopes < -self._rounding(tangent))
+        values = np.maximum(side * (self._gradients.matrix @ d), 0.0)
+        distances = np.where(falling, values, np.inf) / np.where(falling, -slopes, 1.0)
+        return int(distances.argmin()), float(distances.min())

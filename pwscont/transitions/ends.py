@@ -26,18 +26,11 @@ from pwscont.basics.arrays import Array, Matrix, Signs, are_finite
 from pwscont.basics.character import Character
 from pwscont.basics.outcome import Failure, FailureReason, Kind, Remark
 from pwscont.basics.rounding import CONFIDENCE, EPS, GUARD, HALF_DIGITS, SAME_ALPHA
+from pwscont.curve import newton
 from pwscont.curve.crossing import loses_rank
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.error_samples import Found, magnitude
 from pwscont.curve.metric import Metric
-from pwscont.curve.newton import (
-    MOST_NEWTON,
-    Root,
-    is_solved,
-    newton,
-    uncertainty,
-    uncertainty_beside,
-)
 from pwscont.curve.stepper import CurvedSegment, Segment
 from pwscont.enumeration.continua import is_one_of_many
 from pwscont.linear.factor import Factor
@@ -69,7 +62,7 @@ def settled(system: PiecewiseSystem, metric: Metric, found: Found) -> Found | No
     if held is None or held[1][-1]:
         return found
     row = held[1]
-    root = newton(curve, lambda y: (float(row.dot(y - x)), row), x, MOST_NEWTON)
+    root = newton.newton(curve, lambda y: (float(row.dot(y - x)), row), x, newton.MOST_NEWTON)
     if isinstance(root, Failure):
         return None
     same = 0.5 * SAME_ALPHA * max(abs(float(x[-1])), float(metric.scale[-1]))
@@ -87,7 +80,7 @@ def solves(system: PiecewiseSystem, metric: Metric, x: Array) -> bool:
         return False
     own = Selection(system, Character.of(tests))
     rest = own.residual(x)
-    return are_finite(rest) and is_solved(own, metric, x, own.jacobian(x), rest)
+    return are_finite(rest) and newton.is_solved(own, metric, x, own.jacobian(x), rest)
 
 
 def regular_border(curve: Curve, x: Array) -> tuple[Matrix, Array, Factor] | None:
@@ -98,8 +91,7 @@ def regular_border(curve: Curve, x: Array) -> tuple[Matrix, Array, Factor] | Non
     """
     jacobian, size = curve.selection.jacobian(x), len(x)
     for j in range(size - 1, -1, -1):
-        row = np.zeros(size)
-        row[j] = 1.0
+        row = (np.arange(size) == j).astype(float)
         factor = bordered(jacobian, row, curve.metric.binary)
         if not factor.is_singular():
             return jacobian, row, factor
@@ -128,10 +120,10 @@ def departures(corner: Corner) -> SpecialPointFound:
 def _inside(curve: Curve, x: Array, error: Array) -> SpecialPointFound:
     held = regular_border(curve, x)
     if held is None:
-        if is_one_of_many(curve.selection.system, curve.metric, x):
-            return SpecialPointFound(Kind.STOPPED, x, Remark.FILL_CURVES, ())
-        stopped = SpecialPointFound(Kind.STOPPED, x, FailureReason.SINGULAR.value, ())
-        return at_branch_point(curve, x) or stopped
+        fill = is_one_of_many(curve.selection.system, curve.metric, x)
+        why = Remark.FILL_CURVES if fill else FailureReason.SINGULAR.value
+        stopped = SpecialPointFound(Kind.STOPPED, x, why, ())
+        return stopped if fill else at_branch_point(curve, x) or stopped
     jacobian, row, factor = held
     tangent = curve.metric.normalised(factor.solve(last_unit(len(x))))
     is_upright = abs(tangent[-1]) <= smooth_folds.STEEPEST_AT_FOLD * curve.metric.width
@@ -139,7 +131,7 @@ def _inside(curve: Curve, x: Array, error: Array) -> SpecialPointFound:
     if is_doubtful and loses_rank(curve, x) and (point := at_branch_point(curve, x)):
         return point
     known = np.maximum.reduce(np.abs(error))
-    error = uncertainty(Root(x, known, jacobian, row, factor, curve.metric.scale))
+    error = newton.uncertainty(newton.Root(x, known, jacobian, row, factor, curve.metric.scale))
     # det [J; r] is proportional to r.t, and e_j.t is positive like t.t: the signs are equal
     state = State(x, tangent, error, factor.sign, magnitude(x, error))
     fold = smooth_folds.fold_at_end(curve, state)
@@ -158,12 +150,12 @@ def ended_by_system(arrival: SpecialPointFound) -> SpecialPointFound:
     """
     if arrival.kind == Kind.START or not arrival.rays:
         return arrival
-    state, curve = arrival.rays[0].state, arrival.rays[0].curve
+    curve = arrival.rays[0].curve
     system = curve.selection.system
     cells = dict.fromkeys(ray.curve.selection.character for ray in arrival.rays)
     if not isinstance(system, Ending) or len(cells) < 2:
         return arrival
-    zero = Corner.at(system, curve.metric, arrival.x, state.error).zero
+    zero = Corner.at(system, curve.metric, arrival.x, arrival.rays[0].state.error).zero
     reasons = (end_of(system, cell, zero) for cell in cells) if zero else ()
     why = next(filter(None, reasons), None)
     return SpecialPointFound(Kind.END, arrival.x, why, arrival.rays) if why else arrival
@@ -186,10 +178,18 @@ class IntervalEnds(TransitionDetector):
         return Reading(np.array(distances), np.array((slope, -slope)))
 
     def locate(self, segment: Segment, index: int, bracket: tuple[float, float]) -> State | Failure:
-        """Solve {H_chi = 0, alpha = end}."""
+        """Solve {H_chi = 0, alpha = end}, or find the fold at which a step turns at the end."""
         end, side = (self.lo, 1.0) if index == 0 else (self.hi, -1.0)
-        state = _reached(segment, bracket, -1, side, end)
-        fold = _fold(segment, state) if isinstance(segment, CurvedSegment) else None
+        state = near = _reached(segment, bracket, -1, side, end)
+        if not isinstance(segment, CurvedSegment):
+            return state
+        curve = segment.curve
+        if isinstance(near, Failure):
+            near = locate_sign_change(segment, curve.slope, (0.0, segment.length), NARROW_BRACKET)
+        near = segment.end if isinstance(near, Failure) else near
+        fold = smooth_folds.fold_at_end(curve, near)
+        if fold and curve.metric.covector(segment.chord).dot(fold.tangent) < 0.0:
+            fold = fold.reversed()  # beyond a fold the way out of the interval leads back
         return fold or state
 
     def arrive(self, curve: Curve, state: State, index: int) -> SpecialPointFound:
@@ -220,24 +220,10 @@ def at_end(curve: Curve, state: State) -> SpecialPointFound:
     is_straight, inside = curve.selection.is_straight, list[Ray]()
     for ray in (ray for ray in rays if not same_piece(ray, back)):
         is_level = not (is_straight or ray.curve.slope(ray.state))  # at the end
-        bends_inwards = is_level and not smooth_folds.leads_outside(ray)
-        inside += [ray] if turns(back, ray) or bends_inwards else []
+        if turns(back, ray) or (is_level and not smooth_folds.leads_outside(ray)):
+            inside.append(ray)
     wide = f"; {Remark.FILL} a cone of dimension {dimension}" if dimension > 1 else ""
     return SpecialPointFound(Kind.END, state.x, f"end of the interval{wide}", (back, *inside))
-
-
-def _fold(segment: CurvedSegment, found: State | Failure) -> State | None:
-    """Return the fold at which a step turns at an end, by rounding, instead of crossing the end."""
-    near = found
-    if isinstance(near, Failure):
-        bracket, narrow = (0.0, segment.length), NARROW_BRACKET
-        near = locate_sign_change(segment, segment.curve.slope, bracket, narrow)
-    fold = smooth_folds.fold_at_end(
-        segment.curve, segment.end if isinstance(near, Failure) else near
-    )
-    if fold is None or segment.curve.metric.covector(segment.chord).dot(fold.tangent) >= 0.0:
-        return fold
-    return fold.reversed()  # beyond a fold the way out of the interval leads back
 
 
 def points_inside(ray: Ray, lo: float, hi: float) -> bool:
@@ -265,23 +251,23 @@ class Bounds(TransitionDetector):
 
     def read(self, curve: Curve, state: State) -> Reading:
         """Return the distances to the bounds; the distance to a bound at the state is positive."""
-        values, slopes = self._inside(state), self._side * state.tangent[self._which]
+        values, slopes = self._inside(state.x), self._side * state.tangent[self._which]
         on = self._is_on(curve, state)
         values[on] = self._rounding(curve)[on]
         slopes[on & (np.abs(slopes) <= self._level(curve, state))] = 0.0
         return Reading(values, slopes)
 
-    def _inside(self, state: State) -> Array:
-        """Return how far a state is inside of each bound."""
-        return np.asarray(self._side * (state.x[self._which] - self._limit))
+    def _inside(self, x: Array) -> Array:
+        """Return how far a point is inside of each bound."""
+        return np.asarray(self._side * (x[self._which] - self._limit))
 
     def _is_on(self, curve: Curve, state: State) -> Signs:
         """Tell on which bounds the state lies, up to its error."""
-        off, rounding = np.abs(self._inside(state)), self._rounding(curve)
+        off, rounding = np.abs(self._inside(state.x)), self._rounding(curve)
         on: Signs = off <= CONFIDENCE * (state.size[self._which] + rounding)
         doubtful = ~on & (off <= self._level(curve, state))
         if doubtful.any():
-            error = magnitude(state.x, uncertainty_beside(curve, state))[self._which]
+            error = magnitude(state.x, newton.uncertainty_beside(curve, state))[self._which]
             on |= doubtful & (off <= CONFIDENCE * (error + rounding))
         return on
 
@@ -304,9 +290,8 @@ class Bounds(TransitionDetector):
     def shifts_within(self, x: Array, shift: Array) -> float:
         """Return how often a point may be shifted within the bounds, infinity without a bound."""
         falls = -self._side * shift[self._which]
-        with np.errstate(divide="ignore", invalid="ignore"):
-            times = self._side * (x[self._which] - self._limit) / falls
-        return float(times[falls > 0.0].min(initial=np.inf))
+        towards = falls > 0.0
+        return float((self._inside(x)[towards] / falls[towards]).min(initial=np.inf))
 
     def _message(self, index: int) -> str:
         side = "lower" if self._side[index] > 0.0 else "upper"

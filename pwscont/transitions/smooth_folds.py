@@ -65,12 +65,11 @@ class SmoothFolds(TransitionDetector):
         """Find where the tangent has no alpha component."""
         assert isinstance(segment, CurvedSegment)  # straight segments have no smooth folds
         sign, curve = 1.0 if index == 0 else -1.0, segment.curve
+        turn = abs(float(segment.end.tangent[-1] - segment.start.tangent[-1]))
         finer = cache(partial(polished, curve))  # states are polished once
 
         def slope(state: State) -> float:
             return sign * float(state.tangent[-1])
-
-        turn = abs(float(segment.end.tangent[-1] - segment.start.tangent[-1]))
 
         def exact_slope(state: State) -> float:
             if abs(slope(state)) > NEARLY_LEVEL * turn:

@@ -1,17 +1,14 @@
 """Transitions of straight pieces: from cell to cell by one solve (docs/theory, F11).
 
 With J' = J + c g^T on the other side of an interface (F1), where g is the gradient of the test that
-vanishes, the direction beyond follows from the direction before by the solution of J w = c alone.
-The same update holds for all solutions: the samples of the error of a point are carried along. From
-time to time, in small systems always, and where residuals show that directions have drifted,
-an *audit* solves for all samples afresh, together with corrections of point and direction. Only
-audits ask for Jacobians that are large and not at hand.
+vanishes, the solution of J w = c alone changes the direction, and the samples of the error of a
+point, into those beyond. From time to time, in small systems always, and where residuals show that
+directions have drifted, an *audit* solves for all samples afresh, together with corrections of
+point and direction. Only audits ask for Jacobians that are large and not at hand.
 
 Where tests vanish together, 1 + g.w is small beside 1 and g.w, the direction is nearly vertical or
-in the interface, or something is wrong with the system, the piece is left to the general detector,
-see :mod:`pwscont.transitions.bounding`. A system is wrong, for instance, if the Jacobians of two
-cells differ by a matrix of rank 2, or if all matrices are returned in the same array: an audit
-compares the direction with the new Jacobian.
+in the interface, or an audit finds that the direction does not fit the new Jacobian, the piece is
+left to the general detector, see :mod:`pwscont.transitions.bounding`.
 """
 
 from __future__ import annotations
@@ -74,10 +71,8 @@ class StraightTests(TransitionDetector):
 
     def locate(self, segment: Segment, index: int, bracket: tuple[float, float]) -> State | Failure:
         """Return the point of the interface, which the piece beyond has been found for."""
-        self._last = self._across(segment.curve, segment.start, index, bracket[0])
-        if self._last is None:
-            return self._slowly.locate(segment, index, bracket)
-        return self._last.state
+        self._last = last = self._across(segment.curve, segment.start, index, bracket[0])
+        return last.state if last else self._slowly.locate(segment, index, bracket)
 
     def arrive(self, curve: Curve, state: State, index: int) -> SpecialPointFound:
         """Cross the interface; at a corner, take every way on."""
@@ -91,10 +86,10 @@ class StraightTests(TransitionDetector):
         None where that is hard, or if the ray begins at an interface but is not the ray beyond the
         last crossing: :meth:`read` and :meth:`locate` handle every ray.
         """
-        state = ray.state
-        if self._last is None or self._last.ray.state is not state:
-            self._last = self._begun(ray)
-        if (last := self._last) is None:
+        state, last = ray.state, self._last
+        if last is None or last.ray.state is not state:
+            self._last = last = self._begun(ray)
+        if last is None:
             return None
         slope, selection = float(state.tangent[-1]), ray.curve.selection
         end = interval[1] if slope > 0.0 else interval[0]
@@ -128,7 +123,7 @@ class StraightTests(TransitionDetector):
         x = start.x + room * start.tangent
         x[-1] = end
         found = last.cell.corrected(x, last_unit(len(x)), 0.0) if np.isfinite(room) else None
-        if found is None:
+        if not found:
             return None
         found.x[-1] = end  # equal up to rounding
         here = State(found.x, start.tangent, found.error, start.orientation, found.size)
@@ -152,8 +147,7 @@ class StraightTests(TransitionDetector):
     def _is_corner(self, before: Array, tests: Array, point: CorrectedPoint, but: int) -> bool:
         """Tell whether another test vanishes at a point, or has another sign than before."""
         near = self._near_zero(tests, point.extent, point.size).nonzero()[0]
-        near = near[near != but]
-        if not len(near):
+        if not len(near := near[near != but]):
             return False  # nearly always
         turned = (tests[near] >= 0.0) != (before[near] >= 0.0)
         rows, sizes = self._rows.some(near), np.abs(point.x) + self._scale
@@ -173,8 +167,7 @@ class StraightTests(TransitionDetector):
         is_crossed = abs(gradient.dot(start.tangent)) > level
         if cell is None or not is_crossed or not other.selection.is_bounded_by(test):
             return None
-        point = cell.cross(other, x, test, gradient, float(tests[test]))
-        if point is None:
+        if not (point := cell.cross(other, x, test, gradient, float(tests[test]))):
             return None
         rates = self._rows.dot(cell.along)
         changes = point.along * rates
@@ -192,12 +185,12 @@ class StraightTests(TransitionDetector):
 
     def _cell_of(self, curve: Curve, start: State) -> StraightCell | None:
         """Return the cell of a piece, factorised afresh if the last cell is another cell."""
-        cell = self._last.cell if self._last else None
+        cell = self._last and self._last.cell
         if self._last and self._last.ray.state is start:
             return cell
-        if cell is None or cell.curve.selection is not curve.selection:
+        if not cell or cell.curve.selection is not curve.selection:
             cell = None if curve.selection.adjacent_cells else StraightCell.at(curve, start.x)
-        if cell is None:
+        if not cell:
             return None
         row = curve.metric.covector(curve.metric.normalised(cell.along))
         return cell if abs(row.dot(start.tangent)) > 1.0 - HALF_DIGITS else None
@@ -256,8 +249,7 @@ class StraightCell:
     def at(cls, curve: Curve, x: Array) -> StraightCell | None:
         """Return the factorised cell of a curve; None where the Jacobian is next to singular."""
         jacobian, n = curve.selection.jacobian(x), len(x) - 1
-        core = inner(jacobian, curve.metric.binary)
-        if core is None:
+        if not (core := inner(jacobian, curve.metric.binary)):
             return None
         solver = ProductForm(core, n)
         cell = cls(curve, solver, arrays.joined(-solver.solve(column(jacobian, n)), 1.0))
@@ -294,9 +286,7 @@ class StraightCell:
         if pivot == 0.0:
             return None
         slopes = self._lines.dot(gradient) / pivot
-        add_multiples(
-            self._lines, -slopes, arrays.joined(w, 0.0)
-        )  # alpha of the lines does not change
+        add_multiples(self._lines, -slopes, arrays.joined(w, 0.0))  # alpha does not change
         self.turn, self._since = 1 if pivot > 0.0 else -1, self._since + 1
         self.length = other.metric.norm(self.along)
         return self.corrected(x, gradient, value, slopes) if self._is_tame() else None
@@ -314,8 +304,7 @@ class StraightCell:
         is_due = is_due or arrays.is_anywhere(sizes > self._most)
         is_off = not is_due and not arrays.is_everywhere(np.abs(residual) <= UNSEEN * self._terms)
         if is_due or (is_off and self._since >= DRIFTED_AFTER):
-            aside = self._audited(x, sizes, residual)
-            if aside is None:
+            if (aside := self._audited(x, sizes, residual)) is None:
                 return None
             slopes = None
         elif is_off:
@@ -340,10 +329,9 @@ class StraightCell:
 
     def _has_renewed(self, jacobian: Matrix) -> bool:
         """Factorise the Jacobian of the cell afresh; False for a singular Jacobian."""
-        core = inner(jacobian, self.curve.metric.binary)
-        if core is not None:
+        if core := inner(jacobian, self.curve.metric.binary):
             self._solver.renew(core)
-        return core is not None
+        return bool(core)
 
     def _jacobian_at(self, x: Array) -> Matrix:
         return self.curve.selection.jacobian(x) if self._jacobian is None else self._jacobian
@@ -364,9 +352,8 @@ class StraightCell:
             np.maximum.at(most, kinds, sizes)
             self._most = GROWN * most[kinds]
         self._terms = arrays.product(magnitudes, self._most + CONVERGED * scale)
-        if not arrays.is_everywhere(
-            np.abs(astray) <= ASTRAY * self.length * arrays.product(magnitudes, scale)
-        ):
+        most = ASTRAY * self.length * arrays.product(magnitudes, scale)
+        if not arrays.is_everywhere(np.abs(astray) <= most):
             return None
         if self._solver.is_full:
             self._has_renewed(jacobian)  # due at the next change, when no Jacobian is at hand
@@ -394,5 +381,4 @@ def _kink_by_residuals(before: Selection, after: Curve, x: Array, gradient: Arra
     test = gradient[steepest] * (far[steepest] - x[steepest])
     if weights[steepest] <= abs(gradient[-1] * scale[-1]) / FAR_AWAY or not math.isfinite(test):
         return None
-    jump: Array = (after.selection.residual(far) - before.residual(far)) / test
-    return jump
+    return np.asarray((after.selection.residual(far) - before.residual(far)) / test)

@@ -92,7 +92,7 @@ class _OffCurveError(Exception):
 def locate_point(segment: Segment, s: float) -> State | Failure:
     """Return the state of the curve at a distance along a straight segment."""
     point, row = segment.near(s), -segment.curve.metric.covector(segment.start.tangent)
-    return locate_zero(segment, lambda x: (float(row.dot(x - point)), row), (s, s), s)
+    return locate_zero(segment, lambda x: (float(row.dot(x - point)), row), (s, s))
 
 
 def locate_sign_change(

@@ -74,6 +74,7 @@ class QuasiStaticCoulomb(Fixed, SystemWithMemory, ExactRates):
             raise InvalidInputError(
                 f"loads have {history.loads.shape[1]} components, the body {body.n} displacements"
             )
+        body.refuse_unclamped("QuasiStaticCoulomb")
         self.body, self.history = body, history
         self.friction = np.where(body.guided, 0.0, not_negative("friction", friction, body.p))
         self.slip = per_node("slip", 0.0 if slip is None else slip, body.p)
