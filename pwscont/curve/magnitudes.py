@@ -48,6 +48,10 @@ OUTWARDS = 4.0 ** np.arange(25)
 #: H is clearly nonlinear if the rest is more than this part of the linear change, and of the change
 #: over a typical magnitude.
 BENDS = 0.5
+#: A power by which H grows is steady if the power changes by less than this, so many changes long.
+STEADY, AS_LONG = 0.1, 4
+#: By what factor reaches beyond a reach grow.
+FARTHER = 16.0
 #: Magnitudes that differ by no more than this factor are alike.
 ALIKE = 4.0
 #: Magnitudes found from 1 / ALIKE to this one are taken for one.
@@ -384,6 +388,30 @@ def nonlinear_reach(system: PiecewiseSystem, metric: Metric) -> Array:
         ways = (out for out in OUTWARDS if bends(j, out * size) or bends(j, -out * size))
         factors[j] = next(ways, 0.0)
     return scale * np.where(factors > 0.0, factors, max(1.0, factors.max()))
+
+
+@np.errstate(all="ignore")
+def farther_reaches(system: PiecewiseSystem, metric: Metric, reach: Array) -> list[Array]:
+    """Return reaches beyond a reach, shape (n,) each, as far as the growth of H still changes.
+
+    Up to z = 1000, (z - 1) (z - 1e3) (z - 1e5) grows as z, then as z^2, and from 1e5 on as z^3:
+    where a power of growth ends there is room for another sheet. Unknowns are moved one by one, and
+    all together.
+    """
+    if system.size > MANY:
+        return []
+    box, alpha, most = Box.of(system), sum(metric.interval) / 2.0, 1.0
+    z, ways = box.centre(metric.scale[:-1]), np.vstack([np.eye(len(reach)), generic(len(reach))])
+    before = _residual(system, z, alpha)
+    for way in np.vstack([ways, -ways]) * reach:
+        check_budget()
+        moved = [_residual(system, box.inside(z + out * way), alpha) - before for out in OUTWARDS]
+        powers = np.diff(np.log(np.abs(moved)), axis=0) / np.log(OUTWARDS[1])
+        changes = np.abs(powers - powers[-1]) >= STEADY
+        steady = np.isfinite(powers[-1]) & ~changes[-AS_LONG:].any(axis=0)
+        last = np.flatnonzero((changes & steady).any(axis=1))
+        most = max(most, OUTWARDS[last[-1] + 1] if len(last) else 1.0)
+    return [FARTHER**k * reach for k in range(1, 1 + int(np.log(most) / np.log(FARTHER)))]
 
 
 # -- from solutions ----------------------------------------------------------------------------

@@ -22,7 +22,7 @@ from scipy.linalg import lstsq, null_space, svd
 
 from pwscont.basics.arrays import Array, dense, generic
 from pwscont.basics.budget import check_budget
-from pwscont.basics.rounding import HALF_DIGITS
+from pwscont.basics.rounding import EPS, HALF_DIGITS
 from pwscont.curve.crossing import FULL_RANK
 from pwscont.curve.metric import Metric
 from pwscont.enumeration.choices import Choices
@@ -123,9 +123,13 @@ def underflows(system: PiecewiseSystem, metric: Metric, x: Array) -> bool:
     """Tell whether H is zero at a point, or next to zero, only because H is as small as it can be.
 
     On the way from a generic place H is tiny before H is zero, as exp(-z^2) is; max(z, 0) is not.
+    Beside a pole derivatives may be so large that rounding of z hides all else in a row.
     """
     scale, alpha = metric.scale[:-1], float(x[-1])
     start = Box.of(system).centre(scale) + scale * generic(len(scale))
+    far, near = (equations_in_magnitudes(system, z, alpha, scale) for z in (x[:-1], start))
+    if far and near and (EPS * far[2] > near[2]).any():
+        return True
 
     def size(part: float) -> float:
         z = start + part * (x[:-1] - start)

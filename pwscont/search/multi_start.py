@@ -22,7 +22,7 @@ from pwscont.basics.errors import InvalidInputError
 from pwscont.basics.outcome import Guarantee, SearchScope
 from pwscont.basics.printing import counted
 from pwscont.curve.error_samples import Found
-from pwscont.curve.magnitudes import nonlinear_reach
+from pwscont.curve.magnitudes import farther_reaches, nonlinear_reach
 from pwscont.curve.metric import Metric, Range
 from pwscont.search.bounds import on_bounds
 from pwscont.search.enumeration import starts_at
@@ -41,6 +41,8 @@ MOST_EVALUATIONS = 12_000
 USUAL = 20
 #: Number of random starts at an end by default.
 STARTS_AT_AN_END = 20
+#: Number of starts at an end over each reach farther out, where the growth of H changes again.
+FEW_FAR = 6
 #: Most rounds of starts between the ends, if rounds find more, or if nothing is known at all.
 MOST_ROUNDS = 4
 #: Number of other starts at each alpha for a single unknown, and of alphas.
@@ -190,6 +192,8 @@ class Throughout(Search):
         rough = _rough_starts(system, scale, reach / scale * scale, self.at_ends, self.around)
         for alpha in interval:
             yield from pursuit.at(alpha, rough)
+        for far in farther_reaches(system, metric, reach):
+            yield from _far_out(Pursuit(system, metric, known, far), interval)
         if known.are_all():
             return
         if not known.extremes():  # only undamped steps cross kinks where H grows at first
@@ -234,6 +238,12 @@ class Throughout(Search):
         what += "; on bounds of unknowns" if Box.of(system).is_bounded else ""
         what += "; again while more is found"
         return SearchScope(what, Guarantee.NOTHING)
+
+
+def _far_out(pursuit: Pursuit, interval: Range) -> Iterator[Found]:
+    """Yield solutions at the ends from a few starts of a pursuit that reaches far."""
+    for alpha in interval:
+        yield from pursuit.at(alpha, map(pursuit.guess, range(FEW_FAR)))
 
 
 def _on_side_paths(paths: SidePaths, interval: Range, turn: int) -> Iterator[Found]:

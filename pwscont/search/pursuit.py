@@ -125,8 +125,7 @@ class Pursuit:
 
     def at(self, alpha: float, guesses: Iterable[Array]) -> Iterator[Found]:
         """Yield the new solutions to which starts at an alpha lead, one of infinitely many."""
-        here = list[Array]()
-        known = self.solutions(alpha)
+        here, known = list[Array](), self.solutions(alpha)
         zeros = self._sign_changes(alpha, known)
         shapes = known[:MOST_SHAPES] if self._shown > 1 else []
         beside = chain.from_iterable(self._next_door(x, alpha) for x in shapes)
@@ -190,6 +189,8 @@ class Pursuit:
         # farther out a function that grows has few zeros, and any other function too many
         is_far, sizes = np.abs(places) > reach * wide[-1], np.abs(values)
         grows = sizes > GROWN * sizes.max(where=~is_far & np.isfinite(sizes), initial=0.0)
+        grown = np.logical_or.accumulate  # has the equation grown here or farther out?
+        grows = np.where(places < 0.0, grown(grows), grown(grows[::-1])[::-1])
         signs = np.where(is_far & ~grows, 0.0, np.sign(values))
         is_known = np.histogram(own, places)[0] > 0
         for i in np.flatnonzero((signs[1:] * signs[:-1] < 0.0) & ~is_known):
