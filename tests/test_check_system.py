@@ -229,7 +229,13 @@ def test_a_kink_on_the_boundary_and_a_misspelt_method_are_named():
     assert "jacobain is never asked for; is jacobian meant?" in defects
 
 
-@pytest.mark.parametrize("signs", [[1, -1], "+-", [0.5], [None]])
+@pytest.mark.parametrize("signs", [[1, -1], "+-", [0.5], [None], 3, None])
 def test_a_character_has_signs_only(signs):
     with pytest.raises(InvalidInputError, match="True or False"):
         Character(signs)
+
+
+@pytest.mark.parametrize("text", ["+x", "+ -", 3, [True]])
+def test_a_character_is_read_from_plus_and_minus(text):
+    with pytest.raises(InvalidInputError, match="written as"):
+        Character.read(text)

@@ -377,3 +377,11 @@ def test_a_solution_of_another_alpha_is_refused():
     found[0] = replace(found[0], alpha=0.5)
     with pytest.raises(InvalidInputError, match="is listed among those at alpha = 0"):
         prove(found)
+
+
+def test_a_state_of_another_size_is_refused():
+    found = enumerate_solutions(LCP([[1, 2], [2, 1]], q=[-1, -1], d=[1, 0]), 0.0)
+    for strange in (replace(found[0], z=np.zeros(3)), found[0].z):
+        found[0] = strange
+        with pytest.raises(InvalidInputError, match=r"a Solution with z of shape \(2,\)"):
+            prove(found)

@@ -47,7 +47,7 @@ class Character:
     _array: Signs
 
     def __init__(self, signs: Iterable[bool]) -> None:
-        found = tuple(signs)
+        found = tuple(signs) if isinstance(signs, Iterable) else (None,)
         if not all(sign in (0, 1) for sign in found):
             words = "signs must be True or False for each test function; Character.read takes '+-'"
             raise InvalidInputError(f"{words}; got {short(repr(signs))}")
@@ -74,7 +74,9 @@ class Character:
 
     @classmethod
     def read(cls, text: str) -> Character:
-        """Return the character from the printed form, ``+`` and ``-``."""
+        """Return the character from the printed form, ``+`` and ``-``; refuse any other text."""
+        if not isinstance(text, str) or not set(text) <= {"+", "-"}:
+            raise InvalidInputError(f"signs are written as '+' and '-', got {short(repr(text))}")
         return cls._of_bytes(text.encode("ascii").translate(FROM_TEXT))
 
     @classmethod

@@ -36,7 +36,14 @@ from pwscont.proof.cells import (
 )
 from pwscont.proof.interval import Interval, departure, together
 from pwscont.search.enumeration import Solutions
-from pwscont.system.abilities import ExactData, ExactMode, ExactRates, completed_point, shown_points
+from pwscont.system.abilities import (
+    ExactData,
+    ExactMode,
+    ExactRates,
+    completed_point,
+    shown_points,
+    shown_size,
+)
 
 ASSUMED = "assumed: arithmetic of IEEE 754 to nearest; {} count as the doubles that they are"
 #: An end of a cell is the end of a piece within the errors that the graph states, the widths of
@@ -392,6 +399,9 @@ def prove(given: Any, alpha: float | None = None) -> Certificate:
             "counts of curved formulas are proved by explore, see graph.proof, and by Everywhere"
         )
     if not is_graph:
+        size = shown_size(given.system)
+        if any(not isinstance(x, Solution) or x.z.shape != (size,) for x in given):
+            raise InvalidInputError(f"each solution must be a Solution with z of shape ({size},)")
         if strange := [each.alpha for each in given if each.alpha != given.alpha]:
             raise InvalidInputError(
                 f"a solution at alpha = {strange[0]} is listed among those at alpha = {given.alpha}"
