@@ -65,7 +65,7 @@ BUDGET = {
     "enumeration": (11, 2504),
     "transitions": (13, 3300),
     "graph": (8, 2440),
-    "search": (9, 1987),
+    "search": (9, 1991),
     "continuation": (9, 2725),
     "kit": (4, 976),
     "proof": (7, 2079),

@@ -243,7 +243,8 @@ class Throughout(Search):
 def _far_out(pursuit: Pursuit, interval: Range) -> Iterator[Found]:
     """Yield solutions at the ends from a few starts of a pursuit that reaches far."""
     for alpha in interval:
-        yield from pursuit.at(alpha, map(pursuit.guess, range(FEW_FAR)))
+        guesses = map(pursuit.guess, range(FEW_FAR))
+        yield from pursuit.at(alpha, guesses, freely=False)  # from so far, to known folds
 
 
 def _on_side_paths(paths: SidePaths, interval: Range, turn: int) -> Iterator[Found]:

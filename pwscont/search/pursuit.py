@@ -123,8 +123,11 @@ class Pursuit:
         self._farthest = RUN_AWAY * float((self.reach / metric.scale[:-1]).max())
         self.filled = 0  # number of slices at which one of infinitely many solutions was found
 
-    def at(self, alpha: float, guesses: Iterable[Array]) -> Iterator[Found]:
-        """Yield the new solutions to which starts at an alpha lead, one of infinitely many."""
+    def at(self, alpha: float, guesses: Iterable[Array], *, freely: bool = True) -> Iterator[Found]:
+        """Yield the new solutions to which starts at an alpha lead, one of infinitely many.
+
+        ``freely``: whether alpha is free where a pursuit stalls.
+        """
         here, known = list[Array](), self.solutions(alpha)
         zeros = self._sign_changes(alpha, known)
         shapes = known[:MOST_SHAPES] if self._shown > 1 else []
@@ -153,7 +156,7 @@ class Pursuit:
                     return
                 here.append(found[0])
                 known = [*here, *self.solutions(alpha)]
-            if not arrived and (found := self._freely(reached, number)):
+            if freely and not arrived and (found := self._freely(reached, number)):
                 yield found
                 known = [*here, *self.solutions(alpha)]
 
