@@ -57,6 +57,12 @@ def loads_on(body, rng):
     return f0, f1
 
 
+def is_free(body):
+    """Tell whether a mass can move without force even if all nodes stick."""
+    held = body.A + body.N.T @ body.N + body.T.T @ body.T
+    return np.linalg.eigvalsh(held)[0] < CLOSE
+
+
 def truth(body, load, friction):
     """Return all solutions, None where one lies close to another cell."""
     found = enumerate_solutions(body, load, friction, CLOSE)
@@ -66,13 +72,17 @@ def truth(body, load, friction):
 
 @pytest.mark.parametrize("kind", [np.asarray, sp.csr_matrix], ids=["dense", "sparse"])
 @pytest.mark.parametrize("seed", range(30))
-@pytest.mark.sweep(400)
+@pytest.mark.sweep(6)
 def test_counts_are_those_of_all_modes(kind, seed):
     rng = np.random.default_rng([77, seed])
     body = masses_on_springs(rng)
     (f0, f1), friction = loads_on(body, rng), rng.uniform(0.0, 2.0)
+    if is_free(body):
+        with pytest.raises(InvalidInputError, match="A is not positive definite"):
+            ContactBody(kind(body.A), body.N, body.T)
+        return
     given = ContactBody(kind(body.A), body.N, body.T, body.gap)
-    assert not given.is_clamped
+    assert given.is_clamped == (np.linalg.eigvalsh(body.A)[0] > CLOSE)
     graph = explore(CoulombLoad(given, AffineLoad(f0, f1), friction), (-1.0, 1.0))
     for alpha in rng.uniform(-1.0, 1.0, 5):
         wanted = truth(body, f0 + alpha * f1, friction)
@@ -81,11 +91,13 @@ def test_counts_are_those_of_all_modes(kind, seed):
 
 
 @pytest.mark.parametrize("seed", range(8))
-@pytest.mark.sweep(100)
+@pytest.mark.sweep(4)
 def test_counts_while_friction_grows(seed):
     rng = np.random.default_rng([78, seed])
     body = masses_on_springs(rng)
     f, _ = loads_on(body, rng)
+    if is_free(body):
+        return  # refused, as above
     given = ContactBody(body.A, body.N, body.T, body.gap)
     graph = explore(CoulombFriction(given, f), (0.05, 3.0))
     for friction in rng.uniform(0.05, 3.0, 5):

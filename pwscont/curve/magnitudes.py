@@ -49,7 +49,7 @@ OUTWARDS = 4.0 ** np.arange(25)
 #: over a typical magnitude.
 BENDS = 0.5
 #: A power by which H grows is steady if the power changes by less than this, so many changes long.
-STEADY, AS_LONG = 0.1, 4
+STEADY, AS_LONG = 0.1, 8
 #: By what factor reaches beyond a reach grow.
 FARTHER = 16.0
 #: Magnitudes that differ by no more than this factor are alike.
