@@ -64,7 +64,7 @@ BUDGET = {
     "curve": (12, 3433),
     "enumeration": (11, 2504),
     "transitions": (13, 3300),
-    "graph": (8, 2440),
+    "graph": (8, 2439),
     "search": (9, 1991),
     "continuation": (9, 2725),
     "kit": (4, 976),

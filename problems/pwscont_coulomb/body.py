@@ -425,7 +425,11 @@ def _is_positive_semidefinite(A: Matrix) -> bool:
 def _shifted(A: Matrix, part: float, more: Array | float = 0.0) -> Matrix:
     """Return A with a part of the diagonal, and more, added to the diagonal."""
     added = part * np.abs(_diagonal(A)) + more
-    return A + (sp.diags(added).tocsr() if sp.issparse(A) else np.diag(added))
+    if sp.issparse(A):
+        return A + sp.diags(added).tocsr()
+    shifted = A.copy()
+    shifted.flat[:: len(A) + 1] += added
+    return shifted
 
 
 def _has_cholesky(A: Array) -> bool:

@@ -113,13 +113,12 @@ class ConnectedPieces:
         if kind is None:
             return everything
         kinds = list(dict.fromkeys([*map(str, Kind), *(str(point.kind) for point in everything)]))
-        if not isinstance(kind, str):
-            raise InvalidInputError(f"unknown kind {kind!r}; kinds are {', '.join(kinds)}")
-        if kind not in kinds:
-            near = get_close_matches(kind, kinds, n=3, cutoff=MISSPELT)
+        is_text = isinstance(kind, str)
+        if not is_text or kind not in kinds:
+            near = get_close_matches(kind, kinds, n=3, cutoff=MISSPELT) if is_text else []
             hint = f"; did you mean {' or '.join(near)}?" if near else ""
-            words = f"unknown kind {kind!r}{hint}; kinds are {', '.join(kinds)}"
-            if near or not kind:
+            if near or not is_text or not kind:  # an array has no truth value
+                words = f"unknown kind {kind!r}{hint}; kinds are {', '.join(kinds)}"
                 raise InvalidInputError(words)
         return [point for point in everything if point.kind == kind]
 
