@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from functools import cache
 from itertools import product
 from math import inf
-from typing import Any, final
+from typing import Any, cast, final
 
 import numpy as np
 
@@ -196,9 +196,8 @@ class _Pieces:
                 self.inner[node.id] = met
         self.rays: set[Point] = set()
         self._rational_ends = cache(self._ends_of)
-        system: Any = graph.system
-        self._system = system
-        full = [[completed_point(system, p.points[k]) for k in (0, -1)] for p in pieces]
+        self._system = cast("Any", graph.system)
+        full = [[completed_point(self._system, p.points[k]) for k in (0, -1)] for p in pieces]
         #: Both ends (z, alpha) of each piece, shape (k, 2, n + 1), and magnitudes.
         self._points = np.array(full).reshape(-1, 2, cells.size + 1)
         self._sizes = np.abs(self._points).max(axis=(0, 1), initial=0.0)
@@ -213,11 +212,12 @@ class _Pieces:
         ends = np.array([self._graph.point(node).place.x for node in (piece.start, piece.end)])
         if len(piece.points) != 2 or not self._is_end(piece, ends):
             return False
-        cell = Selection(self._system, piece.character)
-        middle = completed_point(self._system, piece.points.mean(axis=0))
-        terms = abs(cell.test_gradients(middle)) @ (np.abs(middle) + self._scale)
-        is_inside = bool((cell.tests(middle) >= -HOLDS * terms).all())
-        return is_inside and not unexplained(self._system, piece.character, middle, self._scale)
+        x = completed_point(self._system, piece.points.mean(axis=0))
+        cell, near = Selection(self._system, piece.character), 0.0
+        if ((tests := cell.tests(x)) < 0.0).any():
+            near = HOLDS * (abs(cell.test_gradients(x)) @ (np.abs(x) + self._scale))
+        is_inside = bool((tests >= -near).all())
+        return is_inside and not unexplained(self._system, piece.character, x, self._scale)
 
     def _is_end(self, piece: Piece, ends: Array, width: Any = 0.0) -> bool:
         """Tell whether a piece has these ends (2, n + 1) within the errors of its special points.
