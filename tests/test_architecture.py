@@ -76,7 +76,7 @@ BUDGET = {
     "two_parameters": (16, 3656),
     "studies": (11, 2254),
     "bench": (15, 1840),
-    "commands": (10, 1158),
+    "commands": (10, 1170),
 }
 #: Most files and classes that the README's arch meets; a change that needs more says why.
 MOST_FILES_MET, MOST_CLASSES_MET = 50, 55
