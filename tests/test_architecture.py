@@ -64,7 +64,7 @@ BUDGET = {
     "curve": (12, 3438),
     "enumeration": (11, 2504),
     "transitions": (13, 3300),
-    "graph": (8, 2439),
+    "graph": (8, 2447),
     "search": (9, 1991),
     "continuation": (9, 2725),
     "kit": (4, 976),
