@@ -70,4 +70,4 @@ def test_a_locus_along_which_friction_stays_the_same():
     # lambda_t of node 1 is F lambda_nu at alpha = -1 / 8
     assert np.sort(level[[0, -1], 0]) == pytest.approx([-0.125, 2.0], rel=1e-12)
     assert level[:, 1] == pytest.approx(1.5, rel=1e-12)
-    assert plane.guarantee.startswith("balanced; 10 of 10 regions proven")
+    assert plane.guarantee.startswith("balanced; 10 of 10 regions of ")

@@ -76,7 +76,8 @@ class LociPlane(Plane):
             return "not balanced: a locus is missing"
         number = sum(map(bool, self.proven))
         return (
-            f"balanced; {number} of {len(self.proven)} regions proven at the points tried; "
+            f"balanced; {number} of {len(self.proven)} regions of {len(self.sectors)} sectors proven "
+            "at the points tried; "
             "loci that meet none of the values searched may be missing"
         )
 
