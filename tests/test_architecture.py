@@ -76,7 +76,7 @@ BUDGET = {
     "two_parameters": (16, 3657),
     "studies": (11, 2271),
     "bench": (15, 1840),
-    "commands": (10, 1162),
+    "commands": (10, 1174),
 }
 #: Most files and classes that the README's arch meets; a change that needs more says why.
 MOST_FILES_MET, MOST_CLASSES_MET = 50, 55
