@@ -448,6 +448,8 @@ WRONG = {
     "lower and upper must be numbers": lambda: BestReplies([[0]], [1], [1], upper=[1, 2]),
     "marginal must be a function": lambda: Game(3.0),
     "units must be at least 6, got 3": lambda: relu_fixed_points(3),
+    "seed must not be negative, got -1": lambda: relu_fixed_points(seed=-1),
+    "n must be from 1 to 1000, got 0": lambda: lcp(0),
 }
 
 
