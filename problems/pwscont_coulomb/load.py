@@ -74,9 +74,11 @@ class CoulombLoad(Coulomb):
     def __init__(
         self, body: ContactBody, load: Callable[[float], Any], friction: Any, r: Any = None
     ) -> None:
-        is_affine = isinstance(load, AffineLoad)
-        force = float(np.abs([load.f0, load.f1]).max()) if is_affine else 0.0
-        super().__init__(body.under(force), r)
+        if isinstance(load, AffineLoad):
+            if load.f0.shape != (body.n,):
+                raise InvalidInputError(f"load has shape {load.f0.shape}, expected ({body.n},)")
+            body = body.under(float(np.abs([load.f0, load.f1]).max()))
+        super().__init__(body, r)
         self.friction = np.where(body.guided, 0.0, not_negative("friction", friction, body.p))
         self._without_friction = self.friction == 0.0
         if not callable(load):
@@ -85,8 +87,6 @@ class CoulombLoad(Coulomb):
         self._is_small = self.size <= FEW_UNKNOWNS
         most = MOST_CELLS if self._is_small else 1
         self._constant: Kept[Character, Constant] = Kept(most)
-        if is_affine and load.f0.shape != (body.n,):
-            raise InvalidInputError(f"load has shape {load.f0.shape}, expected ({body.n},)")
 
     def load_at(self, alpha: float) -> Array:
         """Return f(alpha), shape (n,)."""

@@ -206,7 +206,7 @@ def _symmetric(stiffness: Any) -> Matrix:
     if K.shape[0] != K.shape[1] or abs(K - K.T).max() > 1e-10 * abs(K).max():
         raise InvalidInputError("stiffness must be square and symmetric")
     if not _is_positive_definite(K):
-        raise InvalidInputError("stiffness must be positive definite: else solutions are not unique")
+        raise InvalidInputError("stiffness must be positive definite, or solutions are not unique")
     return K
 
 

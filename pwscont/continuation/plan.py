@@ -43,8 +43,7 @@ if TYPE_CHECKING:
     from pwscont.events.events import Events
     from pwscont.events.user_event import Stop
 
-#: Least length of an interval, as a part of its larger end: GUARD times the rounding of alpha at
-#: special points.
+#: Least length of an interval, as a part of alpha: GUARD times the rounding at special points.
 SHORTEST_INTERVAL = GUARD**2 * EPS
 #: Called with the number of pieces and the alpha reached.
 Report = Callable[[int, float], None]
@@ -78,7 +77,7 @@ def checked_interval(system: PiecewiseSystem, interval: tuple[float, float]) -> 
     if not (isfinite(hi - lo) and lo < hi):
         raise InvalidInputError(f"interval needs finite lo < hi, got ({lo}, {hi})")
     if hi - lo < SHORTEST_INTERVAL * max(abs(lo), abs(hi)):
-        words = f"is shorter than {SHORTEST_INTERVAL:.0e} of its ends: rounding hides what lies in it"
+        words = f"is shorter than {SHORTEST_INTERVAL:.0e} of alpha: rounding hides what is in it"
         raise InvalidInputError(f"interval ({lo}, {hi}) {words}")
     low, high = system.domain
     if lo < low or hi > high:
