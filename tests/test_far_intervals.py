@@ -5,7 +5,7 @@ from itertools import product
 import numpy as np
 import pytest
 
-from pwscont import Switched, explore, trace
+from pwscont import LCP, InvalidInputError, Switched, explore, trace
 
 
 class Epidemic:
@@ -81,3 +81,16 @@ def test_a_short_interval_does_not_make_unknowns_tiny(unit, width):
             near = unit * (np.array(state) + 1e-3)
             [found] = trace(Switched(2, pumps), (near, p), interval).solutions(p)
             np.testing.assert_allclose(found.z / unit, state, atol=1e-6)
+
+
+def test_an_interval_of_rounding_is_refused():
+    """Of three solutions two or none were found, "complete", over a few numbers of alpha."""
+    problem = LCP([[1, 2], [2, 1]], q=[-1, -1], d=[1, 0])
+    for hi in (np.nextafter(0.2, 1.0), 0.2 + 1e-15, 0.2 + 1e-13):
+        with pytest.raises(InvalidInputError, match="rounding hides"):
+            explore(problem, (0.2, hi))
+    graph = explore(problem, (0.2, 0.2 + 1e-12))
+    assert [graph.count(alpha) for alpha in graph.interval] == [3, 3]
+    assert explore(problem, (0.0, 1e-100)).count(0.5e-100) == 3
+    with pytest.raises(InvalidInputError, match="finite lo < hi"):
+        explore(problem, (-1e308, 1e308))

@@ -317,6 +317,15 @@ class ContactBody(Fixed):
             "nodes stick"
         )
 
+    def under(self, force: float) -> ContactBody:
+        """Return the body for forces of a given size, which tell with gaps how stiff A = 0 is."""
+        if abs(self.A).max() or not self.gap.any() or not force:
+            return self
+        body, stiffness = copy(self), np.full(self.p, force / float(self.gap.max()))
+        body._held = stiffness[0] / self.stiffness[0] * self._held
+        body.__setstate__({"stiffness": stiffness})
+        return body
+
     def refuse_unclamped(self, what: str) -> None:
         """Refuse a body that only the contact holds."""
         if not self.is_clamped:

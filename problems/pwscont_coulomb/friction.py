@@ -50,8 +50,8 @@ class CoulombFriction(Coulomb):
     domain = (0.0, np.inf)
 
     def __init__(self, body: ContactBody, force: Any, r: Any = None, profile: Any = 1.0) -> None:
-        super().__init__(body, r)
         self.force = finite_array("force", force, (body.n,))
+        super().__init__(body.under(float(np.abs(self.force).max())), r)
         body.refuse_guided_load(self.force)
         self.profile = np.where(body.guided, 0.0, not_negative("profile", profile, body.p))
         self._without_friction = self.profile == 0.0

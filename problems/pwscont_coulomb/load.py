@@ -74,6 +74,10 @@ class CoulombLoad(Coulomb):
     def __init__(
         self, body: ContactBody, load: Callable[[float], Any], friction: Any, r: Any = None
     ) -> None:
+        if isinstance(load, AffineLoad):
+            if load.f0.shape != (body.n,):
+                raise InvalidInputError(f"load has shape {load.f0.shape}, expected ({body.n},)")
+            body = body.under(float(np.abs([load.f0, load.f1]).max()))
         super().__init__(body, r)
         self.friction = np.where(body.guided, 0.0, not_negative("friction", friction, body.p))
         self._without_friction = self.friction == 0.0
@@ -83,8 +87,6 @@ class CoulombLoad(Coulomb):
         self._is_small = self.size <= FEW_UNKNOWNS
         most = MOST_CELLS if self._is_small else 1
         self._constant: Kept[Character, Constant] = Kept(most)
-        if isinstance(load, AffineLoad) and load.f0.shape != (body.n,):
-            raise InvalidInputError(f"load has shape {load.f0.shape}, expected ({body.n},)")
 
     def load_at(self, alpha: float) -> Array:
         """Return f(alpha), shape (n,)."""

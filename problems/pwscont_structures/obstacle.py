@@ -13,9 +13,10 @@ from typing import Any, final
 
 import numpy as np
 import scipy.sparse as sp
+from scipy.sparse.linalg import splu
 
 from pwscont import BandedJacobian, Block, Character, InvalidInputError, PiecewiseLinearSystem
-from pwscont.extending import Array, Matrix, finite_array
+from pwscont.extending import EPS, GUARD, Array, Matrix, finite_array
 from pwscont_structures.stretches import stretches
 
 #: Modes of a node: above the obstacle, and in contact.
@@ -40,7 +41,7 @@ class ObstacleProblem(PiecewiseLinearSystem):
     Raises
     ------
     InvalidInputError
-        If shapes do not fit, or K is not symmetric with a positive diagonal.
+        If shapes do not fit, or K is not symmetric and positive definite.
 
     Examples
     --------
@@ -212,9 +213,22 @@ def _symmetric(stiffness: Any) -> Matrix:
     K = sp.csr_array(stiffness)
     if K.shape[0] != K.shape[1] or abs(K - K.T).max() > 1e-10 * abs(K).max():
         raise InvalidInputError("stiffness must be square and symmetric")
-    if (K.diagonal() <= 0.0).any():
-        raise InvalidInputError("stiffness must have a positive diagonal: it is not definite")
+    if not _is_positive_definite(K):
+        raise InvalidInputError("stiffness must be positive definite, or solutions are not unique")
     return K
+
+
+def _is_positive_definite(K: Matrix) -> bool:
+    if (K.diagonal() <= 0.0).any():
+        return False
+    with_pivots_on_the_diagonal = {"diag_pivot_thresh": 0.0, "options": {"SymmetricMode": True}}
+    try:
+        lu = splu(K.tocsc(), permc_spec="MMD_AT_PLUS_A", **with_pivots_on_the_diagonal)
+    except RuntimeError:  # a pivot is zero
+        return False
+    pivots, diagonal = lu.U.diagonal(), K.diagonal()[np.argsort(lu.perm_c)]
+    on_diagonal = np.array_equal(lu.perm_r, lu.perm_c)
+    return on_diagonal and bool((pivots > GUARD * EPS * diagonal).all())
 
 
 def _bands(K: Matrix) -> tuple[Array, Array] | None:

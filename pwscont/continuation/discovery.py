@@ -254,7 +254,8 @@ class Discovery:
         """Tell whether the path to a node repeats itself, and no bound is near."""
         shift, bounds = repeated_shift(self.nodes, number, scale), self._follower.bounds
         if shift is None:
-            near = {key: node for key, node in self.nodes.items() if key >= self._first}
+            first = min(number, self._first)  # a later start may meet rays of an earlier one
+            near = {key: node for key, node in self.nodes.items() if key >= first}
             shift = shift_along_row(near, number, scale)
             self.is_net |= shift is not None and bounds is None
         if shift is None:

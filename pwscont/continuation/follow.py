@@ -18,6 +18,7 @@ from pwscont.basics.arrays import Array, generic
 from pwscont.basics.budget import check_budget, current_budget
 from pwscont.basics.errors import InvalidInputError
 from pwscont.basics.outcome import Failure, FailureReason, Kind, Remark
+from pwscont.basics.rounding import EPS, GUARD
 from pwscont.curve.curve import Curve, State
 from pwscont.curve.metric import Gauge, Range
 from pwscont.curve.stepper import (
@@ -409,6 +410,7 @@ def _changes(sizes: Array, alpha: Array, parts: Sequence[float], ratio: float) -
         return []
     ends = [*(int(np.argmax(sizes >= part * largest)) for part in parts), farthest]
     changes = np.abs(np.diff(alpha[ends]))
+    changes[changes <= GUARD * EPS * np.abs(alpha).max()] = 0.0  # rounding shrinks no more
     return changes.tolist() if (changes[1:] <= ratio * changes[:-1]).all() else []
 
 

@@ -19,6 +19,7 @@ from pwscont.basics.errors import InvalidInputError
 from pwscont.basics.outcome import SearchScope
 from pwscont.basics.printing import short
 from pwscont.basics.quantities import Function, checked_record
+from pwscont.basics.rounding import EPS, GUARD
 from pwscont.continuation.follow import default_detectors
 from pwscont.continuation.journal import Journal
 from pwscont.curve.magnitudes import rounded_to_one
@@ -42,6 +43,8 @@ if TYPE_CHECKING:
     from pwscont.events.events import Events
     from pwscont.events.user_event import Stop
 
+#: Least length of an interval, as a part of alpha: GUARD times the rounding at special points.
+SHORTEST_INTERVAL = GUARD**2 * EPS
 #: Called with the number of pieces and the alpha reached.
 Report = Callable[[int, float], None]
 #: The detectors and the events that a user gave.
@@ -71,8 +74,11 @@ def checked_interval(system: PiecewiseSystem, interval: tuple[float, float]) -> 
     except (TypeError, ValueError, OverflowError) as error:
         words = f"interval must be two numbers, got {short(repr(interval))}"
         raise InvalidInputError(words) from error
-    if not (isfinite(lo) and isfinite(hi) and lo < hi):
+    if not (isfinite(hi - lo) and lo < hi):
         raise InvalidInputError(f"interval needs finite lo < hi, got ({lo}, {hi})")
+    if hi - lo < SHORTEST_INTERVAL * max(abs(lo), abs(hi)):
+        words = f"is shorter than {SHORTEST_INTERVAL:.0e} of alpha: rounding hides what is in it"
+        raise InvalidInputError(f"interval ({lo}, {hi}) {words}")
     low, high = system.domain
     if lo < low or hi > high:
         words = f"leaves the domain [{low}, {high}] of {type(system).__name__}"

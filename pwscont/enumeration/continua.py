@@ -54,6 +54,8 @@ MOST_CELLS_FILLED = 4**10
 #: Distances from an end of a stretch, as parts of the stretch. That one of these places is filled
 #: is enough, for the solutions may shrink to a point at the end.
 NEAR_AN_END = 1e-1, 1e-2, 1e-3
+#: A place in a stretch that is special by no symmetry, as a part of the stretch.
+ASIDE = 0.5 * (3.0 - 5.0**0.5)
 #: Most tests near a place of which all cells are looked at.
 MOST_TESTS_NEAR = 6
 #: Number of known places on each side of a gap from which a place in the gap is looked for.
@@ -201,8 +203,11 @@ def find_continua(
     else:  # single values of alpha, and stretches between values
         known = sorted(set(alphas))
         for lo, hi in [*zip(known, known, strict=True), *pairwise(known)]:
-            if solve_slice(system, metric, 0.5 * (lo + hi)).faces:
-                yield Continuum(lo, hi, lo == hi, lo == hi, 0.0)
+            middle, beside = 0.5 * (lo + hi), lo + ASIDE * (hi - lo)
+            if solve_slice(system, metric, middle).faces:  # by symmetry, perhaps there alone
+                is_wide = lo < hi and bool(solve_slice(system, metric, beside).faces)
+                ends = (lo, hi) if is_wide else (middle, middle)
+                yield Continuum(*ends, not is_wide, not is_wide, 0.0)
 
 
 def _beside(

@@ -34,6 +34,7 @@ from pwscont.enumeration.options import Table
 from pwscont.enumeration.polyhedron import Point, Slice
 from pwscont.enumeration.slices import tests_of
 from pwscont.linear.factor import sign_of_permutation
+from pwscont.system.promises import checked_necessary
 from pwscont.system.selection import Selection
 from pwscont.system.system import Block, SlicewiseLinearSystem, number_of_cells
 
@@ -60,6 +61,7 @@ class ExactSlice:
     def __init__(self, system: SlicewiseLinearSystem, scale: Array, alpha: float) -> None:
         self._n, self._scale, self._alpha = system.size, scale, alpha
         table = Table.at(system, alpha, scale)
+        self._necessary = checked_necessary(system, alpha)
         self._rows = [np.column_stack(rows) for rows in table.rows]
         self._tests = np.column_stack(table.tests)
         pairs = zip(table.blocks, table.bounding, strict=True)
@@ -159,7 +161,7 @@ class ExactSlice:
         y = self._eliminated.solved(self._n, D, echelon.solved(self._n))
         z = np.array([_float(Fraction(value, D)) for value in y])  # correctly rounded
         worst = self._worst(picks, (*y, D), z) if np.isfinite(z).all() else -np.inf
-        if worst <= -FAR_OUTSIDE:
+        if worst <= -FAR_OUTSIDE or self._breaks_necessary(z):
             return None
         rows = in_modes(self._rows, [block.rows for block in self._blocks], picks)
         rounding = EPS * (np.abs(rows) @ np.append(np.abs(z), 1.0))
@@ -170,6 +172,12 @@ class ExactSlice:
         det_sign = parity if D > 0 else -parity
         cells = (self._character(picks),)
         return Point(np.append(z, self._alpha), error, cells, det_sign), worst >= 0.0
+
+    def _breaks_necessary(self, z: Array) -> bool:
+        """Tell whether a point is no solution, although it lies in a cell, as a pull if F = 0."""
+        A, b = self._necessary
+        terms = np.abs(A) @ (np.abs(z) + self._scale) + np.abs(b)
+        return bool((A @ z + b < -CERTAINLY_OUTSIDE * terms).any())
 
     def _character(self, picks: tuple[int, ...]) -> Character:
         character = Character([True] * len(self._tests))

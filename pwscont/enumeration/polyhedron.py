@@ -20,6 +20,7 @@ from scipy.linalg import null_space
 from pwscont.basics.arrays import Array
 from pwscont.basics.character import Character
 from pwscont.basics.rounding import EPS, GUARD, TINY
+from pwscont.curve.error_samples import ONE_DIGIT
 from pwscont.enumeration.choices import SLACK, Choices, inequalities_of
 from pwscont.enumeration.options import Option, Problem
 
@@ -133,8 +134,11 @@ def face_of(problem: Problem, one: Choices, alpha: float) -> Face | None:
 
 
 def inside_of(problem: Problem, one: Choices) -> tuple[Polyhedron, Array, Array, float] | None:
-    """Return the closed cell of a choice, its ``inside`` and the rounding, None for no solution."""
-    if not satisfies(problem.chosen(one.picks[:, 0]), one.starts[0]):
+    """Return the closed cell of a choice, its ``inside`` and the rounding, None for no solution.
+
+    A cell without a known digit, as at 1e15, has none: rounding hides whether its equations hold.
+    """
+    if one.rounding[0] > ONE_DIGIT or not satisfies(problem.chosen(one.picks[:, 0]), one.starts[0]):
         return None
     rounding = min(GUARD * float(one.rounding[0]), SLACK)
     sides, values, _ = inequalities_of(problem, one)

@@ -67,6 +67,7 @@ def _at_once(system: SlicewiseLinearSystem, metric: Metric, alpha: float, table:
                 check_budget()
                 face = face_of(problem, choices[k : k + 1], alpha)
                 faces += [face] if face else []
+                found.undecided += bool(choices.rounding[k] > ONE_DIGIT)
         else:
             found.add(choices)
     points, wide = found.points(), tuple(face for face in faces if face.dimension)
