@@ -63,7 +63,7 @@ BUDGET = {
     "notation": (13, 2961),
     "curve": (12, 3433),
     "enumeration": (11, 2510),
-    "transitions": (13, 3348),
+    "transitions": (13, 3350),
     "graph": (8, 2439),
     "search": (9, 2022),
     "continuation": (9, 2725),
