@@ -61,14 +61,14 @@ BUDGET = {
     "system": (9, 1943),
     "linear": (5, 1091),
     "notation": (13, 2961),
-    "curve": (12, 3433),
+    "curve": (12, 3438),
     "enumeration": (11, 2510),
     "transitions": (13, 3350),
-    "graph": (8, 2439),
+    "graph": (8, 2447),
     "search": (9, 2022),
     "continuation": (9, 2725),
     "kit": (4, 976),
-    "proof": (7, 2079),
+    "proof": (7, 2090),
     "events": (4, 556),
     "scenes": (14, 2671),
     "view": (6, 934),
@@ -76,7 +76,7 @@ BUDGET = {
     "two_parameters": (16, 3656),
     "studies": (11, 2254),
     "bench": (15, 1840),
-    "commands": (10, 1158),
+    "commands": (10, 1170),
 }
 #: Most files and classes that the README's arch meets; a change that needs more says why.
 MOST_FILES_MET, MOST_CLASSES_MET = 50, 55

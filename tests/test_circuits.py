@@ -372,6 +372,25 @@ def test_one_source_is_swept():
         parse_netlist("title\nV0 a 0 1\nR1 a 0 1\n.dc V0 0 1\n.dc V0 0 2\n")
 
 
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("R3 a 0 2\nV0 a 0 1\nR1 a 0 1\n", "line 1 of the netlist, 'R3 a 0 2', is not read"),
+        ("\n.model D D(von=0.6)\nV0 a 0 1\n", "line 2 of the netlist, '.model D D von=0.6'"),
+        ("title\nV0 a 0 1\nR1 a 0 1\n.END\n* b\nR2 a\n+ 0 1", "line 6 of the netlist, 'R2 a 0 1'"),
+    ],
+)
+def test_no_part_of_the_circuit_is_lost_before_or_behind_the_netlist(text, words):
+    with pytest.raises(InvalidInputError, match=re.escape(words)):
+        parse_netlist(text)
+
+
+def test_a_sweep_may_fall(tmp_path):
+    file = tmp_path / "falling.cir"
+    file.write_text("falling\nV1 a 0 1\nR1 a 0 1\n.dc V1 5 0 -0.1\n", encoding="utf-8")
+    assert netlist(str(file)).interval == (0.0, 5.0)
+
+
 def test_errors_count_lines_before_the_title():
     with pytest.raises(InvalidInputError, match="line 4 of the netlist"):
         parse_netlist("\n  \ntitle\nC1 a 0 1u\n")

@@ -206,6 +206,24 @@ def test_interruption_at_any_time_of_the_first_seconds():
         check_interruption(moments.uniform(0.0, 2.0))
 
 
+class Interrupts:
+    """An attribute that is interrupted while the class of the attribute is being made."""
+
+    def __set_name__(self, owner, name):
+        raise KeyboardInterrupt
+
+
+def test_interruption_while_a_class_is_made_is_an_interruption(monkeypatch, capsys):
+    """Python 3.11 raises a RuntimeError there, caused by the interruption."""
+
+    def make(options):
+        type("Made", (), {"attribute": Interrupts()})
+
+    monkeypatch.setattr("pwscont.commands.cli.run_scene", make)
+    assert main(["run", "fig7"]) == 130
+    assert "interrupted" in capsys.readouterr().err
+
+
 # -- plug-ins --------------------------------------------------------------------------------------
 
 BROKEN = """

@@ -71,3 +71,43 @@ def test_the_error_of_a_tangential_kink_covers_its_distance(power):
     for point in explore(curve, (-1.0, 1.0)).special_points():
         if point.kind not in ("start", "end"):
             assert abs(point.alpha - 0.3) <= 3.0 * point.error[-1] + 1e-15
+
+
+class SmallLoop(PiecewiseSystem):
+    """An ellipse of y_0 and alpha, a thousandth of the interval wide, with y_i = sin(y_0 + i)."""
+
+    def __init__(self, seed):
+        rng = np.random.default_rng(seed)
+        self.size = n = int(rng.integers(1, 5))
+        self.c, self.d = rng.normal(), rng.uniform(0.2, 0.8)
+        self.wide = 10.0 ** rng.uniform(-3.5, -2.5)
+        self.Q = np.linalg.qr(rng.normal(size=(n, n)))[0]
+
+    def test_functions(self, z, alpha):
+        return np.ones(1)
+
+    def residual(self, z, alpha, character):
+        y = z @ self.Q
+        rest = y - 0.4 * np.sin(y[0] + np.arange(self.size))
+        rest[0] = (2.0 * (y[0] - self.c)) ** 2 + ((alpha - self.d) / self.wide) ** 2 - 1.0
+        return rest
+
+    def top(self):
+        """Return the solution with the largest y_0."""
+        y = 0.4 * np.sin(self.c + 0.5 + np.arange(self.size))
+        y[0] = self.c + 0.5
+        return self.Q @ y, self.d
+
+
+@pytest.mark.parametrize("seed", swept(range(3), range(3, 12)))
+def test_folds_of_a_small_loop_are_found_once_and_well(seed):
+    """Differences tell the slope of alpha far better than the rest of the tangent here."""
+    system = SmallLoop(seed)
+    graph = trace(system, system.top(), (0.0, 1.0))
+    folds = graph.special_points("fold")
+    assert len(folds) == 2
+    assert graph.count(system.d) == 2
+    for fold in folds:
+        off = abs((fold.z @ system.Q)[0] - system.c)
+        assert off <= max(fold.error) < 1e-8
+        assert abs(abs(fold.alpha - system.d) - system.wide) <= 1e-12

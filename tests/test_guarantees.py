@@ -12,6 +12,7 @@ from pwscont import (
     EndPoints,
     PiecewiseLinearSystem,
     PiecewiseSystem,
+    Switched,
     explore,
     trace,
 )
@@ -91,6 +92,13 @@ def test_a_solution_that_stands_twice():
     )
     lo, hi = piece.interval
     assert_says(twice, "not balanced", f"a solution stands twice in ({lo:.8g}, {hi:.8g})")
+
+
+def test_curves_that_touch_amid_a_stretch_do_not_stand_twice():
+    """|z| = alpha^2: two solutions for each alpha except 0, in the middle of the only stretch."""
+    graph = explore(Switched(1, lambda z, t, sw: sw.abs(z) - t**2), (-1.0, 1.0))
+    assert_says(graph, "balanced")
+    assert [graph.count(alpha) for alpha in (-0.7, -1e-3, 1e-3, 0.7)] == [2, 2, 2, 2]
 
 
 def test_a_branch_that_is_missing():

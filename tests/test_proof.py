@@ -7,7 +7,7 @@ from sweeps import swept
 
 import pwscont.proof.boxes
 import pwscont.proof.interval
-from pwscont import Switched
+from pwscont import Everywhere, Switched, explore
 from pwscont.proof.boxes import MOST_BOXES
 from pwscont.proof.interval import Interval
 
@@ -252,3 +252,13 @@ def test_a_kink_where_alpha_turns_is_a_fold_of_a_sign():
         proof = proved(lambda z, t, sw, s=sign: sw.abs(z) - s * t, 1, (-2.0, 2.0), (-1.0, 1.0))
         assert [turn for *_, turn in proof.turns] == [sign]
         assert proof.words == "complete in the box, proved"
+
+
+@pytest.mark.parametrize(
+    "grows", [lambda u: np.exp(u * u) - 1.0, lambda u: 3.0 * np.expm1(u * u), np.cosh]
+)
+def test_far_out_where_the_exponential_overflows_nothing_is_left_open(grows):
+    loop = Switched(1, lambda z, t, sw: grows((z + 1.6) / 0.1) + (t / 0.01) ** 2 - 3.0)
+    proof = explore(loop, (-0.5, 1.0), search=Everywhere(box=(-500.0, 500.0))).proof
+    assert proof.holds
+    assert [proof.count(t) for t in (-0.4, 0.001, 0.9)] == [0, 2, 0]

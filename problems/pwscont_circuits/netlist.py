@@ -112,8 +112,9 @@ def read_netlist(path: str | Path) -> Netlist:
 def parse_netlist(text: str) -> Netlist:
     r"""Return the title, the circuit and the sweep of a netlist.
 
-    The first line is the title. ``*`` begins a line of comment, ``;`` a comment behind a line, and
-    a line that begins with ``+`` goes on with the line before. Capital and small letters are alike.
+    The first line is the title, and lines behind ``.end`` are not read: neither may look like a
+    part of the circuit. ``*`` begins a line of comment, ``;`` a comment behind a line, and a line
+    that begins with ``+`` goes on with the line before. Capital and small letters are alike.
     Numbers may have the suffixes t, g, meg, k, m, u, n, p and f, and letters of a unit after the
     suffix::
 
@@ -150,10 +151,14 @@ def parse_netlist(text: str) -> Netlist:
     title, *rest = every[before:] or [""]
     reader = _Reader()
     lines = list(_lines(rest, before + 2))
+    ends = (place for place, (_, words) in enumerate(lines) if " ".join(words).lower() == ".end")
+    over = next(ends, len(lines))
     for cards in (True, False):  # a model may stand after elements that refer to the model
-        for number, words in lines:
+        for number, words in lines[:over]:
             if (words[0].lower() == ".model") == cards:
                 _at_line(number, reader.read, words)
+    for number, words in ((before + 1, _words(title) or ["*"]), *lines[over + 1 :]):
+        _refuse_lost(number, words, reader)
     return Netlist(title.strip(), Circuit(reader.elements.values()), reader.sweep)
 
 
@@ -162,14 +167,28 @@ def _lines(rest: Sequence[str], first: int) -> Iterator[tuple[int, list[str]]]:
     found: list[tuple[int, str]] = []
     for number, line in enumerate(rest, first):
         code = line.partition(";")[0].strip()
-        if code.lower() == ".end":
-            break
         if code.startswith("+") and found:
             found[-1] = (found[-1][0], f"{found[-1][1]} {code[1:]}")
         elif code and not code.startswith("*"):
             found.append((number, code))
     for number, line in found:
-        yield number, re.sub(r"\s*=\s*", "=", re.sub(r"[(),]", " ", line)).split()
+        yield number, _words(line)
+
+
+def _words(line: str) -> list[str]:
+    return re.sub(r"\s*=\s*", "=", re.sub(r"[(),]", " ", line)).split()
+
+
+def _refuse_lost(number: int, words: list[str], reader: _Reader) -> None:
+    """Refuse a line that is not read, and would be a part of the circuit at another place."""
+    try:
+        reader.read(words)
+    except InvalidInputError:
+        return  # nearly always
+    raise InvalidInputError(
+        f"line {number} of the netlist, {' '.join(words)!r}, is not read: the first line is the "
+        "title, and behind .end nothing is read"
+    )
 
 
 def _at_line(number: int, read: Callable[[list[str]], None], words: list[str]) -> None:

@@ -19,7 +19,8 @@ def scene_of(name: str, netlist: Netlist, shown: Sequence[str], at: Sequence[flo
     """Return the sweep of a netlist as a scene that shows the given unknowns."""
     if netlist.sweep is None:
         raise InvalidInputError(f"scene {name}: the netlist needs a line .dc source from to")
-    source, lo, hi = netlist.sweep
+    source, *between = netlist.sweep
+    lo, hi = sorted(between)  # the branches are the same in either direction
     system = netlist.circuit.sweep(source)
     panels = tuple(Panel(unknown) for unknown in shown)
     return Scene(

@@ -40,12 +40,24 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except BrokenPipeError:  # the reader, such as head, has seen enough
         _close_output()
         return 0
-    except KeyboardInterrupt:
-        print("pwscont: interrupted", file=sys.stderr)  # noqa: T201
-        return 130
-    except (PwscontError, OSError, MemoryError) as error:
+    except BaseException as error:
+        if _is_interruption(error):
+            print("pwscont: interrupted", file=sys.stderr)  # noqa: T201
+            return 130
+        if not isinstance(error, (PwscontError, OSError, MemoryError)):
+            raise
         _close_output()
         return _failed(_in_words(error))
+
+
+def _is_interruption(error: BaseException | None) -> bool:
+    """Tell whether an error is an interruption, or was caused by an interruption.
+
+    Until Python 3.12 a class that is being made turns an interruption into a RuntimeError.
+    """
+    while error is not None and not isinstance(error, KeyboardInterrupt):
+        error = error.__cause__
+    return error is not None
 
 
 def _in_words(error: Exception) -> str:

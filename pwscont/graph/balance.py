@@ -160,6 +160,8 @@ TOO_FEW_DIGITS = 2.0
 AT_THE_END = 1e-6
 #: Most stretches in which, and most unknowns for which, solutions are compared.
 MOST_STRETCHES, MOST_SOLVED = 32, 64
+#: Where in a stretch solutions are compared: in the middle, and next to the middle.
+AMID = (0.5, 0.501)
 #: At most this many places of a kind are listed; further places are counted.
 MOST_PLACES_LISTED = 3
 #: What is said of corners at which only some ways on are known.
@@ -234,10 +236,16 @@ def listed(gaps: Iterable[Gap]) -> str:
 
 
 def _stands_twice(graph: ConnectedPieces, gap: Gap) -> bool:
-    """Tell whether two solutions in the middle of a stretch agree within the estimated errors."""
+    """Tell whether two solutions amid a stretch agree within the estimated errors.
+
+    Two curves that touch agree at one place; a solution that stands twice agrees next to it, too.
+    """
     with suppress(PwscontError):  # the graph was loaded without a system, or is damaged here
-        found = queries.solutions_at(graph, 0.5 * (gap[0] + gap[1]))
-        return any(are_one(a, b) for a, b in combinations(found, 2))
+        for part in AMID:
+            found = queries.solutions_at(graph, gap[0] + part * (gap[1] - gap[0]))
+            if not any(are_one(a, b) for a, b in combinations(found, 2)):
+                return False
+        return True
     return False
 
 

@@ -232,7 +232,18 @@ FAR = 1e6
 #: By how much of a period the place of a crest may be misjudged; rounding of arguments below FAR
 #: makes errors smaller by a factor of a thousand.
 BLUR = 1e-6
+#: The product of so large a number and any coefficient does not overflow.
+HUGE = 1e150
 Map = Callable[[Interval], Interval]
+
+
+def _finite(lo: Array, hi: Array) -> tuple[Array, Array]:
+    """Return bounds, the lower bound no more and the upper bound no less than a huge number.
+
+    The exponential function overflows far out in a box: further sums and products have ends all
+    the same.
+    """
+    return np.minimum(lo, HUGE), np.maximum(hi, -HUGE)
 
 
 def _increasing(name: str, least: float, most: float, first: float, last: float) -> Map:
@@ -240,7 +251,7 @@ def _increasing(name: str, least: float, most: float, first: float, last: float)
     function, ulps = getattr(np, name), 1.0 if name == "sqrt" else FUNCTION_ULPS
 
     def values(x: Interval) -> Interval:
-        y = Interval.rounded(function(x.lo), function(x.hi), ulps)
+        y = Interval.rounded(*_finite(function(x.lo), function(x.hi)), ulps)
         y = Interval(np.maximum(y.lo, least), np.minimum(y.hi, most))
         return y.where((x.lo >= first) & (x.hi <= last))
 
@@ -294,7 +305,7 @@ def _correctly_rounded(name: str) -> Map:
 
     def values(x: Interval) -> Interval:
         y = function(ival.Interval(x.lo, x.hi))
-        return Interval(y.inf, y.sup).where((x.lo >= first) & (x.hi <= last))
+        return Interval(*_finite(y.inf, y.sup)).where((x.lo >= first) & (x.hi <= last))
 
     return values
 
