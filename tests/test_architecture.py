@@ -57,26 +57,26 @@ LONGEST_FILE = 500
 #: Most files and lines of each room, a little above the figures when they were set. When a room
 #: becomes smaller, its budget becomes smaller.
 BUDGET = {
-    "basics": (11, 1253),
-    "system": (9, 1943),
+    "basics": (11, 1256),
+    "system": (9, 1944),
     "linear": (5, 1091),
-    "notation": (13, 2961),
+    "notation": (13, 3005),
     "curve": (12, 3438),
     "enumeration": (11, 2510),
     "transitions": (13, 3350),
-    "graph": (8, 2447),
+    "graph": (8, 2449),
     "search": (9, 2022),
-    "continuation": (9, 2725),
+    "continuation": (9, 2728),
     "kit": (4, 976),
     "proof": (7, 2090),
     "events": (4, 556),
-    "scenes": (14, 2671),
+    "scenes": (14, 2682),
     "view": (6, 934),
     "evolution": (14, 3087),
-    "two_parameters": (16, 3656),
-    "studies": (11, 2254),
+    "two_parameters": (16, 3665),
+    "studies": (11, 2271),
     "bench": (15, 1840),
-    "commands": (10, 1170),
+    "commands": (10, 1174),
 }
 #: Most files and classes that the README's arch meets; a change that needs more says why.
 MOST_FILES_MET, MOST_CLASSES_MET = 50, 55

@@ -416,7 +416,7 @@ BACK = Resistor("RB", "a", "0", 1.0)
         ([E, R, D, VoltageSource("E2", "in", "0", 2.0)], "E2 closes a loop of given voltages"),
         ([E, R, D, OpAmp("X", "a", "0", "in")], "X closes a loop of given voltages, among E, X"),
         ([VoltageSource("E", "a", "b", 1.0), Resistor("R", "a", "b", 1.0)], "connected to ground"),
-        ([], "connected to ground"),
+        ([], "a circuit needs elements, and there are none"),
         ([E, R, "D1"], "elements must be elements of circuits, got 'D1'"),
     ],
 )
@@ -439,6 +439,8 @@ def test_wrong_circuits_are_refused(elements, words):
         (lambda: OpAmp("X", "a", "b", "c", low=1.0, high=1.0), "low must be below high"),
         (lambda: Polyline([2.0, 1.0], [0.0, 1.0, 2.0]), "knots must ascend"),
         (lambda: Polyline([1.0], [0.0]), "k knots need k + 1 slopes"),
+        (lambda: Resistor("R", "a", 0, 1.0), "R: minus must be a text, got 0; ground is the node"),
+        (lambda: parse_netlist("a title"), "a circuit needs elements"),
         (lambda: VoltageSource("", "a", "0", 1.0), "the name of an element must be a text"),
         (lambda: diode_ladder(sections=0), "sections must be from 1 to 100000, got 0"),
         (lambda: diode_ladder(sections=99999999), "sections must be from 1 to 100000"),
@@ -447,6 +449,10 @@ def test_wrong_circuits_are_refused(elements, words):
 def test_wrong_numbers_are_refused(make, words):
     with pytest.raises(InvalidInputError, match=re.escape(words)):
         make()
+
+
+def test_a_circuit_says_how_large_it_is():
+    assert repr(Circuit([E, R, D])) == "Circuit(3 elements, 2 nodes beside ground)"
 
 
 def test_unknown_names_are_refused():
@@ -469,9 +475,9 @@ def test_a_resistor_of_any_characteristic_may_have_negative_slopes():
 @pytest.mark.parametrize(
     ("make", "words"),
     [
-        (lambda: VoltageSource("E", "a", "0", "5V"), "value of E must be an array of numbers"),
+        (lambda: VoltageSource("E", "a", "0", "5V"), "value of E must be a number, got '5V'"),
         (lambda: NonlinearResistor("N", "a", "0", 3), "characteristic of N must be a Polyline"),
-        (lambda: Resistor("R", "a", "0", "many"), "resistance of R must be an array of numbers"),
+        (lambda: Resistor("R", "a", "0", "many"), "resistance of R must be a number, got 'many'"),
         (lambda: Circuit(3), "elements must be a sequence of elements, got 3"),
         (lambda: parse_netlist(3), "a netlist must be a text, got 3; read_netlist takes a path"),
     ],

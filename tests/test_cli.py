@@ -397,7 +397,7 @@ def test_resolution_is_what_was_asked_for(capsys, tmp_path):
         ),
         (["fig7", "--dpi", "100"], "--dpi needs -o DIR: pictures are written there"),
         (["fig7", "--format", "pdf"], "--format needs -o DIR"),
-        (["fig7", "-o", "out", "--panels", "u_s"], "did you mean u_ν or u_t?"),
+        (["fig7", "-o", "out", "--panels", "u_s"], "did you mean u_t or u_ν?"),
         (["fig7", "-o", "out", "--panels", "4"], "there is no '4'; names are u_ν, u_t, λ_ν, λ_t"),
         (["fig7", "-o", "out", "--panels", "-1"], "there is no '-1'; names are u_ν, u_t"),
         (["fig5", "-o", "out", "--panels", "u_t"], "scene fig5 draws no quantity over a parameter"),

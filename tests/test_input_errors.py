@@ -135,6 +135,20 @@ def test_friction_problem(arguments, words):
         CoulombFriction(body(), *arguments)
 
 
+@pytest.mark.parametrize(
+    ("problem", "other"), [(CoulombLoad, (LOAD, 1.0)), (CoulombFriction, ([1.0, 0.0],))]
+)
+def test_a_body_comes_first(problem, other):
+    with pytest.raises(InvalidInputError, match="body must be a ContactBody, got AffineLoad"):
+        problem(LOAD, *other)
+
+
+def test_a_load_path_returns_numbers():
+    system = CoulombLoad(body(), lambda alpha: "heavy", 1.0)
+    with pytest.raises(InvalidInputError, match=r"load\(0.5\) must be numbers, got 'heavy'"):
+        system.load_at(0.5)
+
+
 @NOT_FINITE
 def test_affine_load_must_be_finite(bad):
     with pytest.raises(InvalidInputError, match="f0 must be finite"):
@@ -220,7 +234,7 @@ def test_negative_friction_interval(interval):
         ((np.zeros(3), 0.0), "z of the start has shape"),
         ((np.zeros((4, 1)), 0.0), "z of the start has shape"),
         ((0.0, 0.0), "z of the start has shape"),
-        (([0.0, np.nan, 0.0, 0.0], 0.0), "z of the start must be finite"),
+        (([0.0, np.nan, 0.0, 0.0], 0.0), r"z of the start must be finite, but entry \[1\] is nan"),
         (([0.0, np.inf, 0.0, 0.0], 0.0), "z of the start must be finite"),
         ((["a"] * 4, 0.0), "z of the start must be an array of numbers"),
         (3.0, "start must be a pair"),

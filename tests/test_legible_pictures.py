@@ -7,9 +7,19 @@ import numpy as np
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_rgb
+from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from pwscont_circuits import Circuit, Resistor, TunnelDiode, VoltageSource
 
-from pwscont import LCP, Switched, explore, plot
+from pwscont import (
+    LCP,
+    InvalidInputError,
+    Switched,
+    UnknownNameError,
+    draw_counts,
+    explore,
+    plot,
+)
 from pwscont.scenes.plotting import arrange, draw_scene, place_legend, told_apart
 from pwscont.scenes.registry import load_scene
 from pwscont.scenes.styles import COLORS, color_of, in_letters, in_notation, symbol
@@ -68,6 +78,46 @@ def test_entries_of_a_legend_differ(words):
     labels = told_apart(words)
     assert len(set(labels)) == len(words)
     assert max(len(line) for label in labels for line in label.splitlines()) <= 40
+
+
+def test_entries_of_a_legend_lose_whole_clauses_only():
+    words = ["low: p, q", "low: p; free: q", "high: p; free: q"]
+    assert told_apart(words) == words
+    long = [f"{word}; {'other, ' * 8}" for word in words]
+    assert told_apart(long) == [f"{word} …" for word in words]
+
+
+def test_equal_labels_at_one_place_are_written_once():
+    diodes = [
+        TunnelDiode(name, *ends, 1.0, 1.0, 2.0, 0.5, 1.0)
+        for name, ends in {"T1": ("a", "b"), "T2": ("b", "0")}.items()
+    ]
+    supply = VoltageSource("E", "in", "0", 0.0), Resistor("R", "in", "a", 2.0)
+    twins = explore(Circuit([*supply, *diodes]).sweep("E"), (0.0, 12.0))
+    folds = [p for p in twins.special_points("nonsmooth fold") if round(p["I(T1)"], 9) == 1.0]
+    assert len(folds) == 2  # both diodes carry the same current
+    ax = plot(twins, "I(T1)")
+    written = [(text.get_text(), *np.round(text.xy, 9)) for text in ax.texts]
+    assert len(set(written)) == len(written) > 0
+
+
+def test_a_picture_without_solutions_shows_the_interval_and_says_so():
+    nothing = explore(Switched(1, lambda z, t, sw: sw.abs(z) + 1.0 + t), (2.0, 3.0))
+    ax = plot(nothing)
+    assert ax.get_title() == "no solution found"
+    assert ax.get_xlim() == (2.0, 3.0)
+
+
+def test_counts_name_the_parameter(graph):
+    assert draw_counts(graph, FigureCanvasAgg(Figure()).figure.subplots()).get_xlabel() == "$α$"
+
+
+def test_what_cannot_be_drawn_is_refused_in_words(graph):
+    with pytest.raises(InvalidInputError, match="what and y are both the vertical axis"):
+        plot(graph, 0, y=1)
+    named = explore(LCP([[1]], [-1], [1], names=["λ_t,1"]), (-1.0, 2.0))
+    with pytest.raises(UnknownNameError, match="did you mean λ_t,1"):
+        plot(named, "lambda_t")
 
 
 @pytest.mark.parametrize("quantity", [0, "z[0]", lambda z, alpha: z[0]])

@@ -5,7 +5,7 @@ import pytest
 from pwscont_coulomb import AffineLoad, ContactBody, CoulombLoad
 from sweeps import swept
 
-from pwscont import Axes, PlaneScene
+from pwscont import Axes, InvalidInputError, PlaneScene
 from pwscont.two_parameters.loci import follow_transitions, parts_of
 
 
@@ -70,4 +70,20 @@ def test_a_locus_along_which_friction_stays_the_same():
     # lambda_t of node 1 is F lambda_nu at alpha = -1 / 8
     assert np.sort(level[[0, -1], 0]) == pytest.approx([-0.125, 2.0], rel=1e-12)
     assert level[:, 1] == pytest.approx(1.5, rel=1e-12)
-    assert plane.guarantee.startswith("balanced; 10 of 10 regions proven")
+    assert plane.guarantee.startswith("balanced; 10 of 10 regions of ")
+
+
+@pytest.mark.parametrize(
+    ("wrong", "words"),
+    [
+        ({"levels": ()}, r"levels must be values of mu from 0.5 to 4.0, at least one, got \(\)"),
+        ({"levels": (9.0,)}, "levels must be values of mu from 0.5 to 4.0"),
+        ({"levels": 1.5}, "levels must be values of mu from 0.5 to 4.0"),
+        ({"axes": "F"}, "axes must be an Axes, got 'F'"),
+        ({"family": 3.0}, "family must be a function of mu, got 3.0"),
+    ],
+)
+def test_wrong_parts_of_a_plane_are_refused_in_words(wrong, words):
+    given = {"family": chain(1), "levels": (2.0,)} | wrong
+    with pytest.raises(InvalidInputError, match=words):
+        PlaneScene("p", "p", alphas=(-2.0, 2.0), mus=(0.5, 4.0), **given).run()

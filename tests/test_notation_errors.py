@@ -38,6 +38,11 @@ WRONG = {
     "finite at none of": lambda z, t, sw: z - sw.clip(z, [0.0, np.nan], 1.0) - t,
     "sw has no 'maximum'; it has max": lambda z, t, sw: sw.maximum(z, 0.0) - t,
     "infinite": lambda z, t, sw: z - sw.max(z, -np.inf) - t,
+    "arguments of sw.min must be real numbers or arrays of them, got texts": lambda z, t, sw: (
+        z - sw.min(z, "a")
+    ),
+    "must return 2 real numbers, got str: texts": lambda z, t, sw: "z",
+    "write a continuous formula": lambda z, t, sw: np.sign(z) - t,
 }
 
 
@@ -95,6 +100,11 @@ def test_arguments_are_checked():
         Switched(1, line, switches=["a", "b"])
     with pytest.raises(InvalidInputError, match="names must be a list of texts, got 5"):
         Switched(1, line, names=5)
+    with pytest.raises(InvalidInputError, match="switches must be a list of texts, got 'a'"):
+        Switched(1, line, switches="a")
+    for wrong in ({"unique": "no"}, {"degree": 0.5}, {"degree": "1"}):
+        with pytest.raises(InvalidInputError, match="unique must be True or False, and degree a"):
+            Switched(1, line, **wrong)
     for bounds in (5, ("a", "b")):
         with pytest.raises(InvalidInputError, match=r"bounds must be a pair \(lower, upper\) of"):
             Switched(1, line, bounds=bounds)
@@ -385,5 +395,35 @@ def test_a_function_that_keeps_numbers_for_the_next_call_is_refused():
 
 @pytest.mark.parametrize("upper", ["x", np.nan])
 def test_bounds_that_are_no_numbers_are_refused_in_words(upper):
-    with pytest.raises(InvalidInputError, match=r"a bound must be numbers, got \['?(x|nan)'?\]"):
+    with pytest.raises(InvalidInputError, match=r"upper must be numbers, .* got \['?(x|nan)'?\]"):
         Complementarity(lambda z, t: z - t, lower=[0.0], upper=[upper])
+
+
+@pytest.mark.parametrize("linear", [False, True])
+@pytest.mark.parametrize("F", [lambda z, t: z[:1] - t, lambda z, t: z.sum() - t])
+def test_one_value_is_not_spread_over_all_unknowns(F, linear):
+    with pytest.raises(InvalidSystemError, match="one number for each of the 3 unknowns"):
+        Complementarity(F, n=3, linear=linear)
+    assert Complementarity(lambda z, t: z.sum() - t, n=1, linear=linear).size == 1
+
+
+def test_bounds_that_cross_end_the_branch():
+    def lower(t):
+        return np.array([t, t])
+
+    problem = Complementarity(lambda z, t: z**3 + t - 2.0, lower, [0.5, 0.5])
+    graph = explore(problem, (0.0, 1.0))
+    assert [graph.count(t) for t in (0.25, 0.75)] == [1, 0]
+    assert "the model ends at alpha = 0.5 " in graph.guarantee
+    meeting = Complementarity(
+        lambda z, t: z**3 + t - 2.0, lambda t: 0.1 * t, lambda t: 0.3 - 0.2 * t, n=1
+    )
+    assert explore(meeting, (0.0, 1.0)).count(1.0) == 1
+
+
+def test_the_wrong_bound_is_named():
+    for lower in ([1.0, 1.0], [np.nan, 0.0, 0.0], ["a", "b", "c"]):
+        with pytest.raises(
+            InvalidInputError, match="lower must be numbers, one for all or one for each of 3"
+        ):
+            Complementarity(lambda z, t: z - t, lower, np.ones(3))

@@ -353,6 +353,16 @@ def test_games_with_curved_payoffs():
     assert inner == pytest.approx(np.full(2, x), rel=1e-10)
 
 
+@pytest.mark.parametrize("n", [1, 2, 3])
+def test_bounds_that_are_left_where_the_payoff_bends(n):
+    """x_i^2 = t between the bounds: at t = 0 bounds are left, and dH/dx vanishes; x = 0 alone."""
+    graph = explore(Game(lambda x, t: t - x**2, n=n), (-1.0, 1.0))
+    assert [graph.count(t) for t in (-0.5, 0.0, 0.05, 0.5)] == [1, 1, 1, 1]
+    assert "infinitely" not in graph.guarantee
+    (half,) = states(graph, 0.25)
+    assert half == pytest.approx(np.full(n, 0.5))
+
+
 # -- ReLU layers ---------------------------------------------------------------------------------
 
 
@@ -448,6 +458,8 @@ WRONG = {
     "lower and upper must be numbers": lambda: BestReplies([[0]], [1], [1], upper=[1, 2]),
     "marginal must be a function": lambda: Game(3.0),
     "units must be at least 6, got 3": lambda: relu_fixed_points(3),
+    "seed must not be negative, got -1": lambda: relu_fixed_points(seed=-1),
+    "n must be from 1 to 1000, got 0": lambda: lcp(0),
 }
 
 

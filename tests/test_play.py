@@ -5,6 +5,7 @@ import pytest
 from play_operators import springs, stops
 from pwscont_coulomb import ContactBody, QuasiStaticCoulomb
 from pwscont_structures import PlasticTruss
+from pwscont_structures.scenes import play
 from sweeps import swept
 
 from pwscont import InvalidInputError, LoadHistory, Switched, SystemWithMemory, evolve
@@ -113,3 +114,9 @@ def test_a_cycle_is_what_the_swing_of_its_springs_says(seed):
     assert [cycle.kind for cycle in evolution.cycle(2.0)] == [
         "cyclic slip" if yields else "shakedown"
     ]
+
+
+def test_settings_of_the_scene_are_refused_by_their_own_numbers():
+    for setting in ({"hardening": -1.0}, {"springs": 0}):
+        with pytest.raises(InvalidInputError, match=r"^(hardening .* got -1.0|springs .* got 0)$"):
+            play(**setting)

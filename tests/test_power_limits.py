@@ -8,7 +8,7 @@ from functools import cache
 import numpy as np
 import pytest
 from power_parts import from_flat
-from pwscont_power import Generator, PowerFlow, from_matpower
+from pwscont_power import Branch, Generator, PowerFlow, from_matpower
 from pwscont_power.networks import three_bus as three_bus_network
 from pwscont_power.scenes import three_bus_flow, three_bus_limits
 
@@ -144,6 +144,12 @@ def test_more_mistakes():
     for numbers in (("1.0",), (1.0, "0.0"), (1.0, 0.0, None)):
         with pytest.raises(InvalidInputError, match="generator at bus 2"):
             Generator(2, *numbers)
+    with pytest.raises(
+        InvalidInputError, match="x of the branch from bus 1 to bus 2 must be a num"
+    ):
+        Branch(1, 2, 0.0, "small")
+    with pytest.raises(InvalidInputError, match="a case is a mapping of tables or the path of a"):
+        from_matpower(5)
     with pytest.raises(InvalidInputError, match="there is no generator at bus 3"):
         network.with_limits(3, 0.0, 1.0)
     with pytest.raises(InvalidInputError, match="cannot be read"):

@@ -403,6 +403,7 @@ def test_the_active_inverse_follows_changes():
             lambda: QuasiStaticCoulomb(one_node(), LoadHistory(np.ones((2, 2))), -1.0),
             "must not be negative",
         ),
+        (lambda: cattaneo(nodes=0), "nodes must be at least 1, got 0"),
     ],
 )
 def test_bad_input_is_refused_in_words(make, words):

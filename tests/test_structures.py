@@ -437,9 +437,6 @@ def test_the_scene_of_the_strut():
     assert check_system(graph.system, [(s.z, s.alpha) for s in graph.solutions(20.0)])
 
 
-# --- mistakes of users
-
-
 @pytest.mark.parametrize(
     ("make", "words"),
     [
@@ -453,16 +450,20 @@ def test_the_scene_of_the_strut():
         (lambda: SofteningBar(1.0, [1.0, 1.1]), "several elements need a remaining slope"),
         (lambda: SofteningBar(1.0, [1.0, 1.1], [1.0] * 3), "numbers of elements"),
         (lambda: SofteningBar(remaining=2.0), "remaining must be from 0 to the modulus, got 2"),
-        (lambda: string(0, lambda x: -x), "a string needs a node"),
+        (lambda: string(0, lambda x: -x), "a string needs a whole number of nodes"),
+        (lambda: string("a", lambda x: -x), "a string needs a whole number of nodes"),
+        (lambda: string(5, lambda x: -x[:3]), "a height for each of 5 places"),
         (lambda: string(5, -1.0), "obstacle must be a function of x, got -1"),
         (lambda: Strut("a"), "a strut needs a whole number of elements, got 'a'"),
         (lambda: ObstacleProblem([[1.0, 2.0], [0.0, 1.0]], [0, 0], [1, 1]), "symmetric"),
         (lambda: ObstacleProblem(1.0, [0], [1]), r"square matrix, shape \(n, n\), got shape \(\)"),
         (lambda: ObstacleProblem(-np.eye(2), [0, 0], [1, 1]), "positive diagonal"),
+        (lambda: Strut(4, [(0.5, 0.1)]), r"supports must be several Support\(...\), got"),
         (lambda: Strut(1), "at least two elements, got 1"),
         (lambda: Strut(4, [Support(1.0, 0.1)]), "between the ends of the rod"),
         (lambda: Strut(4, [Support(0.5, 0.1)], [0.2]), "support 1 must be off the unloaded rod"),
         (lambda: scenes.strut_supports(elements=5), "must be even, got 5"),
+        (lambda: SofteningBar(strength=[]), "must be positive numbers, one for each element"),
     ],
 )
 def test_mistakes_are_named(make, words):

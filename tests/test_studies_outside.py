@@ -137,6 +137,8 @@ def given(problem=one_node, over=None, measure=("max-count",), **run):
             {"problem": "fig7", "over": {"nods": [2]}},
             "scene fig7 has no setting 'nods'; it has none",
         ),
+        ({"problem": lambda friction, f_nu: None}, "needs the setting 'f_nu': vary it, or give it"),
+        ({"resume": True}, "resume needs a store"),
         ({"problem": "wegde"}, "there is no scene 'wegde'; did you mean wedge"),
         ({"problem": 3}, "needs the name of a scene, or a function .* got 3"),
         ({"over": {}}, "over must map settings to their values"),

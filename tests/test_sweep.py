@@ -19,7 +19,7 @@ def one_node_scene(monkeypatch):
 @pytest.mark.usefixtures("one_node_scene")
 def test_a_sweep_prints_and_writes_a_row_for_each_case(capsys, tmp_path):
     out = tmp_path / "out"
-    asked = ["sweep", "one", "--over", "friction=1:4:2", "--over", "f_nu=0.25,0.5"]
+    asked = ["sweep", "one", "--over", "friction=1:4:2", "f_nu=0.25,0.5"]
     asked += ["--measure", "max-count", "--measure", "non-unique", "-o", str(out)]
     assert main(asked) == 0
     printed = capsys.readouterr()
@@ -86,7 +86,8 @@ def test_wrong_sweeps_are_refused_in_words(capsys, monkeypatch, tmp_path, more, 
         ("friction=", "is not of the form NAME=LO:HI:COUNT"),
         ("friction=1:2", "is not of the form NAME=LO:HI:COUNT"),
         ("friction=1:x:3", "is not of the form NAME=LO:HI:COUNT"),
-        ("friction=1:2:0", "COUNT must be at least 1, got 0"),
+        ("friction=1:2:0", "COUNT must be from 1 to 1000000, got 0"),
+        ("friction=1:2:1000000000", "COUNT must be from 1 to 1000000, got 1000000000"),
         ("friction=1:inf:3", "LO and HI must be finite"),
     ],
 )

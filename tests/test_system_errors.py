@@ -246,7 +246,8 @@ def test_arguments_of_another_kind(call, message):
         (lambda s: MultiStart(spread=np.nan), "spread must be finite"),
         (lambda s: explore(s, (-2.0, 2.0), search=Slices((7.0,))), "7.0 lies outside the interval"),
         (lambda s: enumerate_solutions(s, np.nan), "alpha must be finite, but alpha is nan"),
-        (lambda s: enumerate_solutions(s, "one"), "alpha must be an array of numbers"),
+        (lambda s: enumerate_solutions(s, "one"), "alpha must be a number, got 'one'"),
+        (lambda s: enumerate_solutions(s, (0, 1)), r"alpha has shape \(2,\), expected a number"),
     ],
 )
 def test_searches(call, message):

@@ -342,7 +342,10 @@ def every_region_is_proven_at_its_points(plane):
     assert len(plane.proven) == len(regions)
     assert all(points == 1 + len(r.others) for points, r in zip(plane.proven, regions, strict=True))
     assert {plane.proof(region).split()[0] for region in regions} == {"proven"}
-    assert f"{len(regions)} of {len(regions)} regions proven" in plane.guarantee
+    assert (
+        f"{len(regions)} of {len(regions)} regions of {len(plane.sectors)} sectors"
+        in plane.guarantee
+    )
 
 
 OF_A_PLANE = [

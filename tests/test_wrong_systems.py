@@ -74,6 +74,7 @@ def test_static_methods_and_private_names_are_free():
     ("method", "value", "words"),
     [
         ("scale", np.zeros(1), r"scale\(\) must return 1 positive"),
+        ("test_functions", [0.5], r"returned list where .* \(1,\) is expected: numpy.array makes"),
         ("scale", -np.ones(1), r"scale\(\) must return 1 positive"),
         ("scale", 2.0, r"scale\(\) must return 1 positive"),
         ("bounds", (1.0, -1.0), r"bounds\(\) needs lower < upper"),

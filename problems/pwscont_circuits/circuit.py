@@ -74,6 +74,10 @@ class Circuit:
         others = {name: value for name, value in sources.items() if name != source}
         return SourceSweep(self._kinked, self._stamps, others, self._is_unique)
 
+    def __repr__(self) -> str:
+        number, nodes = len(self.elements), len(self._stamps.nodes)
+        return f"Circuit({counted(number, 'element')}, {counted(nodes, 'node')} beside ground)"
+
     def _stamp_all(self) -> None:
         for element in self.elements:
             known = len(self._stamps.curves)
@@ -99,6 +103,8 @@ class Circuit:
                 raise InvalidInputError(f"the name {name} is used {times} times")
 
     def _refuse_missing_ground(self) -> None:
+        if not self.elements:
+            raise InvalidInputError("a circuit needs elements, and there are none")
         if not self._stamps.has_ground:
             raise InvalidInputError(f"no element is connected to ground, node {GROUND!r}")
 

@@ -51,6 +51,8 @@ class Element(ABC):
         for field, value in vars(self).items():
             if declared.get(field) == "Polyline":
                 checked_kind(f"{field} of {self.name}", value, Polyline, is_needed=True)
+            if declared.get(field) == "str" and not isinstance(value, str):
+                self._refuse(f"{field} must be a text, got {value!r}; ground is the node '0'")
             is_number = field in (*self.positive, *self.not_negative)
             is_number = is_number or declared.get(field) == "float"
             if is_number or not isinstance(value, str | Polyline):

@@ -88,7 +88,11 @@ class CoulombLoad(Coulomb):
 
     def load_at(self, alpha: float) -> Array:
         """Return f(alpha), shape (n,)."""
-        f = np.asarray(self.load(alpha), dtype=float)
+        given = self.load(alpha)
+        try:
+            f = np.asarray(given, dtype=float)
+        except (TypeError, ValueError) as error:
+            raise InvalidInputError(f"load({alpha}) must be numbers, got {given!r}") from error
         if f.shape != (self.body.n,):
             raise InvalidInputError(f"load({alpha}) has shape {f.shape}, expected ({self.body.n},)")
         if not (isfinite(dasum(f)) or np.isfinite(f).all()):  # sums of large numbers overflow

@@ -74,14 +74,26 @@ def parametric_qp() -> Scene:
     )
 
 
+#: A random matrix of more unknowns has more modes than a search can visit.
+MOST_UNKNOWNS = 1000
+
+
 def lcp(n: int = 5, seed: int = 1) -> Scene:
     """Return a linear complementarity problem with a random matrix."""
-    rng = np.random.default_rng(seed)
+    if not 1 <= n <= MOST_UNKNOWNS:
+        raise InvalidInputError(f"n must be from 1 to {MOST_UNKNOWNS}, got {n}")
+    rng = _random(seed)
     M = rng.normal(size=(n, n)) + np.eye(n)
     names = [f"z_{i + 1}" for i in range(n)]
     system = LCP(M, rng.normal(size=n), rng.normal(size=n), names=names)
     title = f"linear complementarity, {n} unknowns"
     return Scene("lcp", title, system, (-3.0, 3.0), at=(0.0,), panels=(Panel(1), Panel(2)))
+
+
+def _random(seed: int) -> np.random.Generator:
+    if seed < 0:
+        raise InvalidInputError(f"seed must not be negative, got {seed}")
+    return np.random.default_rng(seed)
 
 
 def kojima_shindo() -> Scene:
@@ -184,7 +196,7 @@ def _first(character: Character) -> str:
 
 def layer(units: int, seed: int) -> tuple[Array, Array, Array]:
     """Return W, b and c of the layer."""
-    rng = np.random.default_rng(seed)
+    rng = _random(seed)
     excited, sensors = np.arange(EXCITED), np.arange(EXCITED, EXCITED + SENSORS)
     W = 0.3 * rng.normal(size=(units, units)) / np.sqrt(units)
     b, c = 0.5 * rng.normal(size=units), rng.normal(size=units)

@@ -35,6 +35,11 @@ class Branch:
     g : float
         Total shunt conductance, such as iron losses.
 
+    Raises
+    ------
+    InvalidInputError
+        If a number is no finite number.
+
     Examples
     --------
     >>> from pwscont_power import Branch
@@ -50,6 +55,12 @@ class Branch:
     tap: float = 1.0
     shift: float = 0.0
     g: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Check the numbers."""
+        for name in ("r", "x", "b", "tap", "shift", "g"):
+            what = f"{name} of the branch from bus {self.start} to bus {self.end}"
+            finite_array(what, getattr(self, name), ())
 
     @cached_property
     def admittance(self) -> Array:

@@ -65,6 +65,10 @@ def from_matpower(case: Mapping[str, Any] | str | Path) -> Network:
     >>> len(from_matpower(files("pwscont_power") / "data" / "case14.m").buses)
     14
     """
+    if not isinstance(case, Mapping | str | Path):
+        raise InvalidInputError(
+            f"a case is a mapping of tables or the path of a file, got {case!r}"
+        )
     tables = case if isinstance(case, Mapping) else read_case_file(Path(case))
     _check_all_is_read(tables)
     bus, gen, branch = (_table(tables, name) for name in COLUMNS)

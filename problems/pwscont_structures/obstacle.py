@@ -172,7 +172,7 @@ def string(
     Raises
     ------
     InvalidInputError
-        If there are no nodes, or a number is not positive.
+        If there are no nodes, a number is not positive, or heights are not one for each place.
 
     Examples
     --------
@@ -184,14 +184,22 @@ def string(
     """
     if not callable(obstacle):
         raise InvalidInputError(f"obstacle must be a function of x, got {obstacle!r}")
-    if nodes < 1 or not (length > 0.0 and tension > 0.0):
-        raise InvalidInputError("a string needs a node, a positive length and a positive tension")
+    sizes = {"length": length, "tension": tension, "load": load}
+    length, tension, load = (float(finite_array(name, x, ())) for name, x in sizes.items())
+    if not isinstance(nodes, int | np.integer) or nodes < 1 or min(length, tension) <= 0.0:
+        raise InvalidInputError(
+            "a string needs a whole number of nodes, a positive length and a positive tension"
+        )
     h = length / (nodes + 1)
     off = np.full(nodes - 1, -tension / h)
     K = sp.diags_array([off, np.full(nodes, 2.0 * tension / h), off], offsets=[-1, 0, 1])
     places: Array = h * np.arange(1.0, nodes + 1.0)
-    heights = np.broadcast_to(obstacle(places), (nodes,))
-    return ObstacleProblem(K, heights, np.full(nodes, load * h))
+    heights = finite_array("obstacle(x)", obstacle(places))
+    if heights.shape not in ((), (nodes,)):
+        raise InvalidInputError(
+            f"obstacle(x) must be a height for each of {nodes} places, got shape {heights.shape}"
+        )
+    return ObstacleProblem(K, np.broadcast_to(heights, (nodes,)), np.full(nodes, load * h))
 
 
 def _symmetric(stiffness: Any) -> Matrix:

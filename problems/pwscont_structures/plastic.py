@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, final
 import numpy as np
 
 from pwscont import InvalidInputError, LoadHistory, SystemWithMemory
-from pwscont.extending import EPS, GUARD, Array, finite_array
+from pwscont.extending import EPS, GUARD, Array, counted, finite_array
 from pwscont_structures.plastic_law import PlasticLaw
 
 if TYPE_CHECKING:
@@ -101,7 +101,8 @@ class PlasticTruss(SystemWithMemory):
 
     def __repr__(self) -> str:
         m, n = self.B.shape
-        return f"PlasticTruss({m} bars, {n} displacements, {self.history!r})"
+        sizes = f"{counted(m, 'bar')}, {counted(n, 'displacement')}"
+        return f"PlasticTruss({sizes}, {self.history!r})"
 
 
 def _numbers(name: str, values: Any, count: int, least_is_allowed: bool = False) -> Array:

@@ -59,6 +59,8 @@ def truss_chain(trusses: int = 3, spread: float = 0.1) -> Scene:
 
 def softening_bar(elements: int = 1, spring: float = 0.5, weaker: float = 0.05) -> Scene:
     """Return a softening bar: snap-back, and with several elements localisation."""
+    if elements < 1:
+        raise InvalidInputError(f"elements must be at least 1, got {elements}")
     strength = 1.0 + weaker * np.arange(elements)
     remaining = 0.05 if elements > 1 else 0.0
     system = SofteningBar(spring, strength.tolist(), remaining=remaining)
@@ -161,6 +163,8 @@ def play(springs: int = 5, hardening: float = 0.2) -> EvolutionScene:
     """Return elastic-plastic springs in parallel (Prandtl and Ishlinskii), loaded to and fro."""
     if springs < 1:
         raise InvalidInputError(f"springs must be at least 1, got {springs}")
+    if hardening < 0.0:
+        raise InvalidInputError(f"hardening must not be negative, got {hardening}")
     loads = [[0.0], [1.2], [-0.6], [0.9], [-1.2], [1.2], [-1.2]]
     history, one = LoadHistory(loads), np.ones((springs, 1))
     strength = np.linspace(0.4, 1.6, springs) / springs

@@ -162,7 +162,7 @@ def _alike(*numbers: float | Sequence[float] | Array) -> list[Array]:
         raise InvalidInputError(f"numbers of elements: {error}") from error
     checked = [finite_array("numbers of a softening bar", each) for each in given]
     for each in checked:
-        if each.ndim != 1 or (each <= 0.0).any():
+        if each.ndim != 1 or not len(each) or (each <= 0.0).any():
             words = "spring, strength, modulus and softening must be positive numbers"
             raise InvalidInputError(f"{words}, one for each element or one for all, got {each}")
     return checked

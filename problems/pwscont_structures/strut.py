@@ -68,7 +68,7 @@ class Strut(PiecewiseSystem):
     elements : int
         Quadratic elements of equal length.
     supports : sequence of Support
-    bow : sequence of float
+    bow : float or sequence of float
         Amplitudes of the first, second, ... sine half-waves of the unloaded, slightly bent rod.
 
     Raises
@@ -86,13 +86,19 @@ class Strut(PiecewiseSystem):
     """
 
     def __init__(
-        self, elements: int = 10, supports: Sequence[Support] = (), bow: Sequence[float] = ()
+        self,
+        elements: int = 10,
+        supports: Sequence[Support] = (),
+        bow: float | Sequence[float] = (),
     ) -> None:
         if not isinstance(elements, int | np.integer):
             words = f"a strut needs a whole number of elements, got {elements!r}"
             raise InvalidInputError(words)
         if elements < 2:
             raise InvalidInputError(f"a strut needs at least two elements, got {elements}")
+        for each in supports if isinstance(supports, Sequence) else [supports]:
+            if not (isinstance(supports, Sequence) and isinstance(each, Support)):
+                raise InvalidInputError(f"supports must be several Support(...), got {each!r}")
         self.rod, self.supports = Rod(elements), tuple(supports)
         self.size = self.rod.n + 1 + len(self.supports)
         self.places = _ends_of_elements(self.supports, elements)
@@ -100,7 +106,7 @@ class Strut(PiecewiseSystem):
         self.sides = np.array([s.side for s in self.supports])
         self._sums = self.rod.up_to(np.append(1.0, self.places))
         self._stiffness = self.rod.curvature.T * self.rod.weights @ self.rod.curvature
-        self.bow = finite_array("bow", bow)
+        self.bow = np.atleast_1d(finite_array("bow", bow))
         self._rest = self.rod.curvature.T @ (self.rod.weights * self._initial_curvature())
         self._refuse_touching()
 

@@ -37,12 +37,14 @@ def finite_array(name: str, values: Any, shape: tuple[int, ...] | None = None) -
             raise TypeError(f"got {what}")
         array = np.array(given, dtype=float)
     except (TypeError, ValueError, OverflowError) as error:
-        raise InvalidInputError(f"{name} must be an array of numbers: {error}") from error
+        wanted = f"a number, got {values!r}" if shape == () else f"an array of numbers: {error}"
+        raise InvalidInputError(f"{name} must be {wanted}") from error
     if shape is not None and array.shape != shape:
-        raise InvalidInputError(f"{name} has shape {array.shape}, expected {shape}")
+        expected = f"expected {shape}" if shape else "expected a number"
+        raise InvalidInputError(f"{name} has shape {array.shape}, {expected}")
     if array.size and not is_everywhere(np.isfinite(array)):
         where = tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0])
-        entry = name + (str(list(where)) if where else "")
+        entry = (name if name.isidentifier() or not where else "entry ") + str(list(where) or "")
         raise InvalidInputError(f"{name} must be finite, but {entry} is {array[where]}")
     return array
 

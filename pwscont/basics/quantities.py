@@ -227,7 +227,8 @@ def _is_finite(value: Any) -> bool:
 
 
 def _unknown(name: object, known: Sequence[str]) -> str:
-    near = get_close_matches(str(name), known, n=3, cutoff=0.5)
+    plain = {spelled(other).lower(): other for other in known}
+    near = [plain[p] for p in get_close_matches(spelled(str(name)).lower(), plain, 3, 0.5)]
     more = ", ..." if len(known) > MOST_NAMES else ""
     hint = f"; did you mean {' or '.join(near)}?" if near else ""
     return f"there is no {name!r}; names are {', '.join(known[:MOST_NAMES])}{more}{hint}"

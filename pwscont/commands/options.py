@@ -53,6 +53,7 @@ FORMS: Mapping[str, Callable[[str], bool]] = {
     "--at": _is_number,
     "-s": _is_setting,
     "--set": _is_setting,
+    "--over": _is_setting,
 }
 
 

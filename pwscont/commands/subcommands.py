@@ -12,6 +12,8 @@ from pwscont.commands.options import add_scene, with_examples
 from pwscont.scenes.registry import add_settings
 
 FORM = "NAME=LO:HI:COUNT, or NAME=VALUE,VALUE,..."
+#: Most values between LO and HI: more cases would take weeks.
+MOST_VALUES = 1_000_000
 
 
 def add_view(commands: Any) -> None:
@@ -71,7 +73,8 @@ def add_sweep(commands: Any) -> None:
         action="append",
         metavar="WHAT",
         help="max-count (default), first-fold, non-unique, non-unique-length, count-at=ALPHA, "
-        "largest=QUANTITY@ALPHA, smallest=QUANTITY@ALPHA, critical=SETTING:LO:HI",
+        "largest=QUANTITY@ALPHA, smallest=QUANTITY@ALPHA, critical=SETTING:LO:HI; "
+        "repeat the option for several",
     )
     add_settings(sweep)
     sweep.add_argument(
@@ -104,8 +107,8 @@ def _range(text: str) -> tuple[str, list[Any]]:
 
 def _between(lo: float, hi: float, count: int) -> list[float]:
     """Return ``count`` values, evenly spaced from lo to hi."""
-    if count < 1:
-        raise argparse.ArgumentTypeError(f"COUNT must be at least 1, got {count}")
+    if not 1 <= count <= MOST_VALUES:
+        raise argparse.ArgumentTypeError(f"COUNT must be from 1 to {MOST_VALUES}, got {count}")
     if not (isfinite(lo) and isfinite(hi)):
         raise argparse.ArgumentTypeError(f"LO and HI must be finite, got {lo}:{hi}")
     inner = [lo + (hi - lo) * step / (count - 1) for step in range(1, count - 1)]

@@ -273,7 +273,9 @@ def _doubts(graph: ConnectedPieces) -> Iterator[str]:
         yield f"infinitely many solutions for {graph.parameter} in {', '.join(known)}"
     filled = [p for p in graph.nodes if says(p.message, Remark.FILL) and p not in of_many]
     wide = [p for p in filled if not all(piece.is_vertical for piece in graph.pieces_at(p.id))]
-    yield from _listed("solutions fill more than curves", graph, wide)
+    is_straight = isinstance(graph.system, SlicewiseLinearSystem)  # else known to first order only
+    fill = "solutions fill" if is_straight else "solutions may fill"
+    yield from _listed(f"{fill} more than curves", graph, wide)
     yield from _touches(graph)
     twofold = [point for point in graph.nodes if says(point.message, Remark.TWOFOLD)]
     yield from _listed("two curves may be taken for one on the piece that ends", graph, twofold)

@@ -83,12 +83,11 @@ class UntraceableError(TypeError):
 
 def refuse_kink(name: str) -> InvalidSystemError:
     """Return the error for a kink that no switch announces."""
-    better = KINKED.get(name)
-    advice = f"write {better}" if better else "write it with the switches of sw; H is continuous"
+    better = KINKED.get(name) or "a continuous formula with the switches of sw"
     return InvalidSystemError(
         f"the function decides by numpy's {name!r} of something that depends on (z, alpha), a kink "
-        f"that no switch announces: {advice}; if it is smooth all the same, Complementarity takes "
-        "its derivatives as jacobian=..., and a PiecewiseSystem any function"
+        f"that no switch announces: write {better}; if the function is smooth all the same, "
+        "Complementarity takes its derivatives as jacobian=..., and a PiecewiseSystem any function"
     )
 
 

@@ -238,13 +238,14 @@ def as_operand(thing: Any) -> Any:
         entries = array.ravel()
         some = next((entry for entry in entries if isinstance(entry, Dual)), None)
         if some is None:
-            raise UntraceableError("an array of objects")
+            raise UntraceableError("objects that are no numbers")
         if _are_all_numbers(entries):
             return _of_numbers(entries, some.rows.shape[1]).reshape(array.shape)
         parts = [as_dual(entry, some.rows.shape[1]) for entry in entries]
         return joined(parts).reshape(array.shape + parts[0].shape)
     if array.dtype.kind not in "fiub":
-        raise UntraceableError(f"numbers of type {array.dtype}")
+        is_text = array.dtype.kind in "SU"
+        raise UntraceableError("texts" if is_text else f"numbers of type {array.dtype}")
     return array.astype(float)
 
 

@@ -26,7 +26,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from pwscont import InvalidSystemError
-from pwscont.extending import EPS, GUARD, Array, Indices, generic
+from pwscont.extending import EPS, GUARD, Array, Indices, counted, generic
 from pwscont.notation.array_functions import chosen, where
 from pwscont.notation.dual import Dual, as_operand, is_traced, joined, value_of
 from pwscont.notation.layout import ABS, RELU, Call, Layout, Operation
@@ -119,27 +119,29 @@ class UserFunction:
     def _called(self, z: Any, alpha: Any, switches: _Survey | _Replay) -> Outcome:
         value = self.f(z.copy(), alpha, Switches(switches.choose, switches.forms_of))
         switches.close()
-        found = self._checked(value)
+        found = one_for_each(value, self._size)
         if type(found) is not type(z) or found.dtype != z.dtype:
             _refuse_kept(z)
         return Outcome(found, joined(switches.tests), joined(switches.branches))
 
-    def _checked(self, value: Any) -> Any:
-        if type(value) is np.ndarray and value.dtype == float and value.shape == (self._size,):
-            return value  # nearly always
-        try:
-            found = as_operand(value)
-        except (TypeError, ValueError) as error:
-            raise InvalidSystemError(
-                f"the function must return {self._size} real numbers, got "
-                f"{type(value).__name__}: {error}"
-            ) from error
-        if found.shape != (self._size,) and not (self._size == 1 and found.shape == ()):
-            raise InvalidSystemError(
-                f"the function returned an array of shape {found.shape}, where one number for each "
-                f"of the {self._size} unknowns is expected, shape ({self._size},)"
-            )
-        return found if found.shape else found.reshape(1)
+
+def one_for_each(value: Any, size: int) -> Any:
+    """Return what a function returned as an array or Dual of one number for each unknown."""
+    if type(value) is np.ndarray and value.dtype == float and value.shape == (size,):
+        return value  # nearly always
+    try:
+        found = as_operand(value)
+    except (TypeError, ValueError) as error:
+        raise InvalidSystemError(
+            f"the function must return {counted(size, 'real number')}, got "
+            f"{type(value).__name__}: {error}"
+        ) from error
+    if found.shape != (size,) and not (size == 1 and found.shape == ()):
+        raise InvalidSystemError(
+            f"the function returned an array of shape {found.shape}, where one number for each "
+            f"of the {size} unknowns is expected, shape ({size},)"
+        )
+    return found if found.shape else found.reshape(1)
 
 
 def _refuse_kept(z: Any) -> None:

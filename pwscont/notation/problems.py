@@ -10,8 +10,19 @@ import numpy as np
 import scipy.sparse as sp
 
 from pwscont import InvalidInputError
-from pwscont.extending import Array, Matrix, balanced, dense, finite_array, generic
-from pwscont.notation.dual import Dual, as_dual, as_operand, joined
+from pwscont.extending import (
+    EPS,
+    GUARD,
+    Array,
+    Matrix,
+    balanced,
+    counted,
+    dense,
+    finite_array,
+    generic,
+)
+from pwscont.notation.dual import Dual, as_dual, as_operand, is_traced, joined, value_of
+from pwscont.notation.function import one_for_each
 from pwscont.notation.notated import Notated
 from pwscont.notation.switched import Switched
 from pwscont.notation.switches import Switches
@@ -71,10 +82,12 @@ def Complementarity(  # noqa: N802  used like a class
     if not callable(F):
         raise InvalidInputError(f"F must be a function of (z, alpha), got {F!r}")
     size = n if n is not None else _size(F, lower, upper)
-    below, above = (bound if callable(bound) else _Constant(bound) for bound in (lower, upper))
+    below, above = _bound("lower", lower, size), _bound("upper", upper, size)
     function = F if jacobian is None else WithJacobian(F, jacobian)
     factors = _factors_of(function, below, above, size)
-    return Switched(size, partial(_median, function, factors, below, above), **given)
+    move = not given.get("linear") and (callable(lower) or callable(upper))
+    median = partial(_median_if_any if move else _median, function, factors, below, above)
+    return Switched(size, median, **given)
 
 
 def _median(
@@ -82,10 +95,24 @@ def _median(
 ) -> Any:
     """Return the median of z - upper, F and z - lower, in a form without small differences."""
     value = function(z, alpha)
-    value = as_operand(value) if isinstance(sw, Switches) else np.asarray(value)
+    value = one_for_each(value, len(z)) if isinstance(sw, Switches) else np.asarray(value)
     if factors is not None:
         value = factors * value
     return -sw.clip(-value, below(alpha) - z, above(alpha) - z)
+
+
+def _median_if_any(
+    function: Any, factors: Any, below: Any, above: Any, z: Any, alpha: Any, sw: Any
+) -> Any:
+    """Return the median of z - upper, F and z - lower, nan where bounds that move have crossed."""
+    median = _median(function, factors, below, above, z, alpha, sw)
+    lower, upper = below(alpha), above(alpha)
+    if not isinstance(sw, Switches) or is_traced(lower) or is_traced(upper):
+        return median
+    lower, upper = np.asarray(value_of(lower)), np.asarray(value_of(upper))
+    with np.errstate(invalid="ignore"):  # both bounds may be infinite
+        have_crossed = lower - upper > GUARD * EPS * (np.abs(lower) + np.abs(upper))
+    return np.nan * median if have_crossed.any() else median
 
 
 def _factors_of(function: Any, below: Any, above: Any, size: int) -> Array | None:
@@ -246,19 +273,30 @@ def _affine(name: str, values: Any, size: int) -> Callable[[Any], Any]:
     return lambda alpha: array
 
 
+def _bound(name: str, given: Any, size: Any) -> Callable[[Any], Any]:
+    """Return a bound as a function of alpha."""
+    if callable(given):
+        return given
+    try:
+        values = np.asarray(given, dtype=float)
+    except (TypeError, ValueError):
+        values = np.asarray(np.nan)
+    if np.isnan(values).any() or values.shape not in ((), (1,), (size,)):
+        each = counted(size, "unknown")
+        raise InvalidInputError(
+            f"{name} must be numbers, one for all or one for each of {each}, got {given!r}"
+        )
+    return _Constant(values)
+
+
 @final
 class _Constant:
     """A bound that does not depend on alpha."""
 
     def __init__(self, values: Any) -> None:
-        try:
-            self._values = np.asarray(values, dtype=float)
-        except (TypeError, ValueError) as error:
-            raise InvalidInputError(f"a bound must be numbers, got {values!r}") from error
-        if np.isnan(self._values).any():
-            raise InvalidInputError(f"a bound must be numbers, got {values!r}")
+        self._values = values
 
-    def __call__(self, alpha: Any) -> Array:
+    def __call__(self, alpha: Any) -> Any:
         return self._values
 
 

@@ -98,10 +98,14 @@ def Switched(  # noqa: N802  used like a class
     [[0.0], [0.5], [1.0]]
     """
     if isinstance(n, bool) or not isinstance(n, int | np.integer) or not 1 <= n <= MOST_UNKNOWNS:
-        raise InvalidInputError(f"n must be the number of unknowns, got {n!r}")
+        raise InvalidInputError(f"n must be the number of unknowns, 1 or more, got {n!r}")
     if not callable(f):
         raise InvalidInputError(f"f must be a function of (z, alpha, sw), got {f!r}")
-    texts, size = (_texts(names), _texts(switches)), int(n)
+    if not isinstance(unique, bool) or isinstance(degree, str | float):
+        raise InvalidInputError(
+            f"unique must be True or False, and degree a whole number, got {unique!r}, {degree!r}"
+        )
+    texts, size = (_texts("names", names), _texts("switches", switches)), int(n)
     given = Given(*texts, degree, unique, _pair(bounds), periods, checked_magnitudes(scale, size))
     function = UserFunction(f, size)
     if linear:
@@ -111,12 +115,12 @@ def Switched(  # noqa: N802  used like a class
     return _curved(function, size, given)
 
 
-def _texts(names: Any) -> tuple[str, ...] | None:
+def _texts(what: str, names: Any) -> tuple[str, ...] | None:
     if names is None:
         return None
     is_list = isinstance(names, Iterable) and not isinstance(names, str)
     if not (is_list and all(isinstance(name, str) for name in names)):
-        raise InvalidInputError(f"names must be a list of texts, got {names!r}")
+        raise InvalidInputError(f"{what} must be a list of texts, got {names!r}")
     return tuple(names)
 
 
@@ -209,9 +213,9 @@ def _undefined(failure: Exception | None, tried: int) -> InvalidSystemError:
         error.__cause__ = failure
         return error
     return InvalidSystemError(
-        f"the function is finite at none of {tried} points of the order of one; an argument of sw "
-        "may be infinite, where only sw.clip takes infinite bounds; or give bounds within which it "
-        "makes sense"
+        f"the function is finite at none of {tried} points of the order of one: is one of its "
+        "numbers nan or infinite? (only bounds of sw.clip may be infinite); if the function makes "
+        "sense elsewhere, give bounds=(lower, upper) of z"
     )
 
 

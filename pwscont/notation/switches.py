@@ -134,5 +134,5 @@ def _operand(name: str, thing: Any) -> Any:
         return as_operand(thing)
     except TypeError as error:
         raise InvalidSystemError(
-            f"arguments of sw.{name} must be real numbers or arrays of them: {error}"
+            f"arguments of sw.{name} must be real numbers or arrays of them, got {error}"
         ) from error

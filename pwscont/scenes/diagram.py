@@ -98,10 +98,12 @@ class Diagram:
         """Set names and limits of the axes; an axis that would show only rounding is widened."""
         across = graph.parameter if self.across is None else self.across.label
         ax.set(xlabel=symbol(across), ylabel=symbol(self.quantity.label))
-        ax.set_title(title, fontsize="medium")
+        ax.set_title(title if self.strokes else "no solution found", fontsize="medium")
         ax.margins(0.06)
         ax.autoscale_view()
         ax.grid(alpha=0.25)
+        if not self.strokes and self.across is None:
+            ax.set_xlim(graph.interval)
         if self.quantity.is_constant([stroke.points[:, 1] for stroke in self.strokes]):
             low, high = ax.get_ylim()
             half = 0.05 * (self.quantity.size or abs(low) or 1.0)

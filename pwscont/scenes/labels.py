@@ -141,9 +141,13 @@ LEADER: dict[str, Any] = {
 
 
 def label_marks(ax: Axes, marks: Sequence[Mark], room: Room) -> None:
-    """Write labels at marks, at most ``MOST_LABELS``, where there is room."""
+    """Write labels at marks, at most ``MOST_LABELS``, where there is room, equal labels once."""
     places = np.array([room.part(mark.at) * room.extent for mark in marks]).reshape(-1, 2)
-    labelled = [(mark, at) for mark, at in zip(marks, places, strict=True) if mark.label]
+    labelled: list[tuple[Mark, Array]] = []
+    for mark, at in zip(marks, places, strict=True):
+        alike = [there for other, there in labelled if other.label == mark.label]
+        if mark.label and all(np.abs(at - there).max() > RADIUS for there in alike):
+            labelled.append((mark, at))
     free = [len(list(_beside(mark, at, places, room))) for mark, at in labelled]
     for i in np.argsort(free, kind="stable")[:MOST_LABELS]:
         mark, at = labelled[i]

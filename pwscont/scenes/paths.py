@@ -120,7 +120,7 @@ def draw_counts(graph: BranchGraph, ax: Axes) -> Axes:
     for alpha, words in zip(vertical, ["∞", *["_"] * len(vertical)], strict=False):
         ax.axvline(alpha, color="black", linestyle=":", linewidth=1.0, label=words)
     ax.yaxis.set_major_locator(MaxNLocator(integer=True, min_n_ticks=1))
-    ax.set_ylabel("number")
+    ax.set(xlabel=symbol(graph.parameter), ylabel="number")
     ax.legend(fontsize="small", frameon=False, columnspacing=1.0, handlelength=1.5, **ABOVE)
     ax.grid(alpha=0.25)
     return ax

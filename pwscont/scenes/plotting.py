@@ -17,7 +17,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure, SubFigure
 from matplotlib.lines import Line2D
 
-from pwscont import BranchGraph
+from pwscont import BranchGraph, InvalidInputError
 from pwscont.extending import Kind, checked_kind
 from pwscont.scenes.diagram import Diagram, draw_inset, mode_of
 from pwscont.scenes.labels import label_marks
@@ -89,23 +89,25 @@ def _text(words: str) -> Line2D:
 
 
 def told_apart(words: Sequence[str]) -> list[str]:
-    """Return names short enough for a legend, without the words that long names share."""
+    """Return names short enough for a legend, without the clauses that long names share."""
     if max(map(len, words), default=0) > MOST_LETTERS:
-        before, after = _shared(words), _shared([word[::-1] for word in words])[::-1]
+        end = next((mark for mark in ("; ", ", ") if any(mark in word for word in words)), " ")
+        before = _shared(words, end)
+        after = _shared([word[::-1] for word in words], end[::-1])[::-1]
         words = [_without(word, before, after) for word in words]
     return [fill(in_notation(word), MOST_LETTERS) for word in words]
 
 
-def _shared(words: Sequence[str]) -> str:
-    """Return the whole words with which all of several names begin."""
+def _shared(words: Sequence[str], end: str) -> str:
+    """Return the whole clauses, each with its end, with which all of several names begin."""
     alike = takewhile(lambda letters: len(set(letters)) == 1, zip(*words, strict=False))
     shared = "".join(letters[0] for letters in alike) if len(words) > 1 else ""
-    return shared[: shared.rfind(" ") + 1]
+    return "".join(shared.rpartition(end)[:2])
 
 
 def _without(word: str, before: str, after: str) -> str:
     middle = word[len(before) : max(len(word) - len(after), len(before))]
-    return f"{'… ' * bool(before)}{middle.strip(', ') or '–'}{' …' * bool(after)}"
+    return f"{'… ' * bool(before)}{middle.strip(',; ') or '–'}{' …' * bool(after)}"
 
 
 def _word(graph: BranchGraph, kind: str) -> str:
@@ -222,7 +224,7 @@ def _legend_width(handles: Sequence[Line2D], columns: int) -> float:
 
 def plot(
     graph: BranchGraph,
-    what: What = 0,
+    what: What | None = None,
     *,
     x: What | None = None,
     y: What | None = None,
@@ -237,15 +239,16 @@ def plot(
     Parameters
     ----------
     graph : BranchGraph
-    what : int, str or callable
-        The quantity: index into z, name of an unknown or of a recorded quantity, or function of
-        (z, alpha). Greek letters may be given in words, ``lambda_t`` for ``λ_t``.
+    what : int, str or callable, optional
+        The quantity: index into z, default 0; name of an unknown or of a recorded quantity; or
+        function of (z, alpha). Greek letters may be given in words, ``lambda_t`` for ``λ_t``.
     x : int, str or callable, optional
         The quantity of the horizontal axis; default the parameter, whose name is accepted, too.
     y : int, str or callable, optional
         The quantity of the vertical axis, instead of ``what``.
     ax : matplotlib.axes.Axes, optional
-        Axes to draw into; default a new figure of pyplot, which notebooks and ``plt.show()`` show.
+        Axes to draw into, of a figure with ``layout="constrained"``, which leaves room for the
+        legend; default a new figure of pyplot, which notebooks and ``plt.show()`` show.
 
     Returns
     -------
@@ -255,8 +258,8 @@ def plot(
     Raises
     ------
     InvalidInputError
-        If ``graph`` or ``ax`` is none, or there is no such quantity: the message lists similar
-        names.
+        If ``graph`` or ``ax`` is none, ``what`` and ``y`` are both given, or there is no such
+        quantity: the message lists similar names.
 
     Examples
     --------
@@ -271,7 +274,9 @@ def plot(
     """
     checked_kind("graph", graph, BranchGraph, is_needed=True)
     checked_kind("ax", ax, Axes)
-    panel = Panel(what if y is None else y)
+    if what is not None and y is not None:
+        raise InvalidInputError("what and y are both the vertical axis: give one of them")
+    panel = Panel(next((given for given in (y, what) if given is not None), 0))
     across = None if isinstance(x, str) and is_parameter(graph, x) else x
     for quantity in (panel.component, *(() if across is None else (across,))):
         Drawn.of(graph, quantity)  # refuses what cannot be drawn before there is a figure
@@ -279,9 +284,9 @@ def plot(
         _, ax = plt.subplots(figsize=(7.5, 4.0), layout="constrained")
     styles = _styles(graph, [panel], {})
     diagram = _draw_panel(ax, graph, panel, styles, across)
-    handles = legend_of(graph, styles)
     ax.legend(
-        handles=handles,
+        handles=legend_of(graph, styles),
+        frameon=bool(graph.pieces),
         fontsize="small",
         loc="upper left",
         bbox_to_anchor=(1.0, 1.0),
@@ -313,7 +318,7 @@ def draw_scene(scene: Shown, graph: BranchGraph) -> Figure:
 
 def _draw_counts(ax: Axes, graph: BranchGraph, extent: tuple[float, float]) -> None:
     draw_counts(graph, ax)
-    ax.set(xlim=extent, xlabel=symbol(graph.parameter))
+    ax.set_xlim(extent)
     ax.margins(y=0.15)
 
 

@@ -109,8 +109,8 @@ def enumerate_solutions(system: SlicewiseLinearSystem, alpha: float) -> Solution
     if not isinstance(system, SlicewiseLinearSystem):
         raise InvalidInputError(
             f"enumerate_solutions needs a SlicewiseLinearSystem, and {type(system).__name__} is "
-            "none; if H is linear in z at fixed alpha, derive from that class, else ask "
-            "explore(...).solutions(alpha)"
+            "none; if H is linear in z at fixed alpha, derive from that class (of a formula: "
+            "linear=True), else ask explore(...).solutions(alpha)"
         )
     check_attributes(system)
     alpha = float(finite_array("alpha", alpha, ()))

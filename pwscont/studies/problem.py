@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 from difflib import get_close_matches
 from functools import partial
@@ -153,8 +153,8 @@ def checked_problem(given: Any) -> Problem:
     return given
 
 
-def check_settings(problem: Problem, names: Iterable[str]) -> None:
-    """Refuse fixed settings, and settings that a problem does not take.
+def check_settings(problem: Problem, names: Collection[str]) -> None:
+    """Refuse fixed settings, settings that a problem does not take, and settings left out.
 
     Raises
     ------
@@ -168,6 +168,10 @@ def check_settings(problem: Problem, names: Iterable[str]) -> None:
             hint = f"; did you mean {' or '.join(near)}?" if near else ""
             has = f"it has {', '.join(known)}" if known else "it has none"
             raise UnknownNameError(f"{described(problem)} has no setting {name!r}; {has}{hint}")
+    if missing := [name for name in _needed(problem) if name not in names]:
+        raise InvalidInputError(
+            f"{described(problem)} needs the setting {missing[0]!r}: vary it, or give it a default"
+        )
     if varied := [name for name in names if name in fixed]:
         raise InvalidInputError(f"{varied[0]} cannot be fixed and varied at once")
 
@@ -183,6 +187,13 @@ def _settings_of(problem: Problem) -> list[str] | None:
     if any(parameter.kind is Parameter.VAR_KEYWORD for parameter in parameters):
         return None
     return [parameter.name for parameter in parameters if parameter.kind in KINDS]
+
+
+def _needed(problem: Problem) -> list[str]:
+    """Return the names of the settings of a function that have no default."""
+    known = [] if isinstance(problem, RegisteredScene) else _settings_of(problem)
+    parameters = signature(problem).parameters if known else {}
+    return [name for name in known or () if parameters[name].default is Parameter.empty]
 
 
 def described(thing: Any) -> str:

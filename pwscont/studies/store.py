@@ -133,8 +133,11 @@ class Store:
         different = [
             f"{name}: {short(str(known[name]))} when it was begun, {short(str(now))} now"
             for name, now in given.items()
-            if _differ(known.get(name, now), now)  # a store of an earlier version has no functions
+            if name != "functions" and _differ(known.get(name, now), now)
         ]
+        now = given.get("functions")  # which a store of an earlier version does not have
+        if not different and known.get("functions", now) != now:
+            different = ["its functions have changed"]
         if different:
             raise self.refusal(f"it is of another study: {'; '.join(different)}; {ADVICE}")
 

@@ -127,12 +127,15 @@ class Study:
         Raises
         ------
         InvalidInputError
-            If the store is of another study, has rows that are not to be resumed, or cannot be
-            written; if the study cannot be sent to other processes; if no scheduler answers.
+            If there is no store to resume from; if the store is of another study, has rows that are
+            not to be resumed, or cannot be written; if the study cannot be sent to other processes;
+            if no scheduler answers.
         MissingPackageError
             If there is a scheduler, and Dask is not installed.
         """
         _check_places(workers, scheduler)
+        if resume and store is None:
+            raise InvalidInputError("resume needs a store, the file with the finished rows")
         run = CaseRunner(self._problem, self._grid, self._measures, _directory(graphs))
         kept = Store(store)
         try:

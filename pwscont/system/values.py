@@ -55,7 +55,8 @@ def expect(system: object, method: str, value: Any, shape: tuple[int, ...]) -> N
     got = getattr(value, "shape", None)
     if got != shape:
         what = f"shape {got}" if got is not None else f"{type(value).__name__}"
-        words = f"returned {what} where an array of shape {shape} is expected"
+        hint = ": numpy.array makes one" if isinstance(value, list | tuple) else ""
+        words = f"returned {what} where an array of shape {shape} is expected{hint}"
         raise broken(system, method, words)
 
 

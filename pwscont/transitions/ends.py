@@ -139,7 +139,7 @@ def _inside(curve: Curve, x: Array, error: Array) -> SpecialPointFound:
         return departures(there)  # the fold may be known less exactly than the start
     forth = Ray(curve, fold or state)
     rays = forth, forth.reversed()
-    said = partial("start in {0.label}".format, curve.selection)
+    said = partial('start in "{0.label}"'.format, curve.selection)
     return SpecialPointFound(Kind.START, forth.state.x, said, rays)
 
 

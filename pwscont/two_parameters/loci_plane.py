@@ -75,8 +75,9 @@ class LociPlane(Plane):
         if len(set(self.balances())) > 1:
             return "not balanced: a locus is missing"
         number = sum(map(bool, self.proven))
+        regions = f"{len(self.proven)} regions of {len(self.sectors)} sectors"
         return (
-            f"balanced; {number} of {len(self.proven)} regions proven at the points tried; "
+            f"balanced; {number} of {regions} proven at the points tried; "
             "loci that meet none of the values searched may be missing"
         )
 

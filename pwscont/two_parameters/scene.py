@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, final
 
 from pwscont import InvalidInputError, MissingPackageError, SlicewiseLinearSystem
-from pwscont.extending import Report, counted, named, silent
+from pwscont.extending import Report, checked_kind, counted, finite_array, named, silent
 from pwscont.scenes.answer import DEFAULT_LOOK, Answer, Look, Runnable
 from pwscont.two_parameters.affine import Window, is_affine
 from pwscont.two_parameters.axes import Axes, PlaneShown
@@ -191,6 +191,9 @@ class PlaneScene(Runnable):
     parameter: str = field(init=False)
 
     def __post_init__(self) -> None:
+        if not callable(self.family):
+            raise InvalidInputError(f"family must be a function of mu, got {self.family!r}")
+        checked_kind("axes", self.axes, Axes, is_needed=True)
         object.__setattr__(self, "parameter", self.axes.mu)
 
     def run(self, report: Report = silent) -> Plane:
@@ -212,6 +215,11 @@ class PlaneScene(Runnable):
 
     def _by_loci(self, report: Report) -> LociPlane:
         """Return the plane of the loci, with the solutions of every region."""
+        (lo, hi), levels = self.mus, finite_array("levels", self.levels)
+        if levels.ndim != 1 or not levels.size or not ((lo <= levels) & (levels <= hi)).all():
+            raise InvalidInputError(
+                f"levels must be values of mu from {lo} to {hi}, at least one, got {self.levels!r}"
+            )
         return LociPlane.between(
             self.family, self.alphas, self.mus, self.levels, parameter=self.axes.mu, report=report
         )

@@ -61,7 +61,7 @@ def _point(scene: PlaneShown, alpha: float, mu: float) -> str:
 
 
 def _sectors(scene: PlaneShown, plane: Plane) -> Iterator[str]:
-    yield "Solutions in the regions"
+    yield "Solutions in the sectors"
     for sector in plane.sectors:
         name = scene.sector_name(sector)
         heading = f"{name}, {how_many(sector)}" if name else how_many(sector)

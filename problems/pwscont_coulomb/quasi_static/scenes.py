@@ -66,6 +66,8 @@ def cattaneo(
 ) -> EvolutionScene:
     """Return a round body, pressed and then sheared to and fro (Cattaneo 1938, Mindlin 1949)."""
     _at_least_two(cycles)
+    if nodes < 1:
+        raise InvalidInputError(f"nodes must be at least 1, got {nodes}")
     body = half_plane(nodes, HALF_WIDTH, RADIUS, MODULUS)
     ways = [(0.0, 0.0), (APPROACH, 0.0), (APPROACH, shift)]
     ways += [(APPROACH, -shift), (APPROACH, shift)] * cycles
