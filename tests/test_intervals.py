@@ -13,9 +13,9 @@ from pwscont.proof.interval import (
     ELEMENTARY,
     FUNCTION_ULPS,
     Interval,
+    is_positive_definite,
     together,
 )
-from pwscont.proof.prove import is_positive_definite
 from pwscont.proof.tape import evaluated, traced
 
 QUICK, WHOLE = 2_000, 200_000

@@ -230,3 +230,38 @@ def test_more_equations_than_unknowns_are_solved_together(name):
         boxes, points, undecided = proved_solutions(cells, alpha)
         assert (boxes, undecided) == ({}, [])
         assert points == ({(truth[alpha],)} if alpha in truth else set())
+
+
+@pytest.mark.parametrize(
+    ("f", "words"),
+    [
+        # where bounds have crossed, 2 z - 1 is below one bound and above the other one at z = 2
+        (lambda z, t, sw: sw.clip(2 * z - 1, 2 * z + 1, 1 - 1.5 * z) + z + 0 * t, "may cross"),
+        # at z = 0 the branch z - t counts, so that z = 0 is no solution at t = 1
+        (lambda z, t, sw: sw.where(z, z - t - 1, z - t + 1), "jumps"),
+        (lambda z, t, sw: sw.where(z, z - t, 5 * z), "jumps"),
+    ],
+)
+def test_formulas_that_are_no_functions_everywhere_or_jump_have_no_proved_count(f, words):
+    found = enumerate_solutions(Switched(1, f, linear=True), 1.0)
+    with pytest.raises((InvalidInputError, InvalidSystemError), match=words):
+        prove(found)
+
+
+def test_branches_that_agree_where_the_test_is_zero_do_not_jump():
+    kinked = Switched(1, lambda z, t, sw: sw.where(z - 0.5, 2 * z - 0.5, z) - t, linear=True)
+    assert prove(enumerate_solutions(kinked, 1.0)).count == 1
+
+
+def test_nothing_is_counted_at_an_alpha_where_bounds_have_crossed():
+    clipped = Switched(1, lambda z, t, sw: sw.clip(2 * z, t, 1 - t) - z - 0.1, linear=True)
+    assert prove(enumerate_solutions(clipped, 0.5)).holds
+    with pytest.raises(InvalidInputError, match="domain"):
+        prove(enumerate_solutions(clipped, 0.6))
+
+
+def test_coefficients_that_cancel_are_named_as_what_counts():
+    """z = t, but 1e8 + 1e-9 rounds to 1e8, so that no coefficient of z is left."""
+    rounded = Switched(1, lambda z, t, sw: 1e8 * z + 1e-9 * z - 1e8 * z - 1e-9 * t, linear=True)
+    proof = prove(enumerate_solutions(rounded, 0.5))
+    assert "coefficients of the formula, as floating point adds them up" in proof.statements[1]

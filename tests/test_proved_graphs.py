@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from pages import blocks, check_answers
+from pwscont_coulomb import AffineLoad, ContactBody, CoulombLoad
 
 import pwscont.proof.everywhere
 from pwscont import (
@@ -385,3 +386,36 @@ def test_a_state_of_another_size_is_refused():
         found[0] = strange
         with pytest.raises(InvalidInputError, match=r"a Solution with z of shape \(2,\)"):
             prove(found)
+
+
+@pytest.mark.parametrize("box", [(0.0, 2.0 * np.pi), (-1.0, 5.0), (3.3, 9.0), (-3.0, 3.0)])
+def test_a_box_of_an_angle_may_lie_anywhere(box):
+    """The angle is asin(t) or pi - asin(t), plus whole turns."""
+    circle = Switched(1, lambda z, t, sw: np.sin(z) - t, periods=2.0 * np.pi)
+    graph = explore(circle, (-0.5, 0.5), search=Everywhere(box=box))
+    assert graph.guarantee.startswith("complete in the box, proved")
+    one = np.arcsin(0.2) + 2.0 * np.pi * np.arange(-2, 3)
+    angles = np.array([one, np.pi - one])
+    assert graph.proof.count(0.2) == ((angles > box[0]) & (angles < box[1])).sum()
+
+
+def test_a_box_of_an_angle_is_at_most_one_turn_wide():
+    circle = Switched(1, lambda z, t, sw: np.sin(z) - t, periods=2.0 * np.pi)
+    with pytest.raises(InvalidInputError, match="one period"):
+        explore(circle, (-0.5, 0.5), search=Everywhere(box=(-10.0, 10.0)))
+    bounded = Switched(1, lambda z, t, sw: np.sin(z) - t, periods=2.0 * np.pi, bounds=(-10.0, 10.0))
+    assert explore(bounded, (-0.5, 0.5)).guarantee.startswith("complete in the box, proved")
+
+
+def test_a_frictionless_piece_that_is_said_to_slip_the_other_way_is_not_proved():
+    """Without friction both directions of slip have the same equations."""
+    body = ContactBody([[2.0, -1.0], [-1.0, 2.0]], [[1.0, 0.0]], [[0.0, 1.0]])
+    graph = explore(CoulombLoad(body, AffineLoad([3.0, 0.0], [0.0, 1.0]), 0.0), (-1.0, 1.0))
+    assert prove(graph).holds
+    assert [piece.label for piece in graph.pieces] == ["slip-", "slip+"]
+    for k, other in enumerate(reversed(graph.pieces)):
+        pieces = list(graph.pieces)
+        pieces[k] = replace(pieces[k], character=other.character)
+        assert not prove(
+            BranchGraph(graph.nodes, pieces, graph.interval, system=graph.system)
+        ).holds

@@ -137,6 +137,21 @@ def test_a_tampered_evolution_is_not_proved(name):
     assert "the piece from" in proof.open[0] or "only" in proof.open[0]
 
 
+def test_the_state_with_which_an_evolution_begins_is_that_of_the_initial_slip_or_named():
+    body, loads = evolution(0.3).system.body, LoadHistory([[1.0, 0.0], [1.0, 3.0]])
+    system = QuasiStaticCoulomb(body, loads, 0.3)
+    own = evolve(system, (0.0, 1.0))
+    other = evolve(QuasiStaticCoulomb(body, loads, 0.3, slip=0.2), (0.0, 1.0))
+    again, started = (
+        evolve(system, (0.0, 1.0), start=each.states(0.0)[0].z) for each in (own, other)
+    )
+    lent = tampered(lambda **parts: {"system": system}, other)
+    for found, is_named in ((own, 0), (other, 0), (again, 0), (started, 1), (lent, 1)):
+        proof = prove(found)
+        assert proof.holds
+        assert ("from the given state" in proof.statements[0]) == is_named
+
+
 def test_nodes_that_rest_are_no_rounding():
     """u_t stays 0 up to rounding, and the body is without load at first."""
     body = ContactBody([[3.0, -1.0], [-1.0, 3.0]], [[1.0, 0.0]], [[0.0, 1.0]])
@@ -162,6 +177,23 @@ def test_evolutions_by_rays_are_proved_too():
     found = evolve(system, (0.0, 3.0))
     assert prove(found).holds
     assert not prove(tampered(moved("node", "z", 1e-6), found)).holds
+
+
+@pytest.mark.parametrize("on", [1.0, -0.5])
+@pytest.mark.parametrize("law", [lambda system: system, PlainWithRates])
+def test_several_events_at_a_corner_of_the_load_are_proved_right(on, law):
+    """At t = 1 two nodes reach the bound of friction, a third one leaves, and the load turns."""
+    body = ContactBody(2.0 * np.eye(6), np.eye(6)[::2], np.eye(6)[1::2])
+    pushed = np.array([[1.0, 0.0], [1.0, 0.5], [1.0, 0.5 + on]])
+    lifted = np.array([[1.0, 0.0], [0.0, 0.0], [-2.0, 0.0]])
+    system = QuasiStaticCoulomb(body, LoadHistory(np.hstack([pushed, pushed, lifted])), 0.5)
+    found = evolve(law(system), (0.0, 2.0))
+    assert prove(found).holds
+    for t in np.linspace(0.0, 2.0, 33).tolist():
+        (state,) = found.states(t)
+        slid = 0.5 * max(on, 0.0) * max(t - 1.0, 0.0)
+        true = [0.0, slid, 0.0, slid, min(1.0 - t, 0.0), 0.0]
+        assert state.z[:6] == pytest.approx(true, abs=1e-12)
 
 
 def test_a_frictionless_node_has_no_direction_of_slip():

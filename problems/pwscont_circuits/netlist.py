@@ -112,9 +112,9 @@ def read_netlist(path: str | Path) -> Netlist:
 def parse_netlist(text: str) -> Netlist:
     r"""Return the title, the circuit and the sweep of a netlist.
 
-    The first line is the title, and lines behind ``.end`` are not read: neither may look like a
-    part of the circuit. ``*`` begins a line of comment, ``;`` a comment behind a line, and a line
-    that begins with ``+`` goes on with the line before. Capital and small letters are alike.
+    The first line is the title, and lines behind ``.end`` are not read; a part of the circuit at
+    these places is refused. ``*`` begins a line of comment, ``;`` a comment behind a line, and a
+    line that begins with ``+`` goes on with the line before. Capital and small letters are alike.
     Numbers may have the suffixes t, g, meg, k, m, u, n, p and f, and letters of a unit after the
     suffix::
 

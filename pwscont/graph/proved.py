@@ -209,8 +209,9 @@ class BoxProof:
         own = Box.of(graph.system) if graph.system is not None else None
         for solution in solutions_at(graph, alpha):
             z, slack = with_slack(solution, typical)
-            if own is not None and own.is_periodic:
-                z = own.wrapped(np.append(z, np.zeros(len(own.period) - len(z))))[: len(z)]
+            if own is not None and own.is_periodic:  # by whole periods to above the least unknowns
+                period = own.period[: len(z)]
+                z = np.where(period < np.inf, self.box[0] + (z - self.box[0]) % period, z)
             if ((z >= self.box[0]) & (z <= self.box[1])).all():
                 yield z, slack
 

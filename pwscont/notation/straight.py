@@ -121,6 +121,7 @@ SMALLER = "a product of coefficients of the function is too small for a double; 
 ROUNDED = (
     "the function takes plain numbers only: its coefficients are rounded differences of values"
 )
+CROSSING = "bounds of sw.clip may cross, for their difference depends on z"
 #: Number of cells whose matrices are kept: several cells take turns around a transition.
 KEPT = 4
 
@@ -255,6 +256,7 @@ class SwitchedLinearSystem(Notated, PiecewiseLinearSystem, ExactData):
         three, (T, t) = self._layout.three, self._rows.tests
         first, last = self._layout.first_tests[three], self._layout.last_tests[three]
         widths, rest = (T[first] - T[last]).toarray(), t[first] - t[last]
+        self.inexact = self.inexact or CROSSING * bool(widths[:, :-1].any())
         rising = ~widths[:, :-1].any(axis=1) & (widths[:, -1] != 0.0)
         slopes, rest = widths[rising, -1], rest[rising]
         zeros = -rest / slopes
@@ -316,7 +318,8 @@ class SwitchedLinearSystem(Notated, PiecewiseLinearSystem, ExactData):
         Raises
         ------
         InvalidInputError
-            If the rows are differences of values, or a product of coefficients is too small.
+            If the rows are differences of values, a product of coefficients is too small, or bounds
+            of a clip may cross.
         """
         if self.inexact:
             raise InvalidInputError(f"{self.inexact}: nothing can be proved")

@@ -16,7 +16,7 @@ from scipy.linalg import qr
 from pwscont.basics.arrays import Array, Indices, Signs, finite_array
 from pwscont.basics.errors import InvalidInputError
 from pwscont.curve.metric import Range
-from pwscont.enumeration.echelon import Echelon, integers
+from pwscont.enumeration.echelon import Echelon, independent, integers
 from pwscont.proof.interval import INF, Interval, solved, together
 from pwscont.system.abilities import ExactMode
 
@@ -51,6 +51,18 @@ def exact_array(name: str, given: Any) -> Array:
     return array
 
 
+def _jumps(modes: Sequence[ExactMode]) -> bool:
+    """Tell whether two modes on both sides of one test differ where the test is zero."""
+    sides = [mode.sides for mode in modes]
+    if [len(each) for each in sides] != [1, 1] or (sides[0] != -sides[1]).any():
+        return False
+    pair = [mode.equations for mode in modes]
+    return any(
+        any(independent(np.vstack([sides[0], one, other]))[1 + len(one) :])
+        for one, other in (pair, pair[::-1])
+    )
+
+
 @final
 class ExactCells:
     """All cells, ``number`` of them, of exact rows, as :class:`ExactData` hands them over.
@@ -78,6 +90,8 @@ class ExactCells:
         self.equations = [table([mode.equations for mode in modes], 0) for modes in parts]
         self.sides = [table([mode.sides for mode in modes], 1) for modes in parts]
         self.rows = np.concatenate(blocks)
+        if any(map(_jumps, parts)):
+            raise InvalidInputError("H jumps where a test is zero, so that nothing can be proved")
         #: Whether cells have as many equations as unknowns: others go to rational numbers.
         self._is_square = self.size == len(common) + sum(each.shape[1] for each in self.equations)
         with np.errstate(all="ignore"):

@@ -13,6 +13,7 @@ from pwscont.basics.arrays import Array, finite_array
 from pwscont.basics.budget import current_budget
 from pwscont.basics.errors import InvalidInputError
 from pwscont.basics.outcome import Guarantee, SearchScope
+from pwscont.basics.rounding import EPS
 from pwscont.curve.error_samples import Found
 from pwscont.curve.magnitudes import nonlinear_reach
 from pwscont.curve.metric import Metric, Range
@@ -147,6 +148,8 @@ class Everywhere(Search):
         if not {np.size(end) for end in ends} <= {1, n}:
             raise InvalidInputError(f"box must broadcast to {n} unknowns, got {self.box}")
         whole = [np.broadcast_to(end, (n,)) for end in ends]
+        if (whole[1] - whole[0] > Box.of(system).period[:n] * (1.0 + EPS)).any():
+            raise InvalidInputError(f"box must be at most one period wide, got {self.box}")
         box = Interval(*(np.append(*each) for each in zip(whole, interval, strict=True)))
         scale = np.append(metric.scale[:n], interval[1] - interval[0])
         key = [each.tobytes() for each in (box.lo, box.hi, scale)], tape.steps, tape.outputs
@@ -211,4 +214,4 @@ def _default_box(
     far = np.max([np.maximum([-x, x], 0.0) for x in (0.0 * scale, *points)], axis=0)
     least, most = (np.where(far > reach, np.ceil(far / reach), 0.0) + 1.0) * reach
     lower = np.where(np.isfinite(lower), lower, -least)
-    return lower, np.where(np.isfinite(upper), upper, most)
+    return lower, np.minimum(np.where(np.isfinite(upper), upper, most), lower + period)

@@ -227,6 +227,22 @@ def are_regular(matrices: Interval, size: Array) -> Signs:
     return regular
 
 
+@np.errstate(all="ignore")
+def is_positive_definite(form: Interval) -> bool:
+    """Tell whether the symmetric parts of all matrices K between two are positive definite.
+
+    With any R they are if R (K + K') R' is, and so if the rows of R (K + K') R' / 2 - I have
+    absolute sums below 1 (Gershgorin).
+    """
+    both = form + form.arranged(np.transpose)
+    try:
+        R = np.linalg.inv(np.linalg.cholesky(0.5 * both.middle()))
+    except np.linalg.LinAlgError:
+        return False
+    off = departure(0.5 * R, (both @ Interval(R.T)).balls(len(R)))
+    return bool((off(np.ones((len(R), 1))) < 1.0).all())
+
+
 #: Arguments of sine and cosine from here on say nothing but [-1, 1].
 FAR = 1e6
 #: By how much of a period the place of a crest may be misjudged; rounding of arguments below FAR

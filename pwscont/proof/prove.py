@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from functools import cache
 from itertools import product
 from math import inf
-from typing import Any, final
+from typing import Any, cast, final
 
 import numpy as np
 
@@ -22,8 +22,8 @@ from pwscont.basics.rounding import CONFIDENCE, EPS, GUARD
 from pwscont.enumeration.echelon import independent
 from pwscont.graph.branch_graph import BranchGraph
 from pwscont.graph.proved import are_matched, with_slack
-from pwscont.graph.queries import stray_alpha
 from pwscont.graph.records import Piece, Solution
+from pwscont.notation.straight import SwitchedLinearSystem
 from pwscont.proof.cells import (
     MOST_CELLS,
     Choice,
@@ -34,7 +34,7 @@ from pwscont.proof.cells import (
     holds,
     segment_of,
 )
-from pwscont.proof.interval import Interval, departure, together
+from pwscont.proof.interval import Interval, is_positive_definite, together
 from pwscont.search.enumeration import Solutions
 from pwscont.system.abilities import (
     ExactData,
@@ -44,8 +44,8 @@ from pwscont.system.abilities import (
     shown_points,
     shown_size,
 )
+from pwscont.system.selection import Selection, unexplained
 
-ASSUMED = "assumed: arithmetic of IEEE 754 to nearest; {} count as the doubles that they are"
 #: An end of a cell is the end of a piece within the errors that the graph states, the widths of
 #: enclosures (alpha of few unknowns without) and GUARD * EPS of magnitudes, and never beyond this.
 #: Solutions at one alpha have the same limit.
@@ -89,10 +89,18 @@ def cells_of(system: Any, rows: Any) -> ExactCells:
     return cells
 
 
+def _assumed(system: Any, data: str) -> str:
+    if isinstance(system, SwitchedLinearSystem):
+        data = "the coefficients of the formula, as floating point adds them up,"
+    return f"assumed: arithmetic of IEEE 754 to nearest; {data} count as the doubles that they are"
+
+
 def certified_count(
     system: Any, alpha: float, known: Sequence[Solution], number: float
 ) -> Certificate:
     """Return what is proved of all solutions at alpha, and of the known ones, ``number`` in all."""
+    if not system.domain[0] <= alpha <= system.domain[1]:
+        raise InvalidInputError(f"alpha = {alpha} is outside the domain {system.domain}")
     cells = cells_of(system, system.exact_rows(alpha))
     if cells.number > MOST_CELLS:
         raise InvalidInputError(
@@ -110,7 +118,7 @@ def certified_count(
         words += f"; the {given} given are not these"
     if undecided:
         words = f"not proved: {counted(len(undecided), 'cell')} undecided at alpha = {alpha:.8g}"
-    return Certificate(holds, (words, ASSUMED.format("the data")), undecided, count)
+    return Certificate(holds, (words, _assumed(system, "the data")), undecided, count)
 
 
 @np.errstate(all="ignore")
@@ -147,8 +155,7 @@ def certified_pieces(
     """Return what is proved of the pieces and transitions of a graph from the exact rows."""
     proof = _Pieces(graph, cells_of(graph.system, rows))
     undecided = [f"piece {graph.pieces[k].id}" for k in proof.left_pieces()]
-    is_few = proof.cells.number <= MOST_CELLS
-    cells = list(proof.left_cells()) if is_few and not undecided else None
+    cells = None if undecided or proof.cells.number > MOST_CELLS else list(proof.left_cells())
     undecided += [f"special point {node}" for node in proof.inner if not proof.is_joined(node)]
     transitions = sum(len(pieces) > 1 for pieces in proof.inner.values())
     words = f"{counted(len(graph.pieces), 'piece')} and {counted(transitions, 'transition')}"
@@ -166,7 +173,7 @@ def certified_pieces(
         words = f"not proved: {', '.join(undecided[:3])}{more} undecided"
     return Certificate(
         not undecided,
-        (words, ASSUMED.format("the data, loads affine in alpha included,")),
+        (words, _assumed(graph.system, "the data, loads affine in alpha included,")),
         [*undecided, *(f"cell {choice}" for choice in cells or ())],
         is_complete=cells == [] and not undecided,
     )
@@ -189,9 +196,8 @@ class _Pieces:
                 self.inner[node.id] = met
         self.rays: set[Point] = set()
         self._rational_ends = cache(self._ends_of)
-        system: Any = graph.system
-        self._system = system
-        full = [[completed_point(system, p.points[k]) for k in (0, -1)] for p in pieces]
+        self._system = cast("Any", graph.system)
+        full = [[completed_point(self._system, p.points[k]) for k in (0, -1)] for p in pieces]
         #: Both ends (z, alpha) of each piece, shape (k, 2, n + 1), and magnitudes.
         self._points = np.array(full).reshape(-1, 2, cells.size + 1)
         self._sizes = np.abs(self._points).max(axis=(0, 1), initial=0.0)
@@ -204,9 +210,14 @@ class _Pieces:
     def _is_drawn(self, piece: Piece) -> bool:
         """Tell whether a piece is straight, from special point to special point, of its cell."""
         ends = np.array([self._graph.point(node).place.x for node in (piece.start, piece.end)])
-        is_straight = len(piece.points) == 2 and self._is_end(piece, ends)
-        middle = 0.5 * sum(piece.interval)
-        return is_straight and stray_alpha(self._system, piece, middle, self._scale) is None
+        if len(piece.points) != 2 or not self._is_end(piece, ends):
+            return False
+        x = completed_point(self._system, piece.points.mean(axis=0))
+        cell, near = Selection(self._system, piece.character), 0.0
+        if ((tests := cell.tests(x)) < 0.0).any():
+            near = HOLDS * (abs(cell.test_gradients(x)) @ (np.abs(x) + self._scale))
+        is_inside = bool((tests >= -near).all())
+        return is_inside and not unexplained(self._system, piece.character, x, self._scale)
 
     def _is_end(self, piece: Piece, ends: Array, width: Any = 0.0) -> bool:
         """Tell whether a piece has these ends (2, n + 1) within the errors of its special points.
@@ -424,11 +435,22 @@ def prove(given: Any, alpha: float | None = None) -> Certificate:
 def certified_rates(evolution: Any) -> Certificate:
     """Return whether exactly one evolution with finitely many events is proved to exist."""
     doubt = _doubt(evolution)
-    words = "exactly one evolution with finitely many events, proved: rates are unique at every "
-    words = f"not proved: {doubt}" if doubt else words + "state"
+    begin = "" if doubt or _begins_at_rest(evolution) else " from the given state"
+    words = f"exactly one evolution with finitely many events{begin}, proved: rates are unique at "
+    words = f"not proved: {doubt}" if doubt else words + "every state"
     if not doubt and (end := evolution.paths()[0].end) < evolution.interval[1]:
         words += f"; followed up to a stop at t = {end:.8g}"
-    return Certificate(not doubt, (words, ASSUMED.format("A, N, T and F")), [doubt] * bool(doubt))
+    return Certificate(not doubt, (words, _assumed(None, "A, N, T and F")), [doubt] * bool(doubt))
+
+
+def _begins_at_rest(evolution: Any) -> bool:
+    """Tell whether the initial memory of the system admits the state with which one path begins."""
+    start, system = evolution.node(evolution.paths()[0].first), evolution.system
+    law, t = system.remembering(system.initial_memory()), start.t
+    z = completed_point(law, np.append(start.z, t))[:-1]
+    value, slopes = (of(z, t, law.character(z, t)) for of in (law.residual, law.jacobian))
+    terms = abs(slopes[:, :-1]) @ (np.abs(z) + law.scale(*evolution.interval))
+    return bool((np.abs(value) <= EPS**0.5 * terms).all())
 
 
 def _doubt(evolution: Any) -> str:
@@ -476,19 +498,3 @@ def is_unique(A: Array, N: Array, T: Array, friction: Array) -> bool:
     """Tell whether the form of some signs, with friction times signs, is positive definite."""
     work = Interval(friction[:, np.newaxis]) * (Interval(N) @ Interval(A))
     return is_positive_definite(Interval(A) - Interval(T.T) @ work)
-
-
-@np.errstate(all="ignore")
-def is_positive_definite(form: Interval) -> bool:
-    """Tell whether the symmetric parts of all matrices K between two are positive definite.
-
-    With any R they are if R (K + K') R' is, and so if the rows of R (K + K') R' / 2 - I have
-    absolute sums below 1 (Gershgorin).
-    """
-    both = form + form.arranged(np.transpose)
-    try:
-        R = np.linalg.inv(np.linalg.cholesky(0.5 * both.middle()))
-    except np.linalg.LinAlgError:
-        return False
-    off = departure(0.5 * R, (both @ Interval(R.T)).balls(len(R)))
-    return bool((off(np.ones((len(R), 1))) < 1.0).all())
