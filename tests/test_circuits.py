@@ -123,6 +123,28 @@ def test_the_ladder_has_one_operating_point_everywhere(sections, rise):
         np.testing.assert_allclose(v, ladder_voltages(source, sections, rise), atol=1e-12)
 
 
+@pytest.mark.parametrize("sections", [9, 16, 24, 60])
+def test_behind_the_corner_of_a_ladder_every_diode_is_on(sections):
+    """Currents fall to 1e-70 of the first; in rational numbers none of them is zero."""
+    rng = np.random.default_rng(sections)
+    series, on = 10.0 ** rng.uniform(-1.0, 1.0, (2, sections)).round(2)
+    lines = ["ladder", "VE n0 0 0", ".dc VE 0 3"]
+    for k, (R, ron) in enumerate(zip(series.tolist(), on.tolist(), strict=True), start=1):
+        lines += [f"R{k} n{k - 1} n{k} {R!r}", f"D{k} n{k} 0 M{k}"]
+        lines += [f".model M{k} D(von=0.6 ron={ron!r})"]
+    circuit = parse_netlist("\n".join(lines)).circuit
+    graph = explore(circuit.sweep("VE"), (0.0, 3.0))
+    inner = Fraction(0)  # conductance of the sections behind, seen from the last diode on
+    for R, ron in zip(series[::-1].tolist(), on[::-1].tolist(), strict=True):
+        inner += 1 / Fraction(ron)
+        gain = 1 / (1 + Fraction(R) * inner)  # of the rise of voltage from a diode to the next
+        assert gain > 0
+        inner = 1 / (Fraction(R) + 1 / inner)
+    before, after = graph.pieces
+    assert [p.kind for p in graph.special_points()] == ["start", "corner", "end"]
+    assert (after.character.array.all(), before.character.array.any()) == (True, False)
+
+
 def test_the_inverter_inverts():
     graph = netlist().run()
     assert (counts(graph), graph.guarantee) == ([1], "complete")

@@ -132,10 +132,13 @@ def test_all_ways_on_from_a_corner_of_many_diodes(n):
     np.testing.assert_allclose(graph.solutions(0.5)[0].z, system.solution(0.5), rtol=1e-9)
 
 
-def test_explore_is_sure_of_a_long_chain():
-    graph = explore(Diodes(24), (-1.0, 1.0))
+@pytest.mark.parametrize("n", [12, 24])
+def test_explore_is_sure_of_a_long_chain(n):
+    """Each diode has a slope of one sign, so that no branch turns: there are no loops."""
+    graph = explore(Diodes(n), (-1.0, 1.0))
     assert graph.count(0.5) == 1
-    assert graph.guarantee == "complete but for closed loops"
+    assert graph.guarantee == "complete"
+    assert "no branch turns" in graph.searched.what
 
 
 class Detached(PiecewiseLinearSystem):
@@ -165,6 +168,29 @@ def test_branches_of_detached_parts_multiply(folds):
     assert graph.count(0.5) == 0
     (corner,) = (p for p in graph.special_points() if p.alpha == 0.0)
     assert len(graph.pieces_at(corner.id)) == 2**folds
+    assert "no branch turns" not in graph.searched.what
+
+
+class Loops(Detached):
+    """The first two unknowns make a loop: |z_0| + |z_1| = 1/2 and z_1 = alpha."""
+
+    def residual(self, z, alpha, character):
+        rows = super().residual(z, alpha, character)
+        signs = np.where(character.array, 1.0, -1.0)
+        rows[0] = signs[0] * z[0] + signs[1] * z[1] - 0.5
+        rows[1] = z[1] - alpha
+        return rows
+
+    def blocks(self):
+        first = Block((0, 1), (0, 1), tuple(product((True, False), repeat=2)))
+        return (first, *super().blocks()[2:])
+
+
+def test_a_loop_in_a_chain_without_other_turns_is_found():
+    """|z_0| + |alpha| = 1/2 is a diamond that meets no end of the interval."""
+    graph = explore(Loops(np.zeros(10, bool)), (-1.0, 1.0))
+    assert [graph.count(alpha) for alpha in (-0.8, -0.3, 0.3, 0.8)] == [0, 2, 2, 0]
+    assert graph.guarantee == "complete"
 
 
 def parts_of(pattern, tests, blocks):

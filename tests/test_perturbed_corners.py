@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from sweeps import swept
 
-from pwscont import Block, PiecewiseLinearSystem, Switched, trace
+from pwscont import Block, Character, PiecewiseLinearSystem, Switched, trace
 from pwscont.curve.metric import Metric
+from pwscont.system.selection import Selection
 from pwscont.transitions.cone import rays_cell_by_cell
 from pwscont.transitions.corner import Corner
 from pwscont.transitions.corner_paths import rays_by_perturbation
@@ -221,3 +222,27 @@ def test_curved_formula_whose_many_kinks_meet_at_one_point():
     graph = trace(Switched(n, residual), (np.zeros(n), -1.0), (-1.0, 1.0))
     assert [graph.count(alpha) for alpha in (-0.5, 0.5)] == [1, 1]
     assert "a corner was searched in part" in str(graph.guarantee)
+
+
+@pytest.mark.parametrize("seed", swept(range(20), range(20, 400)))
+@pytest.mark.sweep(4)
+def test_slopes_that_are_zero_in_integers_are_level_whatever_the_rounding(seed):
+    """Rows are mixed, or entries of 1e-17 stand where symmetry makes zero."""
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(2, 9))
+    ray = np.append(rng.choice([-3.0, -2.0, -1.0, 0.0, 0.0, 1.0, 2.0], n), 1.0)
+    matrix = rng.integers(-4, 5, (n, n + 1)) * (rng.random((n, n + 1)) < 0.5) + 6.0 * np.eye(
+        n, n + 1
+    )
+    matrix[:, -1] = -matrix[:, :-1] @ ray[:-1]
+    if seed % 2:
+        matrix = matrix + 1e-17 * rng.normal(size=matrix.shape)
+    else:
+        matrix = rng.uniform(0.5, 2.0, (n, 1)) * matrix
+    system = Cone(matrix[:, :-1], np.zeros((n, n)), -matrix[:, -1]).within(-1.0, 1.0)
+    metric = Metric.of(system, (-1.0, 1.0))
+    corner = Corner.at(system, metric, np.zeros(n + 1), np.zeros((1, n + 1)), frozenset(range(n)))
+    found = corner.ray_in(Selection(system, Character([True] * n)))
+    if np.linalg.cond(matrix[:, :-1]) < 50.0:
+        assert found is not None
+        np.testing.assert_array_equal(found[1] == 0.0, ray[:-1] == 0.0)

@@ -287,13 +287,16 @@ def cells_of(table: Table, parts: Sequence[Part], found: Partial) -> Cells:
     return Cells([len(cells) for cells in found.cells], cell)
 
 
-def is_regular(table: Table, parts: Sequence[Part], scale: Array) -> bool:
+def is_regular(
+    table: Table, parts: Sequence[Part], scale: Array, *, of_one_sign: bool = False
+) -> bool:
     """Tell whether every part is small, and has a regular matrix in each cell of the part.
 
-    Then zero is the only solution of H = 0 with all constants zero.
+    Then zero is the only solution of H = 0 with all constants zero. ``of_one_sign``: the
+    determinants of a part must have one sign as well: then no branch of straight pieces turns.
     """
     for part in parts:
-        blocks = [table.blocks[i] for i in part.blocks]
+        blocks, signs = [table.blocks[i] for i in part.blocks], set[float]()
         if number_of_cells(blocks) > MOST_CELLS_CHECKED:
             return False
         place = {int(row): i for i, row in enumerate(part.rows)}
@@ -304,6 +307,9 @@ def is_regular(table: Table, parts: Sequence[Part], scale: Array) -> bool:
             sizes = np.abs(matrix).max(axis=1, keepdims=True)
             unit = matrix / np.where(sizes > 0.0, sizes, 1.0)
             if np.linalg.matrix_rank(unit, tol=GUARD * EPS * len(matrix)) < len(matrix):
+                return False
+            signs.add(float(np.linalg.slogdet(unit).sign) if of_one_sign else 1.0)
+            if len(signs) > 1:
                 return False
     return True
 

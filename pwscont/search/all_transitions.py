@@ -5,6 +5,11 @@ and the solutions at an end therefore give every component, unless some unknown 
 line then need not have a transition point. With alpha as a further unknown, the solutions in a
 regular cell are a line, of which the inequalities of the cell leave a segment: the ends are the
 transition points, and the solutions at the ends of the interval.
+
+A component that turns has a transition point at which det(dH/dz) changes its sign (docs/theory,
+F3). The determinant is the product of the determinants of the parts, see
+:mod:`pwscont.enumeration.by_parts`. If each of these keeps its sign in all cells, every component
+crosses the interval: the solutions at the lower end are enough, and are found part by part.
 """
 
 from __future__ import annotations
@@ -22,8 +27,9 @@ from pwscont.basics.outcome import Guarantee, SearchScope
 from pwscont.basics.rounding import CONFIDENCE, EPS, GUARD
 from pwscont.curve.error_samples import Found, has_digits, is_same, magnitude
 from pwscont.curve.metric import Metric, Range
+from pwscont.enumeration.by_parts import is_regular, most_cells, parts_of_table
 from pwscont.enumeration.choices import SLACK, Choices, inequalities_of
-from pwscont.enumeration.options import Problem, problem_with_alpha
+from pwscont.enumeration.options import Problem, Table, problem_with_alpha
 from pwscont.enumeration.polyhedron import Face, face_of
 from pwscont.enumeration.slices import FEW_CELLS, Points
 from pwscont.enumeration.tree import CUT_OFF_LINES, leaves
@@ -31,6 +37,7 @@ from pwscont.graph.records import FEW_DIGITS, significant
 from pwscont.linear.factorise import balanced, factor
 from pwscont.search.enumeration import starts_at
 from pwscont.search.search import Search
+from pwscont.system.abilities import Ending
 from pwscont.system.box import Box
 from pwscont.system.contract import jacobian_at
 from pwscont.system.promises import checked_necessary
@@ -87,6 +94,9 @@ class AllTransitions(Search):
             known.append((found, Corner.at(system, metric, *found).zero))
             return False
 
+        if turns_nowhere(system):
+            yield from starts_at(system, metric, interval[0])
+            return
         are_few = number_of_cells(system.blocks()) <= FEW_CELLS  # then lines give all solutions
         lines = Lines(system, metric, interval) if are_few else None
         solutions = lines and lines.solutions()
@@ -101,7 +111,27 @@ class AllTransitions(Search):
         """Promise everything, except for systems with bounds or free unknowns."""
         in_doubt = Box.of(system).is_bounded or _has_free_unknowns(system)
         promise = Guarantee.NOTHING if in_doubt else Guarantee.EVERYTHING
-        return SearchScope("all transition points, and all solutions at the lower end", promise)
+        what = "all transition points, and all solutions at the lower end"
+        if turns_nowhere(system):
+            what = "all solutions at the lower end, for no branch turns: det(dH/dz) keeps its sign"
+        return SearchScope(what, promise)
+
+
+def turns_nowhere(system: PiecewiseSystem) -> bool:
+    """Tell whether every branch surely crosses every interval, by the determinants of many parts.
+
+    False also where there are few cells, or few parts: enumeration decides sooner there.
+    """
+    if not isinstance(system, PiecewiseLinearSystem) or isinstance(system, Ending):
+        return False
+    blocks = system.blocks()
+    cells, scale = number_of_cells(blocks), system.differences(0.0).scale[:-1]
+    if cells <= FEW_CELLS or Box.of(system).is_bounded:
+        return False
+    table = Table.at(system, system.somewhere, scale)
+    parts = parts_of_table(table)
+    are_far_fewer = FEW_CELLS * most_cells(parts, blocks) <= cells
+    return are_far_fewer and is_regular(table, parts, scale, of_one_sign=True)
 
 
 def _has_free_unknowns(system: PiecewiseSystem) -> bool:

@@ -8,7 +8,7 @@ from itertools import islice
 from pwscont.basics.arrays import Array
 from pwscont.curve.metric import Metric, Range
 from pwscont.enumeration.slices import cells_to_try
-from pwscont.search.all_transitions import AllTransitions
+from pwscont.search.all_transitions import AllTransitions, turns_nowhere
 from pwscont.search.enumeration import EndPoints, Slices
 from pwscont.search.multi_start import MultiStart, States, Throughout, affordable_starts
 from pwscont.search.search import Search
@@ -56,7 +56,8 @@ def _in_all_cells(system: PiecewiseSystem, interval: Range) -> Search | None:
     blocks = system.blocks()
     cells = number_of_cells(blocks)
     interfaces = cells * sum(len(block.tests) for block in blocks)
-    if isinstance(system, PiecewiseLinearSystem) and interfaces <= MANY_INTERFACES:
+    are_few = isinstance(system, PiecewiseLinearSystem) and interfaces <= MANY_INTERFACES
+    if are_few or turns_nowhere(system):
         if not Box.of(system).is_bounded:
             return AllTransitions()
         # a branch from bound to bound, or to the upper end, may be without a transition

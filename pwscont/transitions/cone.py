@@ -105,10 +105,24 @@ def tangent_cone(corner: Corner, back: Ray | None = None) -> TangentCone:
     ``back``: the ray along which the corner was reached, at which the paths begin.
     """
     simple = rays_cell_by_cell(corner)
+    if simple is None and corner.system.unique and _has_many_cells(corner):
+        cone = _cone_by_paths(corner, back)  # two rays are all, and found sooner than in all cells
+        if cone.exact and not cone.along_interface:
+            return cone
     enumerated = rays_of_slices(corner) if simple is None else (simple, 1)
-    if enumerated is not None:
-        found, dimension = enumerated
-        return TangentCone(_rays(corner, found), dimension, exact=True)
+    if enumerated is None:
+        return _cone_by_paths(corner, back)
+    found, dimension = enumerated
+    return TangentCone(_rays(corner, found), dimension, exact=True)
+
+
+def _has_many_cells(corner: Corner) -> bool:
+    """Tell whether more cells meet at a corner than are tried one after another."""
+    return (blocks := _blocks(corner)) is None or number_of_cells(blocks) > FEW_CELLS
+
+
+def _cone_by_paths(corner: Corner, back: Ray | None) -> TangentCone:
+    """Return the rays that paths lead to; ``exact`` if the system says that there are no more."""
     along = back and (back.state.tangent, (back.curve.selection.character,))
     rays = _rays(corner, rays_by_perturbation(corner, along))
     to_both_sides = {np.sign(ray.curve.slope(ray.state)) for ray in rays} >= {1.0, -1.0}
@@ -241,9 +255,9 @@ def rays_cell_by_cell(corner: Corner) -> list[Direction] | None:
         cells = corner.all_cells()
     for character in cells:
         selection = Selection(corner.system, character)
-        if (direction := corner.direction_in(selection)) is None:
+        if (ray := corner.ray_in(selection)) is None:
             return None
-        slopes = corner.slopes_along(selection, direction)
+        direction, slopes = ray
         if not (len(slopes) and slopes.all()):
             return None
         if (slopes > 0.0).all() or (slopes < 0.0).all():

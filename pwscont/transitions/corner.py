@@ -18,9 +18,11 @@ from pwscont.basics.arrays import Array, Indices, Matrix, Signs, generic, joined
 from pwscont.basics.character import Character
 from pwscont.basics.errors import InvalidSystemError
 from pwscont.basics.rounding import EPS, GUARD
-from pwscont.curve.error_samples import slack_by_constants, zero_up_to
+from pwscont.curve.error_samples import samples, slack_by_constants, zero_up_to
 from pwscont.curve.metric import Metric
-from pwscont.linear.factorise import bordered, last_unit
+from pwscont.linear.factor import Factor
+from pwscont.linear.factorise import bordered, largest_in_scaled_rows, last_unit
+from pwscont.linear.jacobian import StructuredJacobian
 from pwscont.system.selection import Selection
 from pwscont.system.system import Block, PiecewiseSystem, SlicewiseLinearSystem
 from pwscont.transitions.rays import SLANT
@@ -31,6 +33,8 @@ Direction: TypeAlias = tuple[Array, tuple[Character, ...]]
 #: Error of a component of a unit direction, in typical magnitudes and divided by SLANT, because
 #: SLANT multiplies this error: a component that should be zero is not compared with itself.
 NOISE = GUARD * EPS / SLANT
+#: Refinements of a direction with components below rounding: each gains all digits of a double.
+REFINEMENTS = 3
 
 
 @final
@@ -128,20 +132,43 @@ class Corner:
 
         return [Block(b.tests, b.rows, tuple(m for m in b.modes if meets(b, m))) for b in blocks]
 
-    def direction_in(self, selection: Selection) -> Array | None:
-        """Return the null vector d of J_chi, None where J_chi has several to rounding."""
-        x, metric = self.x, self.metric
-        factor = bordered(selection.jacobian(x), generic(len(x)) / metric.scale, metric.binary)
-        return None if factor.is_singular() else metric.normalised(factor.solve(last_unit(len(x))))
-
     def vanishing(self, selection: Selection) -> tuple[Indices, Matrix]:
         """Return the tests that bound a cell and vanish, shape (k,), and the rows of gradients."""
         which = np.flatnonzero(np.isin(selection.bounding, list(self.zero)))
         return selection.bounding[which], selection.test_gradients(self.x)[which]
 
-    def slopes_along(self, selection: Selection, direction: Array) -> Array:
-        """Return the slopes along d of vanishing bounding tests, 0 for slopes within rounding."""
-        rows = self.vanishing(selection)[1]
+    def ray_in(self, selection: Selection) -> tuple[Array, Array] | None:
+        """Return the null vector d of J_chi, and the slopes along d of vanishing bounding tests.
+
+        None where J_chi has several null vectors to rounding. Slopes within rounding are 0.
+        """
+        x, scale = self.x, self.metric.scale
+        jacobian, rows = selection.jacobian(x), self.vanishing(selection)[1]
+        factor = bordered(jacobian, generic(len(x)) / scale, self.metric.binary)
+        if factor.is_singular():
+            return None
+        direction = self.metric.normalised(factor.solve(last_unit(len(x))))
         slopes: Array = rows @ direction
-        least = zero_up_to(rows, np.abs(direction) + NOISE * self.metric.scale, part=SLANT)
-        return np.where(np.abs(slopes) > least, slopes, 0.0)
+        clear = np.abs(slopes) > zero_up_to(rows, np.abs(direction) + NOISE * scale, part=SLANT)
+        if slopes[~clear].any():  # small components, as at the end of a ladder of diodes
+            refined, error = self._refined(jacobian, factor, direction)
+            tiny, sizes = rows @ refined, np.abs(refined)
+            least = np.maximum(zero_up_to(rows, sizes, part=SLANT), zero_up_to(rows, sizes, error))
+            if (resolved := ~clear & (np.abs(tiny) > least)).any():
+                return refined, np.where(clear | resolved, tiny, 0.0)
+        return direction, np.where(clear, slopes, 0.0)
+
+    def _refined(self, jacobian: Matrix, factor: Factor, d: Array) -> tuple[Array, Array]:
+        """Return a null vector d of J_chi with small components refined, and samples of the error.
+
+        An entry of J_chi that is zero is exact. Any other entry errs by a part of the largest entry
+        of the row: the entry may be rounding where symmetry makes zero.
+        """
+        for _ in range(REFINEMENTS):
+            shift = factor.solve(joined(jacobian @ d, 0.0))
+            d = d - shift
+        lengths, entries = np.abs(d) / self.metric.scale, np.ones((1, len(d)))
+        if not isinstance(jacobian, StructuredJacobian):
+            entries = abs(jacobian).astype(bool)
+        terms = largest_in_scaled_rows(jacobian, self.metric.scale) * (entries @ lengths)
+        return d, np.vstack([factor.solve_all(EPS * joined(terms, 0.0) * samples(len(d))), shift])

@@ -37,6 +37,8 @@ ENOUGH_CROSSINGS = 500
 MOST_CROSSINGS, CROSSINGS_PER_TEST = 1000, 20
 #: Generic directions away from a ray along interfaces in which the cells around the ray are named.
 MOST_AROUND = 16
+#: Most cells that are tried for the ray at the end of a path: rounding may name a cell beside.
+MOST_REPAIRS = 8
 
 
 def rays_by_perturbation(corner: Corner, back: Direction | None) -> list[Direction]:
@@ -62,18 +64,23 @@ def _add(paths: Paths, found: list[Direction], end: tuple[Character, Array] | No
     if end is None:
         return False
     (character, direction), corner, metric = end, paths.corner, paths.corner.metric
-    selection = Selection(corner.system, character)
-    exact = corner.direction_in(selection)
-    if exact is None:
-        return False
-    ray = np.copysign(1.0, float(metric.covector(exact).dot(direction))) * exact
-    slopes = corner.slopes_along(selection, ray)
-    if not are_parallel(metric, ray, metric.normalised(direction)) or (slopes < 0.0).any():
+    for _ in range(MOST_REPAIRS):
+        if (exact := corner.ray_in(Selection(corner.system, character))) is None:
+            return False
+        side = np.copysign(1.0, float(metric.covector(exact[0]).dot(direction)))
+        ray, slopes = side * exact[0], side * exact[1]
+        if not are_parallel(metric, ray, metric.normalised(direction)):
+            return False
+        if (slopes >= 0.0).all():
+            break
+        character = paths.character(ray)  # rounding has named a cell beside
+    else:
         return False
     cells = [character]
     if not slopes.all():
         cells += [paths.character(ray, paths.away(shift)) for shift in range(MOST_AROUND)]
     if not any(are_parallel(metric, ray, known) for known, _ in found):
+        cells.sort(key=lambda cell: cell.signs, reverse=True)  # rounding does not name the first
         found.append((ray, tuple({corner.system.cell(cell): cell for cell in cells}.values())))
     return True
 

@@ -163,7 +163,7 @@ class StraightTests(TransitionDetector):
         gradient = self._rows.one(test)
         beyond = Character.of(tests).with_sign(test, bool(selection.side[index] < 0.0))
         other = Curve(Selection(selection.system, beyond), curve.metric)
-        level = zero_up_to(gradient[np.newaxis], np.abs(start.tangent), part=SLANT).item()
+        level = SLANT * np.abs(gradient).dot(np.abs(start.tangent))
         is_crossed = abs(gradient.dot(start.tangent)) > level
         if cell is None or not is_crossed or not other.selection.is_bounded_by(test):
             return None
@@ -244,6 +244,8 @@ class StraightCell:
         self.along: Array = self._lines[0]  # with alpha component 1; changes with the cell
         self._terms = np.empty(0)  # magnitudes of the terms of the rows of H at the last audit
         self._most, self._since = np.empty(0), AUDIT_AFTER
+        scale = curve.metric.scale
+        self._kinds = np.unique(scale, return_inverse=True, return_counts=True)
 
     @classmethod
     def at(cls, curve: Curve, x: Array) -> StraightCell | None:
@@ -347,7 +349,7 @@ class StraightCell:
         magnitudes, astray = abs(jacobian), jacobian.dot(along)
         self._most = sizes
         if n >= MOST_WHOLE_INVERSE:
-            typical, kinds, shared = np.unique(scale, return_inverse=True, return_counts=True)
+            typical, kinds, shared = self._kinds  # of magnitudes
             most = np.where(shared == 1, typical, 0.0)
             np.maximum.at(most, kinds, sizes)
             self._most = GROWN * most[kinds]
