@@ -42,7 +42,6 @@ from pwscont.extending import (
     Matrix,
     Reducible,
     Reduction,
-    checked_kind,
     counted,
 )
 from pwscont_coulomb import modes as contact
@@ -97,7 +96,6 @@ class Coulomb(Fixed, SlicewiseLinearSystem, Reducible, BringsSearches, DecidesCo
     line_styles = contact.LINE_STYLES
 
     def __init__(self, body: ContactBody, r: Any = None) -> None:
-        checked_kind("body", body, ContactBody, is_needed=True)
         self.body = body
         self.size = body.n + 2 * body.p
         self.r = positive("r", body.stiffness if r is None else r, body.p)

@@ -7,7 +7,7 @@ from typing import Any, final
 import numpy as np
 
 from pwscont import Character, Search
-from pwscont.extending import Array, Indices, Matrix, finite_array
+from pwscont.extending import Array, Indices, Matrix, checked_kind, finite_array
 from pwscont_coulomb.body import ContactBody
 from pwscont_coulomb.coulomb import Coulomb
 from pwscont_coulomb.frictionless import FromFrictionless
@@ -50,6 +50,7 @@ class CoulombFriction(Coulomb):
     domain = (0.0, np.inf)
 
     def __init__(self, body: ContactBody, force: Any, r: Any = None, profile: Any = 1.0) -> None:
+        checked_kind("body", body, ContactBody, is_needed=True)
         self.force = finite_array("force", force, (body.n,))
         super().__init__(body.under(float(np.abs(self.force).max())), r)
         body.refuse_guided_load(self.force)

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.linalg.blas import dasum
 
 from pwscont import Character, InvalidInputError, PiecewiseLinearSystem, Search
-from pwscont.extending import Array, ExactMode, Indices, Matrix
+from pwscont.extending import Array, ExactMode, Indices, Matrix, checked_kind
 from pwscont_coulomb.body import ContactBody
 from pwscont_coulomb.coulomb import MOST_CELLS, Coulomb
 from pwscont_coulomb.exact import exact_rows
@@ -74,6 +74,7 @@ class CoulombLoad(Coulomb):
     def __init__(
         self, body: ContactBody, load: Callable[[float], Any], friction: Any, r: Any = None
     ) -> None:
+        checked_kind("body", body, ContactBody, is_needed=True)
         if isinstance(load, AffineLoad):
             if load.f0.shape != (body.n,):
                 raise InvalidInputError(f"load has shape {load.f0.shape}, expected ({body.n},)")

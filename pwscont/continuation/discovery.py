@@ -204,10 +204,8 @@ class Discovery:
         if len(points) == 1 and is_cut(arrival):
             return
         left.ray = None
-        is_lost = arrival.kind == Kind.STOPPED and _is_a_point(left, points, ray)
-        if (
-            len(points) == 1 or is_lost
-        ):  # not a single step could be taken, or rounding was followed
+        is_rounding = arrival.kind == Kind.STOPPED and _is_a_point(left, points, ray)
+        if len(points) == 1 or is_rounding:  # not a single step could be taken
             here.stop(arrival.message)
             return
         if arrival.kind == Kind.END:
