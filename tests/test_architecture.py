@@ -64,7 +64,7 @@ BUDGET = {
     "curve": (12, 3438),
     "enumeration": (11, 2528),
     "transitions": (13, 3350),
-    "graph": (8, 2450),
+    "graph": (8, 2461),
     "search": (9, 2022),
     "continuation": (9, 2735),
     "kit": (4, 976),

@@ -91,3 +91,16 @@ def test_a_body_that_floats_freely():
     N, T = [[1, 1, 0, 0, 0, 0], [0, 0, -1, 1, 0, 0]], [[1, -1, 0, 0, 0, 0], [0, 0, 1, 1, 0, 0]]
     graph = explore(CoulombFriction(ContactBody(A, N, T, [0.25, 0.5]), np.zeros(6)), (0.0, 4.0))
     assert [graph.count(F) for F in (0.0, 0.5, 4.0)] == [np.inf] * 3
+
+
+@pytest.mark.parametrize("force", [[2.0, 3.0], [-1.0, 0.3]])
+def test_a_mass_that_friction_holds_from_a_pole_on_misses_no_branch(force):
+    """The plane that a mass slides along is turned by 45 degrees: no equilibrium below the pole."""
+    body = ContactBody(NOTHING, [[1.0, 1.0]], [[1.0, -1.0]], [0.25])
+    normal, tangential = force[0] + force[1], abs(force[0] - force[1])
+    graph = explore(CoulombFriction(body, force), (0.0, 4.0))
+    pole = tangential / normal if normal > 0.0 else np.inf
+    for F in (0.1, 0.5 * pole, 2.0 * pole, 3.0):
+        if 0.0 <= F <= 4.0:
+            assert graph.count(F) == (1 if pole < F else 0)
+    assert "missing" not in graph.guarantee

@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
+from functools import partial
 from itertools import combinations, compress, pairwise
 
 import numpy as np
@@ -25,6 +26,7 @@ from pwscont.graph.records import SpecialPoint, are_one
 from pwscont.graph.structure import NOT_SEARCHED, ConnectedPieces, connected
 from pwscont.system.system import SlicewiseLinearSystem
 
+BOTH_WAYS = np.array([-1.0, 1.0])
 #: A stretch of alpha.
 Gap = tuple[float, float]
 #: Kinds of points at which a branch may end, the kind first that explains the end best.
@@ -54,7 +56,7 @@ def loose_ends(graph: ConnectedPieces) -> dict[SpecialPoint, int]:
         jump = sum(jumps[node] for node in nodes)
         if jump and not any(graph.same(points[0].alpha, end) for end in graph.interval):
             order = [point for kind in EXPLAINING for point in points if point.kind == kind]
-            found[(order or points)[0]] = jump
+            found[max(order or points, key=partial(leaves_upright, graph))] = jump
     return found
 
 
@@ -70,8 +72,10 @@ TO_INFINITY = (FailureReason.UNBOUNDED, FailureReason.ENDLESS, FailureReason.FLA
 
 def leaves_upright(graph: ConnectedPieces, point: SpecialPoint) -> bool:
     """Tell whether a branch runs to infinity at an alpha with infinitely many solutions."""
-    runs = says(point.message, *TO_INFINITY)
-    return runs and queries.is_beside_infinite(graph, point.alpha)
+    if not says(point.message, *TO_INFINITY):
+        return False
+    blur = CONFIDENCE * float(point.error[-1])  # alpha drifts on the way
+    return queries.is_beside_infinite(graph, point.alpha, blur)
 
 
 def balance_at(graph: ConnectedPieces, alpha: float) -> int:
@@ -193,7 +197,10 @@ def verdict(graph: ConnectedPieces) -> str:
     words = "balanced" if doubts else WORDS[graph.searched.promise]
     single = {stretch[0] for stretch in graph.infinite if stretch[0] == stretch[1]}
     single |= {piece.interval[0] for piece in graph.verticals}
-    single -= {p.alpha for p in graph.nodes if p.kind == Kind.STOPPED and leaves_upright(graph, p)}
+    lost = [point for point in graph.nodes if point.kind == Kind.STOPPED or point.lost]
+    upright = [point for point in lost if leaves_upright(graph, point)]
+    near = [p.alpha + CONFIDENCE * p.error[-1] * BOTH_WAYS for p in upright]  # said of the stop
+    single = {a for a in single if not any(lo <= a <= hi for lo, hi in near)}
     infinite = [point for point in graph.nodes if point.alpha in single]
     said = _listed("infinitely many solutions", graph, infinite)
     return "; ".join([words, *doubts, *said, *_listed("a branch ends on purpose", graph, ends)])

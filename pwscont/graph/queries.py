@@ -307,10 +307,14 @@ def is_infinite(graph: ConnectedPieces, alpha: float) -> bool:
     return is_vertical or any(_has(graph, stretch, alpha) for stretch in graph.infinite)
 
 
-def is_beside_infinite(graph: ConnectedPieces, alpha: float) -> bool:
-    """Tell whether there are infinitely many solutions at ``alpha`` or next to ``alpha``."""
-    ends = (end for stretch in graph.infinite for end in stretch[:2])
-    return is_infinite(graph, alpha) or any(bool(graph.same(end, alpha)) for end in ends)
+def is_beside_infinite(graph: ConnectedPieces, alpha: float, blur: float = 0.0) -> bool:
+    """Tell whether there are infinitely many solutions at ``alpha``, or no farther than ``blur``.
+
+    A stretch that ends at ``alpha`` to rounding is next to ``alpha``.
+    """
+    ends = np.array([end for stretch in graph.infinite for end in stretch[:2]])
+    is_near = graph.same(ends, alpha) | (np.abs(ends - alpha) <= blur)
+    return bool(is_near.any()) or is_infinite(graph, alpha)
 
 
 def _has(graph: ConnectedPieces, stretch: Stretch, alpha: float) -> bool:
