@@ -75,6 +75,7 @@ def test_sheets_far_apart_are_found_by_a_class(roots, load, turned):
     assert [graph.count(a) for a in ALPHAS] == [number(roots, load, a) for a in ALPHAS]
 
 
+@pytest.mark.sweep(2)
 @pytest.mark.parametrize("unit", [1e-6, 1.0, 1e6])
 def test_sheets_far_apart_are_found_by_a_formula(unit):
     roots = (1e-2, 1e-5, 1e3)  # the sheet at 1e3 lies outside of the box of the proof
@@ -125,6 +126,7 @@ def states(before, inflow, alpha):
     return list(zip(x[at], t[at], strict=True))
 
 
+@pytest.mark.slow
 def test_rounding_beside_a_pole_is_no_continuum():
     temperature = 66.0 / (1.0 - 66.0 / 20.0)  # the rate is exp(66), and no heat is balanced
     x = np.array([1.0, temperature, 1.0, temperature / (1.0 + LOSS), 0.1])

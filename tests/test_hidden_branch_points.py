@@ -28,7 +28,7 @@ def counted(row, places, mixed=False):
     return graph.count(END), str(graph.guarantee)
 
 
-@pytest.mark.sweep(4)
+@pytest.mark.sweep(8)
 @pytest.mark.parametrize("name", ROWS)
 @pytest.mark.parametrize("apart", [0.08, 0.04, 0.01, 0.001])
 def test_two_branch_points_within_a_step(name, apart):

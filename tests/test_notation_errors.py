@@ -407,6 +407,7 @@ def test_one_value_is_not_spread_over_all_unknowns(F, linear):
     assert Complementarity(lambda z, t: z.sum() - t, n=1, linear=linear).size == 1
 
 
+@pytest.mark.slow
 def test_bounds_that_cross_end_the_branch():
     def lower(t):
         return np.array([t, t])

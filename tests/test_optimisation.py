@@ -353,7 +353,9 @@ def test_games_with_curved_payoffs():
     assert inner == pytest.approx(np.full(2, x), rel=1e-10)
 
 
-@pytest.mark.parametrize("n", [1, 2, 3])
+@pytest.mark.parametrize(
+    "n", [2, pytest.param(1, marks=pytest.mark.slow), pytest.param(3, marks=pytest.mark.slow)]
+)
 def test_bounds_that_are_left_where_the_payoff_bends(n):
     """x_i^2 = t between the bounds: at t = 0 bounds are left, and dH/dx vanishes; x = 0 alone."""
     graph = explore(Game(lambda x, t: t - x**2, n=n), (-1.0, 1.0))

@@ -79,6 +79,7 @@ class Spillovers(PiecewiseSystem):
         return zeros(lambda S: self.answers(S[:, np.newaxis], alpha).mean(axis=1) - S, -1.001, 3.0)
 
 
+@pytest.mark.sweep(2)
 @pytest.mark.parametrize("unit", [[1.0, 1.0, 1.0], [1e4, 0.1, 20.0], [1e6, 1e-6, 1e-3]])
 def test_products_alone_tell_no_unit(unit):
     system = Spillovers(np.array(unit))

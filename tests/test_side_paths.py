@@ -36,6 +36,7 @@ def from_a_solution(system, z, directions):
     return np.array(found)[:, :-1]
 
 
+@pytest.mark.sweep(1)
 @pytest.mark.parametrize("law", LAWS)
 def test_side_paths_lead_to_solutions_each_once(law):
     """Equations of a single unknown each, turned: the solutions are all combinations."""
