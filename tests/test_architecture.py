@@ -65,7 +65,7 @@ BUDGET = {
     "enumeration": (11, 2528),
     "transitions": (13, 3350),
     "graph": (8, 2461),
-    "search": (9, 2022),
+    "search": (9, 2026),
     "continuation": (9, 2735),
     "kit": (4, 976),
     "proof": (7, 2129),

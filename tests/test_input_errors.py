@@ -8,6 +8,7 @@ from pwscont_coulomb import AffineLoad, ContactBody, CoulombFriction, CoulombLoa
 
 from pwscont import (
     ExactLinear,
+    enumerate_solutions,
     explore,
     trace,
 )
@@ -259,3 +260,9 @@ def test_exact_stepper_needs_straight_pieces(system):
         explore(system, (0.0, 1.0), stepper=ExactLinear())
     with pytest.raises(InvalidInputError, match="ExactLinear needs a PiecewiseLinearSystem"):
         trace(system, (np.zeros(4), 0.5), (0.0, 1.0), stepper=ExactLinear())
+
+
+def test_solutions_outside_of_the_domain_are_not_asked_for():
+    friction = CoulombFriction(body(), [1.0, -3.0])
+    with pytest.raises(InvalidInputError, match=r"alpha = -1.0 is outside the domain \[0.0, inf\]"):
+        enumerate_solutions(friction, -1.0)

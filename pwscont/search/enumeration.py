@@ -94,7 +94,7 @@ def enumerate_solutions(system: SlicewiseLinearSystem, alpha: float) -> Solution
     Raises
     ------
     InvalidInputError
-        If the system is not affine in z at fixed alpha, or alpha is no finite number.
+        If the system is not affine in z at fixed alpha, or alpha is no number in its domain.
     InvalidSystemError
         If typical magnitudes of z are too large or small to be computed with, or an attribute is
         a value where a method belongs, or a method where a value belongs.
@@ -114,6 +114,10 @@ def enumerate_solutions(system: SlicewiseLinearSystem, alpha: float) -> Solution
         )
     check_attributes(system)
     alpha = float(finite_array("alpha", alpha, ()))
+    low, high = system.domain
+    if not low <= alpha <= high:
+        where = f"the domain [{low}, {high}] of {type(system).__name__}"
+        raise InvalidInputError(f"alpha = {alpha} is outside {where}")
     with few_threads(system.size):
         fitted, metric = measured_at(system, alpha)
         found = solve_surely(fitted, metric, alpha)
