@@ -61,7 +61,7 @@ BUDGET = {
     "system": (9, 1946),
     "linear": (5, 1091),
     "notation": (13, 3008),
-    "curve": (12, 3438),
+    "curve": (12, 3434),
     "enumeration": (11, 2528),
     "transitions": (13, 3350),
     "graph": (8, 2461),

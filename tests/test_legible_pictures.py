@@ -114,7 +114,7 @@ def test_counts_name_the_parameter(graph):
 
 def test_what_cannot_be_drawn_is_refused_in_words(graph):
     with pytest.raises(InvalidInputError, match="what and y are both the vertical axis"):
-        plot(graph, 0, y=1)
+        plot(graph, 1, y=1)
     named = explore(LCP([[1]], [-1], [1], names=["λ_t,1"]), (-1.0, 2.0))
     with pytest.raises(UnknownNameError, match="did you mean λ_t,1"):
         plot(named, "lambda_t")

@@ -49,9 +49,6 @@ NEARLY_TOO_SMALL = 4.0
 FIRST_LOOK = 128
 #: Before the first look, an unknown this many magnitudes away is larger, by a factor at most.
 FAR, AHEAD_OF_FARTHEST = 12.0, 4.0
-#: Fewer steps within a small part of the interval do not tell that a magnitude is too large: a path
-#: may have been stopped.
-FEW_STEPS = 16
 #: How much of the interval a path must have seen before means over alpha say something.
 MUCH = 0.25
 
@@ -270,8 +267,7 @@ class Gauge:
         else:
             ahead = self._width * self._farthest / max(self._alpha, SHORTEST)
             typical = np.minimum(ahead, AHEAD_OF_FARTHEST * self._farthest)
-            large = large if self._steps >= FEW_STEPS else math.inf
-            wrong = (self._farthest > FAR * self._scale) | (large * typical < self._scale)
+            wrong = self._farthest > FAR * self._scale
         # unknowns that are rounding of their magnitude do not move either
         moves = (typical > HALF_DIGITS * self._size) & (self._size > EPS * self._scale)
         if (wrong & moves).any():

@@ -224,7 +224,7 @@ def _legend_width(handles: Sequence[Line2D], columns: int) -> float:
 
 def plot(
     graph: BranchGraph,
-    what: What | None = None,
+    what: What = 0,
     *,
     x: What | None = None,
     y: What | None = None,
@@ -274,9 +274,9 @@ def plot(
     """
     checked_kind("graph", graph, BranchGraph, is_needed=True)
     checked_kind("ax", ax, Axes)
-    if what is not None and y is not None:
+    if y is not None and what != 0:
         raise InvalidInputError("what and y are both the vertical axis: give one of them")
-    panel = Panel(next((given for given in (y, what) if given is not None), 0))
+    panel = Panel(what if y is None else y)
     across = None if isinstance(x, str) and is_parameter(graph, x) else x
     for quantity in (panel.component, *(() if across is None else (across,))):
         Drawn.of(graph, quantity)  # refuses what cannot be drawn before there is a figure
