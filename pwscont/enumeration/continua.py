@@ -55,7 +55,7 @@ MOST_CELLS_FILLED = 4**10
 #: is enough, for the solutions may shrink to a point at the end.
 NEAR_AN_END = 1e-1, 1e-2, 1e-3
 #: A place in a stretch that is special by no symmetry, as a part of the stretch.
-ASIDE = 0.5 * (3.0 - 5.0**0.5)
+OFF_CENTRE = 0.5 * (3.0 - 5.0**0.5)
 #: Most tests near a place of which all cells are looked at.
 MOST_TESTS_NEAR = 6
 #: Number of known places on each side of a gap from which a place in the gap is looked for.
@@ -203,7 +203,7 @@ def find_continua(
     else:  # single values of alpha, and stretches between values
         known = sorted(set(alphas))
         for lo, hi in [*zip(known, known, strict=True), *pairwise(known)]:
-            middle, beside = 0.5 * (lo + hi), lo + ASIDE * (hi - lo)
+            middle, beside = 0.5 * (lo + hi), lo + OFF_CENTRE * (hi - lo)
             if solve_slice(system, metric, middle).faces:  # by symmetry, perhaps there alone
                 is_wide = lo < hi and bool(solve_slice(system, metric, beside).faces)
                 ends = (lo, hi) if is_wide else (middle, middle)
