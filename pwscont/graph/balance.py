@@ -26,7 +26,6 @@ from pwscont.graph.records import SpecialPoint, are_one
 from pwscont.graph.structure import NOT_SEARCHED, ConnectedPieces, connected
 from pwscont.system.system import SlicewiseLinearSystem
 
-BOTH_WAYS = np.array([-1.0, 1.0])
 #: A stretch of alpha.
 Gap = tuple[float, float]
 #: Kinds of points at which a branch may end, the kind first that explains the end best.
@@ -72,10 +71,18 @@ TO_INFINITY = (FailureReason.UNBOUNDED, FailureReason.ENDLESS, FailureReason.FLA
 
 def leaves_upright(graph: ConnectedPieces, point: SpecialPoint) -> bool:
     """Tell whether a branch runs to infinity at an alpha with infinitely many solutions."""
-    if not says(point.message, *TO_INFINITY):
-        return False
-    blur = CONFIDENCE * float(point.error[-1])  # alpha drifts on the way
-    return queries.is_beside_infinite(graph, point.alpha, blur)
+    runs = says(point.message, *TO_INFINITY)
+    return runs and queries.is_beside_infinite(graph, point.alpha, _blur(point))
+
+
+def _blur(point: SpecialPoint) -> float:
+    """Return how far alpha of a point may be off, as alpha drifts on the way to infinity."""
+    return CONFIDENCE * float(point.error[-1])
+
+
+def _lost(graph: ConnectedPieces) -> list[SpecialPoint]:
+    """Return the points from which a ray could not be followed."""
+    return [point for point in graph.nodes if point.kind == Kind.STOPPED or point.lost]
 
 
 def balance_at(graph: ConnectedPieces, alpha: float) -> int:
@@ -197,10 +204,8 @@ def verdict(graph: ConnectedPieces) -> str:
     words = "balanced" if doubts else WORDS[graph.searched.promise]
     single = {stretch[0] for stretch in graph.infinite if stretch[0] == stretch[1]}
     single |= {piece.interval[0] for piece in graph.verticals}
-    lost = [point for point in graph.nodes if point.kind == Kind.STOPPED or point.lost]
-    upright = [point for point in lost if leaves_upright(graph, point)]
-    near = [p.alpha + CONFIDENCE * p.error[-1] * BOTH_WAYS for p in upright]  # said of the stop
-    single = {a for a in single if not any(lo <= a <= hi for lo, hi in near)}
+    upright = [point for point in _lost(graph) if leaves_upright(graph, point)]  # said of these
+    single = {a for a in single if all(abs(a - p.alpha) > _blur(p) for p in upright)}
     infinite = [point for point in graph.nodes if point.alpha in single]
     said = _listed("infinitely many solutions", graph, infinite)
     return "; ".join([words, *doubts, *said, *_listed("a branch ends on purpose", graph, ends)])
@@ -271,8 +276,7 @@ def doubled(graph: ConnectedPieces) -> list[Gap]:
 def _doubts(graph: ConnectedPieces) -> Iterator[str]:
     """Yield what was found at special points and prevents a search from keeping a promise."""
     of_many = {point for point in graph.nodes if queries.is_beside_infinite(graph, point.alpha)}
-    lost = [point for point in graph.nodes if point.kind == Kind.STOPPED or point.lost]
-    alone = [p for p in lost if not (says(p.message, Remark.FILL_CURVES) and p in of_many)]
+    alone = [p for p in _lost(graph) if not (says(p.message, Remark.FILL_CURVES) and p in of_many)]
     yield from _stops(graph, alone)
     yield from _left_out(graph)
     yield from _listed(IN_PART, graph, graph.special_points(Kind.PARTIAL_CORNER))

@@ -44,6 +44,7 @@ from pwscont.system.abilities import (
     shown_points,
     shown_size,
 )
+from pwscont.system.contract import check_in_domain
 from pwscont.system.selection import Selection, unexplained
 
 #: An end of a cell is the end of a piece within the errors that the graph states, the widths of
@@ -99,8 +100,7 @@ def certified_count(
     system: Any, alpha: float, known: Sequence[Solution], number: float
 ) -> Certificate:
     """Return what is proved of all solutions at alpha, and of the known ones, ``number`` in all."""
-    if not system.domain[0] <= alpha <= system.domain[1]:
-        raise InvalidInputError(f"alpha = {alpha} is outside the domain {system.domain}")
+    check_in_domain(system, alpha)
     cells = cells_of(system, system.exact_rows(alpha))
     if cells.number > MOST_CELLS:
         raise InvalidInputError(

@@ -40,7 +40,7 @@ from pwscont.linear.threads import few_threads
 from pwscont.search.search import Search
 from pwscont.system.abilities import shown_points
 from pwscont.system.box import Box
-from pwscont.system.contract import check_attributes
+from pwscont.system.contract import check_attributes, check_in_domain
 from pwscont.system.selection import Selection
 from pwscont.system.system import PiecewiseSystem, SlicewiseLinearSystem
 from pwscont.transitions.cone import tangent_cone
@@ -114,10 +114,7 @@ def enumerate_solutions(system: SlicewiseLinearSystem, alpha: float) -> Solution
         )
     check_attributes(system)
     alpha = float(finite_array("alpha", alpha, ()))
-    low, high = system.domain
-    if not low <= alpha <= high:
-        where = f"the domain [{low}, {high}] of {type(system).__name__}"
-        raise InvalidInputError(f"alpha = {alpha} is outside {where}")
+    check_in_domain(system, alpha)
     with few_threads(system.size):
         fitted, metric = measured_at(system, alpha)
         found = solve_surely(fitted, metric, alpha)

@@ -98,6 +98,14 @@ def _residual_of_kept(
         raise broken(system, "residual", words) from error
 
 
+def check_in_domain(system: PiecewiseSystem, alpha: float) -> None:
+    """Refuse an alpha for which a system makes no sense."""
+    low, high = system.domain
+    if not low <= alpha <= high:
+        where = f"the domain [{low}, {high}] of {type(system).__name__}"
+        raise InvalidInputError(f"alpha = {alpha} is outside {where}")
+
+
 def check_declaration(system: PiecewiseSystem) -> None:
     """Refuse attributes, names or methods that do not fit, before any method is used."""
     check_attributes(system)
